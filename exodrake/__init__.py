@@ -1,0 +1,34 @@
+"""exodrake: simulate a tendon-driven robot and explain how far, where and why it differs from the real one.
+
+`import exodrake as exo` stays light: every public name is looked up, and its module imported, at first use.
+"""
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# public name -> module that defines it
+PUBLIC = {
+    "InputError": "exodrake.errors",
+    "Log": "exodrake.log",
+    "read_log": "exodrake.log",
+    "write_log": "exodrake.log",
+    "regularise": "exodrake.clock",
+    "Case": "exodrake.case",
+    "CaseLog": "exodrake.case",
+    "read_case": "exodrake.case",
+    "write_case": "exodrake.case",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in PUBLIC:
+        raise AttributeError(f"module 'exodrake' has no attribute {name!r}")
+    value = getattr(import_module(PUBLIC[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(PUBLIC))

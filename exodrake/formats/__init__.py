@@ -1,0 +1,1 @@
+"""File formats of logs, a page each. `table.py` picks one by the file's ending."""
