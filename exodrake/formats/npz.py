@@ -13,7 +13,7 @@ from exodrake.log import Log
 
 
 def read(data: bytes, source: str) -> Log:
-    """Parse an NPZ log. InputError for a damaged file, pickled objects, text, and arrays not (n,) or of unlike length."""
+    """Parse an NPZ log. InputError for a damaged file, pickled objects, text, arrays not (n,) or unequal in length."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}

@@ -12,18 +12,14 @@ from exodrake.log import Log
 
 def read(data: bytes, source: str) -> Log:
     """Parse a Parquet log. InputError for a damaged file, a column that is not numeric, and pyarrow not installed."""
-    arrow, parquet = _pyarrow(source)
-    try:
-        table = parquet.read_table(io.BytesIO(data))
-    except (arrow.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{source}: not a whole Parquet file ({str(error).splitlines()[0]})") from None
-    return log_from_columns(
-        (
-            (name, _numbers(column, name, source, arrow))
-            for name, column in zip(table.column_names, table.columns, strict=True)
-        ),
-        source,
-    )
+    table = _table(data, source)
+    return log_from_columns([(name, _numbers(table.column(i), name, source)) for i, name in _named(table)], source)
+
+
+def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
+    """Numeric columns of any Parquet file by name, (n,) as recorded."""
+    table = _table(data, source)
+    return {name: _numbers(table.column(i), name, source) for i, name in _named(table) if _numeric(table.column(i))}
 
 
 def write(log: Log) -> bytes:
@@ -35,11 +31,32 @@ def write(log: Log) -> bytes:
     return stream.getvalue()
 
 
-def _numbers(column: Any, name: str, source: str, arrow: Any) -> np.ndarray:
+def _table(data: bytes, source: str) -> Any:
+    _, parquet = _pyarrow(source)
+    try:
+        return parquet.read_table(io.BytesIO(data))
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
+
+
+def _named(table: Any) -> list[tuple[int, str]]:
+    """Columns by number, since a file may hold the same name twice."""
+    return list(enumerate(table.column_names))
+
+
+def _numeric(column: Any) -> bool:
+    import pyarrow
+
     kind = column.type
-    if not (arrow.types.is_floating(kind) or arrow.types.is_integer(kind) or arrow.types.is_null(kind)):
-        raise InputError(f"{source}: column {name!r} is {kind}, wanted numbers")
-    return column.cast(arrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
+    return pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind) or pyarrow.types.is_null(kind)
+
+
+def _numbers(column: Any, name: str, source: str) -> np.ndarray:
+    import pyarrow
+
+    if not _numeric(column):
+        raise InputError(f"{source}: column {name!r} is {column.type}, wanted numbers")
+    return column.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
 
 
 def _pyarrow(source: str) -> tuple[Any, Any]:

@@ -1,0 +1,5 @@
+"""`python -m exodrake`."""
+
+from exodrake.cli import main
+
+main()
