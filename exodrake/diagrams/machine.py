@@ -1,0 +1,175 @@
+"""A machine: parts joined by wires, a schedule of slots, and the shelf of effects that may sit on it; plus the layout of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from exodrake.block import Block, Effect, Field, Lanes, Task, Wire
+from exodrake.errors import InputError
+
+
+@dataclass(frozen=True)
+class Column:
+    """A log column family: its kind and the wire that it shows."""
+
+    kind: str
+    wire: str
+    required: bool = True
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of a machine: full name, unit, block that owns it, and its neutral value when it belongs to an effect."""
+
+    name: str
+    unit: str
+    block: str
+    neutral: float | None = None
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Who is wired to whom, and when.
+
+    Attributes:
+        frame, slots, frame period [s] and slots in it; tasks run in the middle of their slot, the plant ticks `substeps` times a slot.
+        given: wires that come from outside, one row a frame.
+        columns: what a log shows.
+        variants: functions of pages replaced by others of the same form ("page.function" -> function).
+    """
+
+    name: str
+    lanes: Lanes
+    wires: tuple[Wire, ...]
+    blocks: tuple[Block, ...]
+    given: tuple[str, ...]
+    columns: tuple[Column, ...]
+    shelf: tuple[Effect, ...] = ()
+    frame: float = 0.02
+    slots: int = 10
+    variants: Mapping[str, Callable] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_wiring(self)
+        check_schedule(self)
+
+    @property
+    def slot(self) -> float:
+        """Length of a slot [s]."""
+        return self.frame / self.slots
+
+    @cached_property
+    def wire(self) -> dict[str, Wire]:
+        """Wires by name."""
+        return {w.name: w for w in self.wires}
+
+    def width(self, over: str) -> int:
+        """How many lanes `over` has."""
+        return len(self.lanes.of(over))
+
+    def effects_on(self, block: Block) -> tuple[Effect, ...]:
+        """Effects of the shelf that sit on this block."""
+        pages = {page_name(page) for page in block_pages(block)}
+        return tuple(effect for effect in self.shelf if next(iter(effect.at)).split(".")[0] in pages)
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """All numbers in the order of the flat parameter vector."""
+        found: list[Entry] = []
+        for block in self.blocks:
+            for f in block.fields:
+                found += [Entry(n, f.unit, block.name) for n in self.names(f)]
+            for effect in self.effects_on(block):
+                for number in effect.numbers:
+                    names = self.names(Field(effect.id, number.name, number.unit, number.over))
+                    found += [Entry(n, number.unit, block.name, number.neutral) for n in names]
+        return tuple(found)
+
+    def names(self, f: Field) -> list[str]:
+        """Full names of a field, one per lane."""
+        return [".".join(part for part in (f.group, f.name, lane) if part) for lane in self.lanes.of(f.over)]
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Place of each number in the flat parameter vector."""
+        return {entry.name: i for i, entry in enumerate(self.entries)}
+
+    def effect(self, identity: str) -> Effect:
+        """The effect of that id; raises InputError with the nearest names."""
+        for effect in self.shelf:
+            if effect.id == identity:
+                return effect
+        raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.shelf])}")
+
+    def part_size(self, block: Block) -> tuple[int, int]:
+        """Lengths of a block's own state and of the states of the effects on it."""
+        own = sum(self.width(s.over) * s.width for s in block.states)
+        return own, sum(self.width(s.over) * s.width for e in self.effects_on(block) for s in e.states)
+
+
+def nearest(word: str, words: list[str]) -> str:
+    """A hint at names that resemble `word`."""
+    import difflib
+
+    close = difflib.get_close_matches(word, words, 3, 0.5)
+    return f"; did you mean {' or '.join(close)}?" if close else ""
+
+
+def page_name(page) -> str:
+    """A page's short name."""
+    return page.__name__.rsplit(".", 1)[-1]
+
+
+def block_pages(block: Block) -> list:
+    """The block's page and those that hold its other points."""
+    return [block.page, *dict.fromkeys(p.page for p in block.points if p.page is not None)]
+
+
+def check_wiring(machine: Machine) -> None:
+    """Every wire read is written once or given; no loop of direct feedthrough."""
+    known = {w.name for w in machine.wires}
+    written: dict[str, str] = dict.fromkeys(machine.given, "outside")
+    for block in machine.blocks:
+        for output in block.outputs:
+            for name in output.writes:
+                if name not in known:
+                    raise InputError(f"{machine.name}: {block.name} writes unknown wire {name!r}")
+                if name in written:
+                    raise InputError(f"{machine.name}: wire {name!r} is written by {written[name]} and by {block.name}")
+                written[name] = block.name
+    for block in machine.blocks:
+        for task in (*block.tasks, *block.outputs):
+            for name in task.reads:
+                if name not in written:
+                    raise InputError(f"{machine.name}: {block.name} reads wire {name!r}, which nothing writes")
+    feedthrough_order(machine)
+
+
+def feedthrough_order(machine: Machine) -> list[tuple[Block, int]]:
+    """Outputs (block, its output's index) such that each comes after the wires it reads; raises InputError on an algebraic loop."""
+    waiting = [(b, k) for b in machine.blocks for k in range(len(b.outputs))]
+    ready, order = set(machine.given), []
+    while waiting:
+        free = [(b, k) for b, k in waiting if set(b.outputs[k].reads) <= ready]
+        if not free:
+            raise InputError(f"{machine.name}: algebraic loop through {', '.join(sorted({b.name for b, _ in waiting}))}")
+        for b, k in free:
+            ready |= set(b.outputs[k].writes)
+        order += free
+        waiting = [pair for pair in waiting if pair not in free]
+    return order
+
+
+def check_schedule(machine: Machine) -> None:
+    """Slots exist and hold one task each, except that the readings of one lane may share a slot."""
+    taken: dict[int, tuple[str, Task]] = {}
+    for block in machine.blocks:
+        for task in block.tasks:
+            for slot in task.slots:
+                if not 0 <= slot < machine.slots:
+                    raise InputError(f"{machine.name}: {block.name}.{task.function} runs in slot {slot}, but a frame has {machine.slots}")
+                other = taken.setdefault(slot, (block.name, task))
+                if other[1] is not task and not (other[1].lanes and task.lanes and other[1].slots == task.slots):
+                    raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {block.name}.{task.function}")

@@ -1,0 +1,6 @@
+"""The damping term with the sign printed in our copy of the paper's Eq. 3, for comparison: it takes damping away (`physics.md` 1.3)."""
+
+
+def damping(rate, kd):
+    """Damping part of the command [m/s] from dF/dt [N/s] as printed: hastens a rising tension."""
+    return kd * rate

@@ -1,0 +1,47 @@
+"""Encoder on the gear's output, read over the bus: stroke = r theta, theta rounded to q_theta (`model.md`, Encoder)."""
+
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.block import WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.systems.rounding import rounded
+
+
+class Numbers(NamedTuple):
+    """Resolution at the gear's output, and the spool radius that turns it into wire."""
+
+    q_theta: Annotated[float, Unit("rad")]
+    radius: Annotated[float, Unit("m")]
+
+
+def homed(e, z, j, stroke):
+    """Point: stroke [m] as counted from the encoder's zero, before rounding."""
+    return stroke
+
+
+def read(x, z, n, e, j, spool):
+    """The bus reads encoder j; wire [m]."""
+    x[j] = rounded(homed(e, z, j, spool[j]), n.q_theta * n.radius)
+
+
+def output(x, z, n, e, stroke_read):
+    """Last readings [m]."""
+    for j in range(3):
+        stroke_read[j] = x[j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Holds the stroke at rest until first read."""
+    for j in range(3):
+        x[j] = start_stroke[j]
+
+
+BLOCK = Block(
+    name="encoder",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(State("reading", WIRES, unit="m"),),
+    tasks=(Task("read", ("spool",), slots=(1, 2, 3), lanes=True),),
+    outputs=(Output("output", ("stroke_read",)),),
+    points=(Point("homed", WIRES),),
+)

@@ -1,0 +1,111 @@
+"""Rotor behind a gear, driven by a current-limited PI speed loop; one per wire.
+
+    w_ref = v_ref N / r      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e   (frozen while i is clipped and e pushes on)
+    J w' = kM i - b w - r T_c / N               theta' = w / N                          s = r theta
+
+Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`model.md`, Motor).
+"""
+
+import sys
+from typing import Annotated, NamedTuple
+
+
+from exodrake.block import WIRES, Block, Output, Point, State, Task, Unit
+
+
+class Numbers(NamedTuple):
+    """Motor, gear, spool and drive; the same for each wire."""
+
+    kM: Annotated[float, Unit("N m/A")]
+    J: Annotated[float, Unit("kg m2")]
+    b: Annotated[float, Unit("N m s/rad")]
+    N: Annotated[float, Unit("-")]
+    r: Annotated[float, Unit("m")]
+    Kp: Annotated[float, Unit("A s/rad")]
+    Ki: Annotated[float, Unit("A/rad")]
+    i_max: Annotated[float, Unit("A")]
+
+
+def command(e, z, j, speed):
+    """Point: wire speed that the drive follows [m/s], from the one that it was sent."""
+    return speed
+
+
+def loop_gain(e, z, j, gain):
+    """Point: factor on both gains of the speed loop [-]."""
+    return gain
+
+
+def current_limit(e, z, j, limit):
+    """Point: current at which the drive clips [A]."""
+    return limit
+
+
+def load(e, z, j, tension, rotor_speed):
+    """Point: wire tension felt by the gear [N]."""
+    return tension
+
+
+def wound(e, z, j, stroke):
+    """Point: wire on the spool [m], from r theta."""
+    return stroke
+
+
+def slope(w, integral, w_ref, load_torque, kp, ki, i_max, n):
+    """Rotor acceleration [rad/s2] and rate of the integral part [A/s]."""
+    error = w_ref - w
+    wanted = kp * error + integral
+    current = min(max(wanted, -i_max), i_max)
+    frozen = (wanted > i_max and error > 0.0) or (wanted < -i_max and error < 0.0)
+    return (n.kM * current - n.b * w - load_torque) / n.J, 0.0 if frozen else ki * error
+
+
+def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, n):
+    """Rotor speed, integral part and output angle after dt."""
+    half = 0.5 * dt
+    a1, c1 = slope(w, integral, w_ref, load_torque, kp, ki, i_max, n)
+    a2, c2 = slope(w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, n)
+    a3, c3 = slope(w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, n)
+    a4, c4 = slope(w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, n)
+    sixth = dt / 6.0
+    angle += (dt * w + sixth * dt * (a1 + a2 + a3)) / n.N
+    return w + sixth * (a1 + 2.0 * (a2 + a3) + a4), integral + sixth * (c1 + 2.0 * (c2 + c3) + c4), angle
+
+
+def update(x, z, n, e, dt, speed_applied, tension):
+    """One tick. x: rotor speeds, integral parts [A], output angles [rad] (3 each); wires [m/s], [N]."""
+    for j in range(3):
+        w = x[j]
+        gain = loop_gain(e, z, j, 1.0)
+        w_ref = command(e, z, j, speed_applied[j]) * n.N / n.r
+        load_torque = n.r * load(e, z, j, tension[j], w) / n.N
+        limit = current_limit(e, z, j, n.i_max)
+        x[j], x[3 + j], x[6 + j] = turn(
+            w, x[3 + j], x[6 + j], w_ref, load_torque, n.Kp * gain, n.Ki * gain, limit, dt, n
+        )
+
+
+def output(x, z, n, e, stroke, wire_speed, spool):
+    """Wire wound in [m], its speed [m/s], and the spool's angle times its nominal radius, which the encoder sees [m]."""
+    for j in range(3):
+        spool[j] = n.r * x[6 + j]
+        stroke[j] = wound(e, z, j, spool[j])
+        wire_speed[j] = n.r * x[j] / n.N
+
+
+def start(x, z, n, e, start_stroke):
+    """At rest with the wires just taut (`start_stroke` [m])."""
+    x[:] = 0.0
+    for j in range(3):
+        x[6 + j] = start_stroke[j] / n.r
+
+
+BLOCK = Block(
+    name="motor",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(State("w", WIRES, unit="rad/s"), State("integral", WIRES, unit="A"), State("theta", WIRES, unit="rad")),
+    tasks=(Task("update", ("speed_applied", "tension")),),
+    outputs=(Output("output", ("stroke", "wire_speed", "spool")),),
+    points=tuple(Point(p, WIRES) for p in ("command", "loop_gain", "current_limit", "load", "wound")),
+)

@@ -1,0 +1,119 @@
+"""Load cell of each wire and its reading over the bus.
+
+The cell reads 2 T and is halved; its amplifier is a first-order lag, exact for a tension that is linear over a tick:
+
+    tau_F F' = T_c - F          reading = round(F + sigma_F noise, q_F)            (`model.md`, Tension sensor)
+"""
+
+import sys
+from math import exp
+from typing import Annotated, NamedTuple
+
+from exodrake.block import ONE, WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.systems.rounding import rounded
+
+
+class Numbers(NamedTuple):
+    """Amplifier lag, noise and resolution in units of tension."""
+
+    tau_F: Annotated[float, Unit("s")]
+    sigma_F: Annotated[float, Unit("N")]
+    q_F: Annotated[float, Unit("N")]
+
+
+CELL, LOAD, READING, CLOCK, TICK, SLIDE = 0, 3, 6, 9, 10, 11
+
+
+def felt(e, z, j, tension, slide):
+    """Point: load on cell j [N] from the wire's tension; slide [-1 .. 1] > 0 while the spool takes wire in."""
+    return tension
+
+
+def lag(e, z, j, time_constant):
+    """Point: amplifier's time constant [s]."""
+    return time_constant
+
+
+def mixed(e, z, j, load, tensions):
+    """Point: what the amplifier sees [N], from the cell's load and the tensions of all wires [N]."""
+    return load
+
+
+def reading(e, z, j, tension, clock):
+    """Point: tension [N] before noise and rounding; clock [s]."""
+    return tension
+
+
+def followed(cell, before, now, dt, tau):
+    """First-order lag over a tick whose input runs straight from `before` to `now`."""
+    if tau <= 0.0:
+        return now
+    decay = exp(-dt / tau)
+    climb = (now - before) / dt
+    return cell * decay + before * (1.0 - decay) + climb * (dt - tau * (1.0 - decay))
+
+
+def load_on(x, z, e, j, tension):
+    """Load that the amplifier of wire j sees [N]."""
+    return mixed(e, z, j, felt(e, z, j, tension[j], x[SLIDE + j]), tension)
+
+
+def update(x, z, n, e, dt, tension, wire_speed):
+    """One tick of the amplifiers; wires [N], [m/s]."""
+    for j in range(3):
+        load = load_on(x, z, e, j, tension)
+        x[CELL + j] = followed(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
+        x[LOAD + j] = load
+        x[SLIDE + j] = min(max(x[SLIDE + j] + wire_speed[j] * dt / PRESLIDING, -1.0), 1.0)
+    x[CLOCK] += dt
+    x[TICK] = dt
+
+
+PRESLIDING = 5e-5  # wire travel over which friction at the sensing pulley turns round [m]; assumed
+
+
+def output(x, z, n, e, tension, cell):
+    """Amplified tension [N] of this instant."""
+    for j in range(3):
+        load = load_on(x, z, e, j, tension)
+        if x[TICK] > 0.0:
+            cell[j] = followed(x[CELL + j], x[LOAD + j], load, x[TICK], lag(e, z, j, n.tau_F))
+        else:
+            cell[j] = x[CELL + j]
+
+
+def read(x, z, n, e, j, cell, noise_tension):
+    """The bus reads cell j: wires [N], standard normal noise."""
+    x[READING + j] = rounded(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
+
+
+def output_read(x, z, n, e, tension_read):
+    """Last readings [N]."""
+    for j in range(3):
+        tension_read[j] = x[READING + j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Unloaded."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="sensor",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(
+        State("cell", WIRES, unit="N"),
+        State("load", WIRES, unit="N"),
+        State("reading", WIRES, unit="N"),
+        State("clock", ONE, unit="s"),
+        State("tick", ONE, unit="s"),
+        State("slide", WIRES),
+    ),
+    tasks=(
+        Task("update", ("tension", "wire_speed")),
+        Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), lanes=True),
+    ),
+    outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
+    points=tuple(Point(p, WIRES) for p in ("felt", "lag", "mixed", "reading")),
+)

@@ -1,0 +1,43 @@
+"""Wire between spool and finger: elastic, one-sided, and the places where friction, creep and slack act.
+
+    T_c = max(0, k (s - l))        tension at the cell, s = 0 just taut at q = 0
+    T_d = T_c                      tension at the finger, nominally
+
+Sheath friction needs to know where in its travel the wire slides: `slide` is the wire's displacement since the last reversal,
+clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in.
+"""
+
+
+def stretch(e, z, j, extension, tension_finger):
+    """Point: elastic stretch of the wire [m], from s - l [m]."""
+    return extension
+
+
+def elastic(e, z, j, tension, stretch, stiffness):
+    """Point: tension [N] of the stretched wire, from k stretch [N]."""
+    return tension
+
+
+def transmit(e, z, j, tension, slide, speed):
+    """Point: tension at the finger [N], from the one at the cell; slide [-1 .. 1] and speed [m/s] > 0 while the finger takes wire in."""
+    return tension
+
+
+def settle(e, z, j, dt, tension, tension_finger, speed):
+    """Point: after a tick, states of the effects on the wire advance by dt [s]."""
+
+
+def cell_tension(e, z, j, extension, tension_finger, k):
+    """Tension at the cell [N] for s - l = extension [m]; tension_finger [N] is that of the tick before."""
+    stretched = max(0.0, stretch(e, z, j, extension, tension_finger))
+    return max(0.0, elastic(e, z, j, k * stretched, stretched, k))
+
+
+def slid(slide, travel, presliding):
+    """Slide [-1 .. 1] after the finger took in `travel` more wire [m]."""
+    return min(max(slide + travel / presliding, -1.0), 1.0)
+
+
+def finger_tension(e, z, j, tension, slide, speed):
+    """Tension at the finger [N], from the one at the cell [N]."""
+    return max(0.0, transmit(e, z, j, tension, slide, speed)) if tension > 0.0 else 0.0

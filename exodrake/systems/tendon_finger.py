@@ -1,0 +1,287 @@
+"""The plant inside: three elastic wires on a planar finger, one stiff block (`model.md`, Wire, Path, Finger).
+
+    M(q) q'' + C(q, q') q' + B q' + tau_p(q) = P(q)^T T_d + tau_external          P = dl/dq
+
+One tick is the two-step backward differentiation formula (L-stable, second order), solved for q' by Newton's method: the wire on the
+light distal phalanx rings at 430 rad/s and joint damping decays at 2400 1/s. The spool is taken to move on at its speed during the tick.
+"""
+
+import sys
+from math import cos, sin
+from typing import Annotated, NamedTuple
+
+from exodrake.block import JOINTS, ONE, WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.systems import finger, tendon
+from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
+from exodrake.systems.routers import EXTENSOR, FLEXOR, applied_arm, path
+from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid
+
+
+class Numbers(NamedTuple):
+    """Wires, routers (a, b, m, n per joint for flexor and extensor) and finger."""
+
+    k: Annotated[tuple, Unit("N/m", WIRES, "tendon")]
+    presliding: Annotated[float, Unit("m", group="tendon")]
+    a_f: Annotated[tuple, Unit("m", JOINTS, "router")]
+    b_f: Annotated[tuple, Unit("m", JOINTS, "router")]
+    m_f: Annotated[tuple, Unit("m", JOINTS, "router")]
+    n_f: Annotated[tuple, Unit("m", JOINTS, "router")]
+    a_e: Annotated[tuple, Unit("m", JOINTS, "router")]
+    b_e: Annotated[tuple, Unit("m", JOINTS, "router")]
+    m_e: Annotated[tuple, Unit("m", JOINTS, "router")]
+    n_e: Annotated[tuple, Unit("m", JOINTS, "router")]
+    kappa: Annotated[tuple, Unit("N m/rad", JOINTS)]
+    q0: Annotated[tuple, Unit("rad", JOINTS)]
+    B: Annotated[tuple, Unit("N m s/rad", JOINTS)]
+    q_f: Annotated[tuple, Unit("rad", JOINTS)]
+    q_e: Annotated[tuple, Unit("rad", JOINTS)]
+    beta: Annotated[float, Unit("1/rad")]
+    A: Annotated[float, Unit("N m")]
+    length: Annotated[tuple, Unit("m", JOINTS)]
+    mass: Annotated[tuple, Unit("kg", JOINTS)]
+    radius: Annotated[tuple, Unit("m", JOINTS)]
+
+
+Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
+STEPS, CLOSE, NUDGE, NUDGE_WIRE = 6, 1e-10, 1e-6, 1e-7  # Newton steps at most; tolerance [rad]; difference quotients [rad], [m]
+
+
+def router_height(e, z, i, height):
+    """Point: router height at joint i [m]."""
+    return height
+
+
+def worn_height(e, z, j, height, tension):
+    """Point: router height under wire j [m], which its tension [N] may move."""
+    return height
+
+
+def flexor(e, z, j, i, cos_q, sin_q, tension, n):
+    """Path of flexor j over joint i: l, R, dR/dq (`routers.path`)."""
+    m = worn_height(e, z, j, router_height(e, z, i, n.m_f[i]), tension)
+    height = worn_height(e, z, j, router_height(e, z, i, n.n_f[i]), tension)
+    return path(cos_q, sin_q, n.a_f[i], n.b_f[i], m, height, FLEXOR)
+
+
+def extensor(e, z, j, i, cos_q, sin_q, tension, n):
+    """Path of extensor j over joint i: l, R, dR/dq (`routers.path`)."""
+    m = worn_height(e, z, j, router_height(e, z, i, n.m_e[i]), tension)
+    height = worn_height(e, z, j, router_height(e, z, i, n.n_e[i]), tension)
+    return path(cos_q, sin_q, n.a_e[i], n.b_e[i], m, height, EXTENSOR)
+
+
+def paths(e, z, n, cosines, sines, pull):
+    """Wire taken in [m], the rows of P [m] and of dP/dq [m/rad] for AF, MF, AE at these angles; pull: tensions at the finger [N]."""
+    f0 = flexor(e, z, 0, 0, cosines[0], sines[0], pull[0], n)
+    f1 = flexor(e, z, 0, 1, cosines[1], sines[1], pull[0], n)
+    f2 = flexor(e, z, 0, 2, cosines[2], sines[2], pull[0], n)
+    g0 = flexor(e, z, 1, 0, cosines[0], sines[0], pull[1], n)
+    x0 = extensor(e, z, 2, 0, cosines[0], sines[0], pull[2], n)
+    x1 = extensor(e, z, 2, 1, cosines[1], sines[1], pull[2], n)
+    x2 = extensor(e, z, 2, 2, cosines[2], sines[2], pull[2], n)
+    taken = (f0[0] + f1[0] + f2[0], g0[0], x0[0] + x1[0] + x2[0])
+    arms = ((f0[1], f1[1], f2[1]), (g0[1], 0.0, 0.0), (x0[1], x1[1], x2[1]))
+    return taken, arms, ((f0[2], f1[2], f2[2]), (g0[2], 0.0, 0.0), (x0[2], x1[2], x2[2]))
+
+
+def wire(e, z, j, n, x, stroke, taken, dt):
+    """Tension at the finger [N] and its fall with wire taken in, -dT_d/dl [N/m], for wire j at the end of a tick."""
+    travel = taken - x[TAKEN + j]
+    return pulled(e, z, j, n, x, stroke - taken, travel, dt), (
+        pulled(e, z, j, n, x, stroke - taken, travel, dt)
+        - pulled(e, z, j, n, x, stroke - taken - NUDGE_WIRE, travel + NUDGE_WIRE, dt)
+    ) / NUDGE_WIRE
+
+
+def pulled(e, z, j, n, x, extension, travel, dt):
+    """Tension at the finger [N] of wire j, extended by `extension` [m], after the finger took in `travel` [m] during a tick."""
+    tension = cell_tension(e, z, j, extension, x[PULL + j], n.k[j])
+    return finger_tension(e, z, j, tension, slid(x[SLIDE + j], travel, n.presliding), travel / dt)
+
+
+def joint(e, z, i, n, angle, rate):
+    """Passive torque [N m] at joint i and its slope [N m/rad]."""
+    torque = passive_torque(e, z, i, angle, rate, n)
+    return torque, (passive_torque(e, z, i, angle + NUDGE, rate, n) - torque) / NUDGE
+
+
+def outside(e, z, n, angle, rate, moments, clock):
+    """External torques [N m] and the columns of their slope by joint angle [N m/rad]."""
+    nothing, bones = (0.0, 0.0, 0.0), (n.length, moments)
+    here = external(e, z, nothing, angle, rate, bones, clock)
+    c0 = external(e, z, nothing, (angle[0] + NUDGE, angle[1], angle[2]), rate, bones, clock)
+    c1 = external(e, z, nothing, (angle[0], angle[1] + NUDGE, angle[2]), rate, bones, clock)
+    c2 = external(e, z, nothing, (angle[0], angle[1], angle[2] + NUDGE), rate, bones, clock)
+    return here, (slope(here, c0), slope(here, c1), slope(here, c2))
+
+
+def slope(here, there):
+    """Difference quotient of a triple [per rad]."""
+    return (there[0] - here[0]) / NUDGE, (there[1] - here[1]) / NUDGE, (there[2] - here[2]) / NUDGE
+
+
+def dot(u, v):
+    """Scalar product of two triples."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def column(rows, i):
+    """Column i of three triples."""
+    return rows[0][i], rows[1][i], rows[2][i]
+
+
+def stiffness(i, l, arms, bends, falls, tensions, passive_slope, external_slope):
+    """Entry i, l of d(passive - tendon - external torque)/dq [N m/rad]."""
+    own = passive_slope - dot(column(bends, i), tensions) if i == l else 0.0
+    r, s = column(arms, i), column(arms, l)
+    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[l][i]
+
+
+def solve(m, r):
+    """Solution of a 3 x 3 linear system given as rows, by Cramer's rule."""
+    (a, b, c), (d, f, g), (h, k, l) = m
+    u, v, w = f * l - g * k, g * h - d * l, d * k - f * h
+    inverse = 1.0 / (a * u + b * v + c * w)
+    x = (u * r[0] + (c * k - b * l) * r[1] + (b * g - c * f) * r[2]) * inverse
+    y = (v * r[0] + (a * l - c * h) * r[1] + (c * d - a * g) * r[2]) * inverse
+    return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
+
+
+def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag):
+    """One Newton step for the joint rates at the end of a tick: the change of the rates [rad/s].
+
+    Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate; rate_from, lag [s]: rate' = (rate - rate_from) / lag.
+    """
+    diagonal, coupling, moments = constants
+    cosines, sines = (cos(angle[0]), cos(angle[1]), cos(angle[2])), (sin(angle[0]), sin(angle[1]), sin(angle[2]))
+    cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
+    taken, arms, bends = paths(e, z, n, cosines, sines, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    t0, g0 = wire(e, z, 0, n, x, ends[0], taken[0], dt)
+    t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
+    t2, g2 = wire(e, z, 2, n, x, ends[2], taken[2], dt)
+    pull, falls = (t0, t1, t2), (g0, g1, g2)
+    p0, k0 = joint(e, z, 0, n, angle[0], rate[0])
+    p1, k1 = joint(e, z, 1, n, angle[1], rate[1])
+    p2, k2 = joint(e, z, 2, n, angle[2], rate[2])
+    push, push_slope = outside(e, z, n, angle, rate, moments, x[CLOCK])
+    m11, m12, m13, m22, m23, m33 = mass_matrix(diagonal, coupling, cosines[1], cosines[2], cos_12)
+    spin = coriolis(coupling, sines[1], sines[2], sin_12, rate)
+    speed_up = ((rate[0] - rate_from[0]) / lag, (rate[1] - rate_from[1]) / lag, (rate[2] - rate_from[2]) / lag)
+    r0 = dot((m11, m12, m13), speed_up) + spin[0] + n.B[0] * rate[0] + p0 - torque(arms, 0, pull) - push[0]
+    r1 = dot((m12, m22, m23), speed_up) + spin[1] + n.B[1] * rate[1] + p1 - torque(arms, 1, pull) - push[1]
+    r2 = dot((m13, m23, m33), speed_up) + spin[2] + n.B[2] * rate[2] + p2 - torque(arms, 2, pull) - push[2]
+    s = (arms, bends, falls, pull)
+    rows = (
+        (m11 / lag + n.B[0] + lag * stiffness(0, 0, *s, k0, push_slope), m12 / lag + lag * stiffness(0, 1, *s, k0, push_slope), m13 / lag + lag * stiffness(0, 2, *s, k0, push_slope)),
+        (m12 / lag + lag * stiffness(1, 0, *s, k1, push_slope), m22 / lag + n.B[1] + lag * stiffness(1, 1, *s, k1, push_slope), m23 / lag + lag * stiffness(1, 2, *s, k1, push_slope)),
+        (m13 / lag + lag * stiffness(2, 0, *s, k2, push_slope), m23 / lag + lag * stiffness(2, 1, *s, k2, push_slope), m33 / lag + n.B[2] + lag * stiffness(2, 2, *s, k2, push_slope)),
+    )
+    return solve(rows, (-r0, -r1, -r2))
+
+
+def torque(arms, i, pull):
+    """Torque of the wires at joint i: row i of P^T T [N m]."""
+    r = column(arms, i)
+    return applied_arm(r[0]) * pull[0] + applied_arm(r[1]) * pull[1] + applied_arm(r[2]) * pull[2]
+
+
+def update(x, z, n, e, dt, stroke, wire_speed):
+    """One tick of length dt [s]; wires [m], [m/s]."""
+    constants = inertia(n.length, n.mass, n.radius)
+    lag = 2.0 * dt / 3.0
+    ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])
+    q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
+    rate_from = (behind(x, RATE), behind(x, RATE + 1), behind(x, RATE + 2))
+    rate = (x[RATE], x[RATE + 1], x[RATE + 2])
+    angle = along(q_from, lag, rate)
+    for _ in range(STEPS):
+        change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag)
+        rate = along(rate, 1.0, change)
+        angle = along(q_from, lag, rate)
+        if lag * max(abs(change[0]), abs(change[1]), abs(change[2])) < CLOSE:
+            break
+    for i in range(3):
+        x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
+        x[Q + i], x[RATE + i] = angle[i], rate[i]
+        relax(e, z, i, dt, angle[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
+    arrive(x, z, n, e, ends, dt)
+
+
+def behind(x, i):
+    """Where the two-step formula starts from: (4 y_n - y_(n-1)) / 3."""
+    return (4.0 * x[i] - x[i + 6]) / 3.0
+
+
+def along(start, step, rate):
+    """start + step rate for triples."""
+    return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
+
+
+def arrive(x, z, n, e, ends, dt):
+    """At the end of a tick, with the strokes `ends` [m], the states of wires and clock follow the joints."""
+    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
+    taken, _, _ = paths(e, z, n, cosines, sines, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    for j in range(3):
+        travel = taken[j] - x[TAKEN + j]
+        tension = cell_tension(e, z, j, ends[j] - taken[j], x[PULL + j], n.k[j])
+        x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding)
+        x[PULL + j] = finger_tension(e, z, j, tension, x[SLIDE + j], travel / dt)
+        x[TAKEN + j] = taken[j]
+        settle(e, z, j, dt, tension, x[PULL + j], travel / dt)
+    x[CLOCK] += dt
+
+
+def output(x, z, n, e, angle, rate, tension_finger):
+    """Joint angles [rad] and rates [rad/s], tensions at the finger [N]."""
+    for i in range(3):
+        angle[i], rate[i], tension_finger[i] = x[Q + i], x[RATE + i], x[PULL + i]
+
+
+def output_tension(x, z, n, e, stroke, tension):
+    """Tension at the cell [N], directly from the stroke [m]."""
+    for j in range(3):
+        tension[j] = cell_tension(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j], n.k[j])
+
+
+def start(x, z, n, e, start_stroke):
+    """At rest in q0; writes the strokes [m] at which the wires are just taut there."""
+    x[:] = 0.0
+    for i in range(3):
+        x[Q + i] = x[Q_BEFORE + i] = n.q0[i]
+    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
+    taken, _, _ = paths(e, z, n, cosines, sines, (0.0, 0.0, 0.0))
+    for j in range(3):
+        x[TAKEN + j] = start_stroke[j] = taken[j]
+
+
+BLOCK = Block(
+    name="finger",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(
+        State("angle", JOINTS, unit="rad"),
+        State("rate", JOINTS, unit="rad/s"),
+        State("angle_before", JOINTS, unit="rad"),
+        State("rate_before", JOINTS, unit="rad/s"),
+        State("taken", WIRES, unit="m"),
+        State("slide", WIRES),
+        State("pull", WIRES, unit="N"),
+        State("clock", ONE, unit="s"),
+    ),
+    tasks=(Task("update", ("stroke", "wire_speed")),),
+    outputs=(
+        Output("output", ("angle", "rate", "tension_finger")),
+        Output("output_tension", ("tension",), reads=("stroke",)),
+    ),
+    points=(
+        Point("router_height", JOINTS),
+        Point("worn_height", WIRES),
+        Point("stretch", WIRES, tendon),
+        Point("elastic", WIRES, tendon),
+        Point("transmit", WIRES, tendon),
+        Point("settle", WIRES, tendon),
+        Point("passive", JOINTS, finger),
+        Point("external", ONE, finger),
+        Point("relax", JOINTS, finger),
+    ),
+)
