@@ -1,4 +1,4 @@
-"""MCAP, for Foxglove and PlotJuggler: a topic per kind (`/tension` with fields AF, MF, AE), JSON messages with a schema.
+"""MCAP, for Foxglove and PlotJuggler: a topic per kind (`/tension` with fields AF, MF, AE), JSON messages with schema.
 
 A row of the log is one message on every topic; row order is message order. The exact times are on `/time`, since
 MCAP's own are whole nanoseconds. A metadata record says which field is which column. Needs the extra `mcap`.

@@ -1,0 +1,47 @@
+# Needs Python 3.12 or later, git and make. `make demo` is the place to start.
+# PYTHON=/path/to/python chooses the interpreter; ARGS="..." is passed on to pytest, the demo and the bench.
+
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+EXTRAS := parquet,mcap,cluster,control
+
+.PHONY: help demo test check docs bench clean
+help:
+	@echo "make demo    set up, then from a robot with a hidden fault to its name"
+	@echo "make test    set up, then format, lint, types and tests"
+	@echo "make check   the same without the tests"
+	@echo "make docs    the documentation, in site/"
+	@echo "make bench   how fast this machine simulates"
+	@echo "make clean   remove all that was made, $(VENV) included"
+
+$(STAMP): pyproject.toml constraints.txt
+	@python=$$(sh .ci/find-python $(PYTHON)) || exit 1; \
+	echo "Setting up $(VENV) with $$($$python --version); the first time this takes a few minutes ..."; \
+	test -x $(BIN)/python && $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' || $$python -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS)]" --group dev
+	@if test -f exodrake/commands/warm_up.py; then $(BIN)/exodrake warm-up; fi
+	@touch $(STAMP)
+
+demo: $(STAMP)
+	$(BIN)/exodrake demo $(ARGS)
+
+check: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+
+test: check
+	$(BIN)/pytest -n 2 $(ARGS)
+
+docs: $(STAMP)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS),docs]"
+	$(BIN)/mkdocs build --strict
+
+bench: $(STAMP)
+	$(BIN)/exodrake bench $(ARGS)
+
+clean:
+	rm -rf $(VENV) build dist site *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
