@@ -19,6 +19,13 @@ PUBLIC = {
     "CaseLog": "exodrake.case",
     "read_case": "exodrake.case",
     "write_case": "exodrake.case",
+    "Robot": "exodrake.diagrams.robot",
+    "load_robot": "exodrake.diagrams.robot",
+    "write_robot": "exodrake.diagrams.robot",
+    "Reference": "exodrake.diagrams.simulate",
+    "Recording": "exodrake.diagrams.simulate",
+    "record": "exodrake.diagrams.simulate",
+    "simulate": "exodrake.diagrams.simulate",
 }
 
 
