@@ -39,7 +39,7 @@ def import_log(file: str | Path, map_file: str | Path) -> Log:
     else:
         tracks = _one_clock(read_columns(data, str(file), mapped), mapped, f"{file}")
         period = mapped.period
-    time, values = _shared(tracks, str(file)) if period is None else _on_frames(tracks, period, mapped.hold)
+    time, values = _shared(tracks, str(file)) if period is None else _on_frames(tracks, period, mapped.hold, str(file))
     columns = [(heading("time", "s"), time if mapped.start is None else time - time[0] + mapped.start)]
     for column in mapped.columns:
         scaled = values[column.foreign] * column.scale + column.offset
@@ -80,7 +80,9 @@ def _shared(tracks: dict[str, Track], source: str) -> tuple[np.ndarray, dict[str
     return time, {name: track.values for name, track in tracks.items()}
 
 
-def _on_frames(tracks: dict[str, Track], period: float, hold: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _on_frames(
+    tracks: dict[str, Track], period: float, hold: int, source: str
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Frames from the first sample to the last; a frame carries the newest sample taken before its end.
 
     A sample older than `hold` frames before the frame's start is stale, and the frame is left empty.
@@ -89,7 +91,9 @@ def _on_frames(tracks: dict[str, Track], period: float, hold: int) -> tuple[np.n
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
     if (end - start) / period > 1e7:
-        raise InputError(f"{(end - start):.6g} s in frames of {period:g} s are too many: is the unit of time right?")
+        raise InputError(
+            f"{source}: {end - start:.6g} s are too many frames of {period:g} s; is the unit of time right?"
+        )
     count = int(np.floor((end - start) / period + 1e-6)) + 1
     time = start + period * np.arange(count)
     values = {}

@@ -83,6 +83,8 @@ def _text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     for index, name in enumerate(names):
         columns |= _parsed([row[index] for row in rows], name, wanted, source, mapped.decimal)
+    for absent in sorted(wanted - set(columns) - {None}, key=str):
+        raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]})")
     return columns
 
 

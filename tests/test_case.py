@@ -1,0 +1,156 @@
+"""A case: read back as written, keys checked, and never more read than logs."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from exodrake.case import Case, CaseLog, read_case, write_case
+from exodrake.errors import InputError
+from exodrake.log import Log, write_log
+
+
+def one_log(seed: int, rows: int = 20) -> Log:
+    draw = np.random.default_rng(seed)
+    return Log(
+        0.02 * np.arange(rows), {f"{kind}_AF": draw.normal(size=rows) for kind in ("tension_ref", "tension", "stroke")}
+    )
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Three logs and no case.yaml."""
+    for seed, name in enumerate(("a.csv", "b.csv.gz", "c.npz")):
+        write_log(one_log(seed), tmp_path / name)
+    (tmp_path / "labels.json").write_text(json.dumps({"secret": 1}))
+    (tmp_path / "notes.txt").write_text("not a log")
+    return tmp_path
+
+
+def refusal(folder, page) -> str:
+    (folder / "case.yaml").write_text(page if isinstance(page, str) else yaml.safe_dump(page))
+    with pytest.raises(InputError) as caught:
+        read_case(folder)
+    return str(caught.value)
+
+
+def test_round_trip(folder):
+    logs = (
+        CaseLog(one_log(1), "sweeps", "fit", None, "s1.csv"),
+        CaseLog(one_log(2), "sweeps", "fit", "s1.csv", "s2.csv.gz"),
+        CaseLog(one_log(3), "grasps", "holdout", None, "deep/g.npz"),
+    )
+    robot = {"tendon": {"stiffness": np.float64(2500.0), "a": [1.0, 2.0]}, "small": 1e-5}
+    write_case(Case("wearer 3", robot, logs), folder / "case")
+    back = read_case(folder / "case")
+    assert back.name == "wearer 3" and back.robot == {"tendon": {"stiffness": 2500.0, "a": [1.0, 2.0]}, "small": 1e-5}
+    assert [(x.file, x.protocol, x.role, x.repeats) for x in back.logs] == [
+        (x.file, x.protocol, x.role, x.repeats) for x in logs
+    ]
+    assert all(x.log.equals(y.log) for x, y in zip(back.logs, logs, strict=True))
+    assert [[x.file for x in group] for group in back.repeat_groups] == [["s1.csv", "s2.csv.gz"]]
+    assert [x.file for x in back.holdout_logs] == ["deep/g.npz"] and back.notes == ()
+    assert not list(folder.glob(".*"))
+
+
+def test_a_case_that_cannot_be_written_leaves_nothing(folder):
+    bad = CaseLog(Log(np.arange(3.0), {"tension_AF": np.full(3, np.inf)}), "x", "fit", None, "x.csv")
+    with pytest.raises(InputError):
+        write_case(Case("bad", {}, (CaseLog(one_log(1), "a", "fit", None, "a.csv"), bad)), folder / "bad")
+    outside = CaseLog(one_log(1), "x", "fit", None, "../x.csv")
+    with pytest.raises(InputError, match="outside"):
+        write_case(Case("bad", {}, (outside,)), folder / "bad")
+    assert sorted(p.name for p in folder.iterdir()) == ["a.csv", "b.csv.gz", "c.npz", "labels.json", "notes.txt"]
+
+
+def test_without_case_file_the_last_is_held_out(folder):
+    case = read_case(folder)
+    assert [x.role for x in case.logs] == ["fit", "fit", "holdout"] and case.name == folder.name
+    assert [x.protocol for x in case.logs] == ["a", "b", "c"]
+    assert "no case.yaml" in case.notes[0]
+
+
+def test_one_file_is_a_case(folder):
+    case = read_case(folder / "b.csv.gz")
+    assert case.name == "b" and len(case.fit_logs) == 1 and "held out" in case.notes[0]
+
+
+def test_numbers_yaml_takes_for_text(folder):
+    (folder / "case.yaml").write_text("robot: {kp: 6e-3, name: soft}\nlogs: [{file: a.csv}]\n")
+    assert read_case(folder).robot == {"kp": 0.006, "name": "soft"}
+
+
+def test_clock_faults_are_noted(folder):
+    log = one_log(4)
+    write_log(log.rows(np.delete(np.arange(20), [5, 6])), folder / "gap.csv")
+    (folder / "case.yaml").write_text("logs: [{file: gap.csv}, {file: a.csv, role: holdout}]")
+    case = read_case(folder)
+    assert len(case.logs[0].log) == 20 and "2 missing frames" in case.notes[0]
+    assert "frame is 0.05 s" in refusal(folder, {"period": 0.05, "logs": [{"file": "a.csv"}]})
+
+
+@pytest.mark.parametrize(
+    ("page", "parts"),
+    [
+        ("", ["case.yaml", "found nothing"]),
+        ("a: [", ["case.yaml", "line 1", "not YAML"]),
+        ("\x00", ["case.yaml", "not YAML"]),
+        ("!!python/object:os.system {}", ["not YAML"]),
+        ("- 1", ["case.yaml"]),
+        ({"robot": {}}, ["'logs'", "nothing"]),
+        ({"logs": []}, ["'logs'"]),
+        ({"logs": "a.csv"}, ["'logs'"]),
+        ({"logs": [{"file": "a.csv"}], "robott": {}}, ["'robott'", "'robot'"]),
+        ({"logs": [{"file": "a.csv"}], "robot": 3}, ["'robot'"]),
+        ({"logs": [{"file": "a.csv"}], "period": "fast"}, ["'period'"]),
+        ({"logs": [{"file": "a.csv"}], "period": -1}, ["'period'"]),
+        ({"logs": [{"flie": "a.csv"}]}, ["item 1", "'flie'", "'file'"]),
+        ({"logs": [{"role": "fit"}]}, ["item 1", "'file'", "missing"]),
+        ({"logs": [{"file": 3}]}, ["item 1", "'file'"]),
+        ({"logs": [{"file": "a.csv", "role": "train"}]}, ["item 1", "'role'", "'train'"]),
+        ({"logs": [{"file": "a.csv", "role": "holdout"}]}, ["'fit'"]),
+        ({"logs": [{"file": "a.csv"}, {"file": "a.csv"}]}, ["item 2", "twice"]),
+        ({"logs": [{"file": "a.csv", "repeats": "a.csv"}]}, ["item 1", "'repeats'"]),
+        ({"logs": [{"file": "a.csv", "repeats": "z.csv"}]}, ["item 1", "'z.csv'"]),
+        ({"logs": [{"file": "z.csv"}]}, ["z.csv", "no such file"]),
+        ({"logs": [{"file": "labels.json"}]}, ["labels.json", "ending"]),
+    ],
+)
+def test_what_is_wrong_is_named(folder, page, parts):
+    message = refusal(folder, page)
+    for part in parts:
+        assert part in message
+
+
+def test_no_folder_and_no_logs(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        read_case(tmp_path / "none")
+    with pytest.raises(InputError, match="no logs"):
+        read_case(tmp_path)
+
+
+PAGE = st.recursive(
+    st.one_of(
+        st.none(), st.booleans(), st.floats(), st.integers(), st.text(max_size=5), st.sampled_from(["a.csv", "fit"])
+    ),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=3),
+        st.dictionaries(
+            st.sampled_from(["logs", "file", "role", "repeats", "robot", "name", "period", "x"]), inner, max_size=4
+        ),
+    ),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(page=PAGE, raw=st.one_of(st.none(), st.binary(max_size=30)))
+def test_any_case_file_is_refused_or_read(folder, page, raw):
+    (folder / "case.yaml").write_bytes(yaml.safe_dump(page).encode() if raw is None else raw)
+    try:
+        assert isinstance(read_case(folder), Case)
+    except InputError as error:
+        assert str(folder) in str(error)

@@ -1,0 +1,107 @@
+"""The command line: one line and status 2 for bad input, never a traceback."""
+
+import subprocess
+import sys
+import time
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from exodrake import __version__
+from exodrake.cli import COMMANDS, cli
+from exodrake.log import Log, read_log, write_log
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def log_file(tmp_path):
+    write_log(Log(0.02 * np.arange(10), {"tension_AF": np.arange(10.0)}), tmp_path / "log.csv")
+    return tmp_path / "log.csv"
+
+
+def test_help_lists_only_what_is_there():
+    result = run("--help")
+    assert result.exit_code == 0
+    listed = {line.split()[0] for line in result.output.split("Commands:")[1].splitlines() if line.strip()}
+    assert {"import", "export"} <= listed
+    assert listed == set(cli.list_commands(click.Context(cli)))
+
+
+@pytest.mark.parametrize("name", cli.list_commands(click.Context(cli)))
+def test_every_listed_command_loads(name):
+    assert run(name, "--help").exit_code == 0
+
+
+def test_every_command_has_a_line():
+    assert all(line.endswith(".") and len(line) < 80 for _, line in COMMANDS.values())
+
+
+def test_version():
+    assert run("--version").output.split() == ["exodrake", __version__]
+
+
+def test_help_is_quick():
+    spent = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "exodrake", "--help"], check=True, capture_output=True)
+        spent.append(time.perf_counter() - start)
+    assert min(spent) < 0.4
+
+
+def test_unknown_command_and_option():
+    result = run("exprot")
+    assert result.exit_code == 2 and "export" in result.stderr and len(result.stderr.splitlines()) == 1
+    result = run("export", "x.csv", "--uot", "y.csv")
+    assert result.exit_code == 2 and "--out" in result.stderr
+    assert run("--nothing").exit_code == 2
+
+
+def test_bad_input_is_one_line_and_status_two(tmp_path):
+    result = run("export", tmp_path / "none.csv", "--out", tmp_path / "x.npz")
+    assert result.exit_code == 2 and not result.stdout
+    assert result.stderr == f"error: {tmp_path / 'none.csv'}: no such file\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_input_is_red_in_a_terminal(tmp_path):
+    result = CliRunner().invoke(cli, ["export", "none.csv", "--out", "x.npz"], color=True)
+    assert result.stderr.startswith("\x1b[31merror: ") and result.stderr.endswith("\x1b[0m\n")
+
+
+def test_interrupt_is_status_130(monkeypatch, log_file):
+    def interrupt(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("exodrake.log.read_log", interrupt)
+    result = run("export", log_file, "--out", "x.npz")
+    assert result.exit_code == 130 and result.stderr == "interrupted\n"
+
+
+def test_export_cuts_and_converts(log_file):
+    out = log_file.with_suffix(".npz")
+    assert run("export", log_file, "--out", out, "--start", 0.06, "--end", 0.1).exit_code == 0
+    np.testing.assert_array_equal(read_log(out, required=())["tension_AF"], [3, 4])
+    assert run("export", log_file, "--out", out, "--start", 9).exit_code == 2
+    assert run("export", log_file, "--out", out.with_suffix(".doc")).exit_code == 2
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    words=st.lists(
+        st.one_of(st.text(max_size=6), st.sampled_from(["export", "import", "--out", "--map", "--start"])), max_size=5
+    )
+)
+def test_any_words_end_well(tmp_path_factory, words):
+    with CliRunner().isolated_filesystem(tmp_path_factory.getbasetemp()):
+        result = CliRunner().invoke(
+            cli, [word for word in words if word in ("export", "import") or word not in COMMANDS]
+        )
+    assert result.exit_code in (0, 2)

@@ -1,0 +1,282 @@
+"""Foreign recordings: what a mapping file says is what the log holds; what it cannot say is refused by name."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.writer import Writer as RosWriter
+from scipy.io import loadmat, savemat
+
+from exodrake.cli import cli
+from exodrake.errors import InputError
+from exodrake.formats.foreign import import_log
+from exodrake.log import Log, read_log, write_log
+
+TABLE = 't,cell,pos,note\n0,1000,"[1.0, 90.0]",start\n20000,,"[2.0, 180.0]",go\n40000,3000,"[3.0, 270.0]",stop\n'
+MAP = {
+    "time": {"column": "t", "unit": "us"},
+    "columns": {
+        "cell": {"name": "tension_AF", "unit": "mN", "scale": 0.5, "offset": -100},
+        "pos[1]": {"name": "position_elbow", "unit": "deg"},
+    },
+}
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+WRENCH = """std_msgs/Header header
+geometry_msgs/Wrench wrench
+================================================================================
+MSG: geometry_msgs/Wrench
+geometry_msgs/Vector3 force
+geometry_msgs/Vector3 torque
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+""" + JOINT_STATE[JOINT_STATE.index("=") :]
+
+
+def imported(folder, mapping=MAP, content=TABLE, name="drive.csv") -> Log:
+    """Import through files, as the command does."""
+    (folder / "map.yaml").write_text(mapping if isinstance(mapping, str) else yaml.safe_dump(mapping))
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    return import_log(folder / name, folder / "map.yaml")
+
+
+def changed(**keys) -> dict:
+    return {**MAP, **keys}
+
+
+def test_text_by_mapping(tmp_path):
+    log = imported(tmp_path)
+    np.testing.assert_array_equal(log.time, [0, 0.02, 0.04])
+    np.testing.assert_allclose(log["tension_AF"], [0.4, np.nan, 1.4], rtol=1e-15)
+    np.testing.assert_allclose(log["position_elbow"], [np.pi / 2, np.pi, 1.5 * np.pi])
+    assert log.units == {"tension_AF": "N", "position_elbow": "rad"}
+
+
+def test_text_of_other_habits(tmp_path):
+    mapping = {
+        "time": {"period": 0.01},
+        "columns": {"1": {"name": "force_x", "unit": "kN"}},
+        **{"separator": ";", "decimal": ",", "skip": 2, "heading": False},
+    }
+    log = imported(tmp_path, mapping, "# made by\n# someone\n7;1,5\n8;2,5\n")
+    np.testing.assert_allclose(log["force_x"], [1500, 2500])
+    np.testing.assert_allclose(log.time, [0, 0.01])
+
+
+def test_repeated_times_and_frames(tmp_path):
+    mapping = {"time": {"column": "t", "start": 5}, "period": 0.02, "columns": {"x": {"name": "force_x", "unit": "N"}}}
+    rows = [(0, 1), (0, 1), (0.01, 2), (0.021, 3), (0.1, 4)]
+    log = imported(tmp_path, mapping, "t,x\n" + "\n".join(f"{t},{x}" for t, x in rows))
+    np.testing.assert_allclose(log.time, 5 + 0.02 * np.arange(6))
+    np.testing.assert_array_equal(log["force_x"], [2, 3, 3, np.nan, np.nan, 4])
+
+
+def test_matlab_and_numpy(tmp_path):
+    stream = io.BytesIO()
+    savemat(stream, {"t": np.arange(3.0) * 2e4, "cell": [1.0, 2, 3], "pos": np.arange(6.0).reshape(3, 2), "who": "me"})
+    log = imported(tmp_path, content=stream.getvalue(), name="d.mat")
+    np.testing.assert_allclose(log["position_elbow"], np.radians([1, 3, 5]))
+    stream = io.BytesIO()
+    np.save(stream, np.arange(6.0).reshape(3, 2))
+    mapping = {"time": {"column": "0"}, "columns": {"1": {"name": "angle_MCP", "unit": "rad"}}}
+    np.testing.assert_array_equal(imported(tmp_path, mapping, stream.getvalue(), "d.npy")["angle_MCP"], [1, 3, 5])
+
+
+@pytest.mark.parametrize(
+    ("mapping", "content", "parts"),
+    [
+        (MAP, "", ["drive.csv", "empty"]),
+        (MAP, TABLE.replace("cell", "zelle"), ["drive.csv", "'cell'", "zelle"]),
+        (MAP, TABLE.replace("3000", "much"), ["'cell'", "row 3", "'much'"]),
+        (MAP, TABLE.replace(", 270.0", ""), ["'pos[1]'", "row 3"]),
+        (MAP, TABLE.replace("40000", "10000"), ["'time'", "row 3"]),
+        (MAP, TABLE.replace("20000", ""), ["'t'", "row 2"]),
+        (MAP, TABLE.replace(",stop", ""), ["row 3", "3 cells"]),
+        (MAP, TABLE.replace("note", "cell"), ["'cell'", "twice"]),
+        (MAP, TABLE.replace("1000", "").replace("3000", ""), ["tension_AF", "empty"]),
+        (changed(time={}), TABLE, ["no time"]),
+        (changed(time={"column": "t", "unit": "fortnight"}), TABLE, ["map.yaml", "'time'", "fortnight"]),
+        (changed(columns={}), TABLE, ["map.yaml", "'columns'"]),
+        (changed(columns={"cell": {"name": "tension_AF"}}), TABLE, ["'cell'", "'unit'"]),
+        (changed(columns={"cell": {"name": "tension_AF", "unit": "mm"}}), TABLE, ["'cell'", "[mm]", "[N]"]),
+        (changed(columns={"cell": {"name": "time", "unit": "s"}}), TABLE, ["'time'"]),
+        (changed(columns={"cell": {"name": "x", "unit": "N", "scale": "big"}}), TABLE, ["'scale'", "'big'"]),
+        (changed(sepparator=";"), TABLE, ["'sepparator'", "'separator'"]),
+        (changed(period=0), TABLE, ["'period'"]),
+        (changed(period=1e-9), TABLE.replace("40000", "4e13"), ["too many"]),
+        ("- 1", TABLE, ["map.yaml"]),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, mapping, content, parts):
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path, mapping, content)
+    for part in parts:
+        assert part in str(caught.value)
+
+
+def test_mcap_is_what_foxglove_opens(tmp_path):
+    log = Log(np.array([-0.02, 0, 0.02]), {"tension_AF": np.array([1, np.nan, 3]), "angle_MCP": np.ones(3)})
+    write_log(log, tmp_path / "log.mcap")
+    with open(tmp_path / "log.mcap", "rb") as stream:
+        found = [(s, c, m) for s, c, m in make_reader(stream).iter_messages(topics=["/tension"])]
+    assert [json.loads(message.data) for *_, message in found] == [{"AF": 1.0}, {}, {"AF": 3.0}]
+    assert [message.log_time for *_, message in found] == [0, 20_000_000, 40_000_000]
+    assert found[0][0].encoding == "jsonschema" and found[0][1].message_encoding == "json"
+    assert json.loads(found[0][0].data)["properties"]["AF"] == {"type": "number", "description": "N"}
+
+
+def test_mcap_keeps_awkward_names(tmp_path):
+    names = ("tension_AF", "torque", "torque_value", "odd.name", "tension_ref_a_b")
+    log = Log(np.arange(4) / 3, {name: np.arange(4.0) for name in names}, {"odd.name": "W"})
+    write_log(log, tmp_path / "log.mcap")
+    assert read_log(tmp_path / "log.mcap", required=()).equals(log)
+
+
+def test_mat_is_what_matlab_opens(tmp_path):
+    write_log(Log(np.arange(3.0), {"tension_AF": np.arange(3.0)}), tmp_path / "log.mat")
+    found = loadmat(tmp_path / "log.mat")
+    assert found["tension_AF"].shape == (3, 1) and found["units"]["tension_AF"][0, 0].item() == "N"
+    with pytest.raises(InputError, match="odd-name"):
+        write_log(Log(np.arange(3.0), {"odd-name": np.arange(3.0)}, {"odd-name": "N"}), tmp_path / "odd.mat")
+    assert not (tmp_path / "odd.mat").exists()
+
+
+def bag() -> bytes:
+    """Joint states at 50 Hz, a wrench at 100 Hz that stops early, a command once in a while."""
+    stream = io.BytesIO()
+    writer = RosWriter(stream)
+    joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+    wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
+    number = writer.register_msgdef("std_msgs/msg/Float64", "float64 data\n")
+    for n in range(200):
+        stamp = 10_000_000 * n + 1_700_000_000_000_000_000
+        header = {"stamp": {"sec": n // 100, "nanosec": n % 100 * 10_000_000}, "frame_id": ""}
+        if n % 2 == 0:
+            state = {
+                "header": header,
+                "name": ["PIP", "MCP"],
+                "position": [n * 0.5, n * 1.0],
+                "velocity": [],
+                "effort": [],
+            }
+            writer.write_message("/joint_states", joints, state, log_time=stamp, publish_time=stamp)
+        if n < 100:
+            force = {"force": {"x": 0.0, "y": 0.0, "z": float(n)}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}
+            writer.write_message(
+                "/wrench", wrench, {"header": header, "wrench": force}, log_time=stamp, publish_time=stamp
+            )
+        if n % 40 == 0:
+            writer.write_message("/command", number, {"data": float(n)}, log_time=stamp, publish_time=stamp)
+    writer.finish()
+    return stream.getvalue()
+
+
+BAG_MAP = {
+    "time": {"start": 0},
+    "columns": {
+        "/joint_states:position[MCP]": {"name": "angle_MCP", "unit": "rad"},
+        "/joint_states:position[0]": {"name": "angle_PIP", "unit": "rad"},
+        "/wrench:wrench.force.z": {"name": "force_z", "unit": "N"},
+        "/command:data": {"name": "speed_cmd_AF", "unit": "mm/s"},
+    },
+}
+
+
+@pytest.mark.parametrize("stamp", ["log", "header"])
+def test_ros2_bag(tmp_path, stamp):
+    mapping = {**BAG_MAP, "period": 0.02, "stamp": stamp}
+    if stamp == "header":
+        mapping["columns"] = {key: value for key, value in BAG_MAP["columns"].items() if "command" not in key}
+    log = imported(tmp_path, mapping, bag(), "bag.mcap")
+    assert len(log) == 100 and log.dt == pytest.approx(0.02)
+    np.testing.assert_array_equal(log["angle_MCP"], 2.0 * np.arange(100))
+    np.testing.assert_array_equal(log["angle_PIP"], 1.0 * np.arange(100))
+    np.testing.assert_array_equal(log["force_z"][:50], 1.0 + 2 * np.arange(50))
+    assert np.isnan(log["force_z"][52:]).all()
+    if stamp == "log":
+        assert np.isfinite(log["speed_cmd_AF"][[0, 20, 40]]).all() and np.isnan(log["speed_cmd_AF"][10])
+
+
+def test_ros2_hold_keeps_a_command(tmp_path):
+    log = imported(tmp_path, {**BAG_MAP, "hold": 1000}, bag(), "bag.mcap")
+    np.testing.assert_allclose(log["speed_cmd_AF"], 0.04 * (np.arange(100) // 20))
+
+
+@pytest.mark.parametrize(
+    ("column", "part"),
+    [
+        ("/joint_states", "TOPIC:FIELD"),
+        ("/nothing:data", "'/nothing'"),
+        ("/command:daten", "'daten'"),
+        ("/joint_states:name", "not a number"),
+        ("/joint_states:velocity[9]", "empty"),
+    ],
+)
+def test_ros2_wrong_column_is_named(tmp_path, column, part):
+    mapping = {"columns": {column: {"name": "force_x", "unit": "N"}}}
+    with pytest.raises(InputError, match=part.replace("[", r"\[")):
+        imported(tmp_path, mapping, bag(), "bag.mcap")
+
+
+def test_import_command(tmp_path):
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(MAP))
+    (tmp_path / "drive.csv").write_text(TABLE)
+    words = ["import", str(tmp_path / "drive.csv"), "--map", str(tmp_path / "map.yaml"), "--out"]
+    result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.csv.gz")])
+    assert result.exit_code == 0, result.output
+    assert read_log(tmp_path / "log.csv.gz", required=()).equals(
+        import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
+    )
+    result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.docx")])
+    assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), name=st.sampled_from(["d.csv", "d.mat", "d.npy", "d.npz", "d.parquet", "d.mcap", "d.csv.gz"]))
+def test_damaged_recordings_are_refused_or_read(tmp_path, data, name):
+    whole = {"d.csv": TABLE.encode(), "d.mcap": BAG}.get(name) or data.draw(st.binary(max_size=60))
+    cut = data.draw(st.integers(0, len(whole)))
+    damaged = whole[:cut] + data.draw(st.binary(max_size=8)) + (whole[cut:] if data.draw(st.booleans()) else b"")
+    try:
+        assert isinstance(imported(tmp_path, BAG_MAP if name == "d.mcap" else MAP, damaged, name), Log)
+    except InputError as error:
+        assert str(tmp_path) in str(error)
+
+
+BAG = bag()
+SCRAP = st.one_of(
+    st.none(), st.booleans(), st.floats(), st.text(max_size=4), st.sampled_from(["t", "cell", "N", "x_1"])
+)
+WORDS = st.sampled_from(
+    [*["time", "columns", "period", "hold", "separator", "decimal", "skip", "heading", "stamp"], "name", "unit", "cell"]
+)
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(page=st.dictionaries(WORDS, st.one_of(SCRAP, st.dictionaries(WORDS, SCRAP, max_size=3)), max_size=4))
+def test_any_mapping_is_refused_or_read(tmp_path, page):
+    try:
+        assert isinstance(imported(tmp_path, MAP | page), Log)
+    except InputError as error:
+        assert str(tmp_path) in str(error)

@@ -1,0 +1,249 @@
+"""The log: what is read is what was written, and what is wrong is refused by file, column and row."""
+
+import gzip
+import time
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from exodrake.clock import regularise
+from exodrake.errors import InputError
+from exodrake.log import Log, read_log, write_log
+
+ENDINGS = (".csv", ".csv.gz", ".npz", ".parquet", ".mcap", ".mat")
+HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"
+GOOD = HEADING + "\n0,1,1.5,0.001\n0.02,1,,0.002\n0.04,1,1.25,0.003\n"
+
+
+@pytest.fixture
+def log() -> Log:
+    """Fifty frames of two wires and a joint, with holes and awkward floats."""
+    draw = np.random.default_rng(3)
+    time_ = 0.02 * np.arange(50) - 1 / 3
+    columns = ("tension_ref_AF", "tension_ref_MF", "tension_AF", "tension_MF", "stroke_AF", "stroke_MF", "angle_MCP")
+    signals = {name: draw.normal(size=50) * 10.0 ** draw.integers(-300, 300) for name in columns}
+    signals["tension_AF"][7:9] = np.nan
+    signals["stroke_AF"][0] = 5e-324
+    return Log(time_, signals)
+
+
+def save(folder, text, name="log.csv"):
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def refusal(path, **options) -> str:
+    with pytest.raises(InputError) as caught:
+        read_log(path, **options)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_round_trip_to_the_last_bit(log, tmp_path, ending):
+    write_log(log, tmp_path / f"log{ending}")
+    back = read_log(tmp_path / f"log{ending}")
+    assert back.equals(log)
+    assert [p.name for p in tmp_path.iterdir()] == [f"log{ending}"]
+
+
+def test_columns_come_by_kind_and_name(log):
+    assert log.names("tension") == ("AF", "MF")
+    assert log.names("tension_ref") == ("AF", "MF")
+    assert log.kinds == ("tension_ref", "tension", "stroke", "angle")
+    np.testing.assert_array_equal(log.array("stroke", ("MF", "AF"))[:, 0], log["stroke_MF"])
+    assert log.array("angle").shape == (50, 1)
+    assert log.has("angle") and log.has("angle_MCP") and not log.has("speed_cmd")
+    assert log.dt == pytest.approx(0.02, abs=1e-12) and log.duration == pytest.approx(1.0)
+    with pytest.raises(InputError, match="stroke_AE"):
+        log.array("stroke", ("AF", "AE"))
+
+
+def test_spans_tile(log):
+    first, second = log.between(-1, 0.1), log.between(0.1, 9)
+    assert len(first) + len(second) == len(log) and first.time[-1] < 0.1 <= second.time[0]
+
+
+def test_with_signals_leaves_the_log_alone(log):
+    more = log.with_array("speed_cmd", ("AF", "MF"), np.zeros((50, 2)))
+    assert more.names("speed_cmd") == ("AF", "MF") and more.units["speed_cmd_AF"] == "m/s"
+    assert not log.has("speed_cmd")
+    with pytest.raises(InputError, match="glow"):
+        log.with_signals({"glow_AF": np.zeros(50)})
+    assert log.with_signals({"glow_AF": np.zeros(50)}, {"glow_AF": "W"}).units["glow_AF"] == "W"
+
+
+@pytest.mark.parametrize(
+    ("heading", "cell", "value"),
+    [
+        ("tension_AF [mN]", "1500", 1.5),
+        ("tension_AF [kN]", "0.0015", 1.5),
+        ("stroke_AF [mm]", "2.1", 0.0021),
+        ("stroke_AF [µm]", "2100", 0.0021),
+        ("stroke_AF [cm]", "0.21", 0.0021),
+        ("angle_MCP [deg]", "180", np.pi),
+        ("angle_MCP [mrad]", "250", 0.25),
+        ("speed_cmd_AF [mm/s]", "30", 0.03),
+        ("velocity_1 [deg/s]", "90", np.pi / 2),
+        ("velocity_1 [rpm]", "60", 2 * np.pi),
+        ("current_1 [mA]", "300", 0.3),
+        ("voltage_1 [mV]", "12", 0.012),
+        ("torque_1 [mNm]", "80", 0.08),
+        ("torque_1 [N*m]", "0.08", 0.08),
+        ("whatever [m/s^2]", "9.81", 9.81),
+    ],
+)
+def test_units_are_converted_at_the_door(tmp_path, heading, cell, value):
+    path = save(tmp_path, f"time [ms],{heading}\n0,{cell}\n20,{cell}\n")
+    log = read_log(path, required=())
+    assert log.dt == 0.02
+    assert log[heading.split(" [")[0]][1] == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["empty file"]),
+        ("\n\n", ["empty file"]),
+        (HEADING + "\n", ["no rows"]),
+        (GOOD.replace("tension_AF [N]", "tension_AF [lbf]"), ["tension_AF", "[lbf]"]),
+        (GOOD.replace("tension_AF [N]", "tension_AF [m]"), ["tension_AF", "[m]", "[N]"]),
+        (GOOD.replace("tension_AF [N]", "tension_AF"), ["tension_AF", "unit"]),
+        (GOOD.replace("tension_AF [N]", "tension_MF [N]"), ["'tension_ref_MF'", "missing"]),
+        (GOOD.replace("stroke_AF [m]", "tension_AF [mN]"), ["tension_AF", "twice"]),
+        (GOOD.replace("time [s]", "zeit [s]"), ["'time [s]'", "missing"]),
+        (GOOD.replace("1.25", "oops"), ["'tension_AF [N]'", "row 3", "'oops'"]),
+        (GOOD.replace("1.25", "1_2"), ["row 3"]),
+        (GOOD.replace("1.25", "inf"), ["tension_AF", "row 3", "infinite"]),
+        (GOOD.replace("\n0.02,", "\n,"), ["'time'", "row 2"]),
+        (GOOD.replace("0.04,", "0.01,"), ["'time'", "row 3"]),
+        (GOOD.replace("0.04,", "0.02,"), ["'time'", "row 3"]),
+        (GOOD.replace(",0.003", ""), ["row 3", "3 cells"]),
+        (GOOD.replace(",0.003", ",0.003,7"), ["row 3", "5 cells"]),
+        (GOOD.replace(",1.5,", ",,").replace("1.25", ""), ["tension_AF", "empty"]),
+        (GOOD.replace(",", ";"), ["';'"]),
+        (GOOD.encode("utf-16"), ["not a text file"]),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, text, parts):
+    message = refusal(save(tmp_path, text))
+    for part in parts:
+        assert part in message
+
+
+def test_missing_samples_only_where_allowed(tmp_path):
+    path = save(tmp_path, GOOD)
+    assert np.isnan(read_log(path)["tension_AF"][1])
+    assert "row 2" in refusal(path, complete=("tension",))
+    assert "angle_MCP" in refusal(path, required=("angle_MCP",))
+
+
+def test_no_such_file_folder_or_ending(tmp_path):
+    assert "no such file" in refusal(tmp_path / "none.csv")
+    (tmp_path / "folder.csv").mkdir()
+    refusal(tmp_path / "folder.csv")
+    assert "ending" in refusal(save(tmp_path, GOOD, "log.xlsx"))
+
+
+def test_windows_files_and_quotes(tmp_path):
+    text = "\ufeff" + GOOD.replace("\n", "\r\n").replace("tension_AF [N]", '"tension_AF [N]"') + "\r\n"
+    assert read_log(save(tmp_path, text)).equals(read_log(save(tmp_path, GOOD, "b.csv")))
+
+
+def test_a_failed_write_leaves_the_old_file(log, tmp_path, monkeypatch):
+    path = save(tmp_path, GOOD)
+    with pytest.raises(InputError, match="infinite"):
+        write_log(log.with_signals({"angle_MCP": np.full(50, np.inf)}), path)
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(InputError, match="No space left"):
+        write_log(log, path)
+    assert path.read_text() == GOOD and list(tmp_path.iterdir()) == [path]
+    with pytest.raises(InputError, match="nowhere"):
+        write_log(log, tmp_path / "nowhere" / "log.csv")
+
+
+def test_reading_is_fast(tmp_path):
+    draw = np.random.default_rng(1)
+    columns = {f"tension_{n}": draw.normal(size=3000) for n in range(15)}
+    write_log(Log(0.02 * np.arange(3000), columns), tmp_path / "log.csv")
+    spent = []
+    for _ in range(5):
+        start = time.process_time()
+        read_log(tmp_path / "log.csv", required=())
+        spent.append(time.process_time() - start)
+    assert min(spent) < 0.1  # about 0.02 s on a quiet machine
+
+
+def test_a_regular_log_is_left_as_it_is():
+    log = Log(np.round(0.02 * np.arange(3000), 2), {"tension_AF": np.ones(3000)})
+    assert regularise(log) == (log, [])
+
+
+def test_repeated_rows_go_and_missing_frames_are_left_empty():
+    log = Log(0.02 * np.arange(100), {"tension_AF": np.arange(100.0)})
+    kept = np.sort(np.concatenate([np.delete(np.arange(100), [10, 11, 50]), [3, 3, 70]]))
+    mended, notes = regularise(log.rows(kept))
+    np.testing.assert_array_equal(mended.time, log.time)
+    assert list(np.flatnonzero(np.isnan(mended["tension_AF"]))) == [10, 11, 50]
+    assert len(notes) == 2 and "3 repeated rows" in notes[0] and "3 missing frames" in notes[1]
+    assert regularise(mended) == (mended, [])
+
+
+def test_jitter_and_a_fast_clock_lose_no_frame():
+    draw = np.random.default_rng(2)
+    times = 0.02 * 1.001 * np.arange(3000) + draw.uniform(-0.004, 0.004, 3000)
+    mended, notes = regularise(Log(times, {"tension_AF": np.arange(3000.0)}))
+    assert len(mended) == 3000 and len(notes) == 1 and "grid" in notes[0]
+    np.testing.assert_allclose(np.diff(mended.time), 0.02)
+
+
+@pytest.mark.parametrize(
+    ("times", "part"),
+    [
+        ([0, 0.02, 0.04, 0.02, 0.06], "row 4"),
+        ([0, 0.02, 0.02, 0.04], "row 3"),
+        ([0, 0.005, 0.01, 0.015], "apart"),
+        ([0, 0.02, 1e9], "gap"),
+    ],
+)
+def test_clock_faults_are_refused_by_name(times, part):
+    with pytest.raises(InputError, match=part):
+        regularise(Log(np.array(times), {"tension_AF": np.arange(float(len(times)))}, source="drive.csv"))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data(), ending=st.sampled_from(ENDINGS))
+def test_damaged_files_are_refused_or_read(log, tmp_path, data, ending):
+    """Cut short, bytes changed, bytes shuffled in: an InputError or a log, never anything else."""
+    path = tmp_path / f"damaged{ending}"
+    write_log(log, path)
+    whole = path.read_bytes()
+    cut = data.draw(st.integers(0, len(whole)))
+    noise = data.draw(st.binary(max_size=20))
+    path.write_bytes(whole[:cut] + noise + (whole[cut:] if data.draw(st.booleans()) else b""))
+    try:
+        assert isinstance(read_log(path), Log)
+    except InputError as error:
+        assert str(path) in str(error)
+
+
+CELL = st.one_of(
+    st.floats().map(repr), st.text(max_size=6), st.sampled_from(["", "nan", "0x1", "1e400", "-", '"', "1;2"])
+)
+HEAD = st.sampled_from([*HEADING.split(","), "time [ms]", "angle [deg]", "x [y]", "tension_AF [m]", "[]", "a [", ""])
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(rows=st.lists(st.lists(CELL, max_size=4), max_size=4), heads=st.lists(HEAD, max_size=5), packed=st.booleans())
+def test_any_text_is_refused_or_read(tmp_path, rows, heads, packed):
+    text = "\n".join(",".join(row) for row in [heads, *rows]).encode("utf-8", "surrogatepass")
+    path = tmp_path / ("log.csv.gz" if packed else "log.csv")
+    path.write_bytes(gzip.compress(text) if packed else text)
+    try:
+        log = read_log(path, required=())
+        assert np.isfinite(log.time).all() and (np.diff(log.time) > 0).all()
+    except InputError as error:
+        assert str(path) in str(error)
