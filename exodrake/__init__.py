@@ -26,6 +26,16 @@ PUBLIC = {
     "Recording": "exodrake.diagrams.simulate",
     "record": "exodrake.diagrams.simulate",
     "simulate": "exodrake.diagrams.simulate",
+    "grasp": "exodrake.identification.protocols",
+    "sweeps": "exodrake.identification.protocols",
+    "short_sweeps": "exodrake.identification.protocols",
+    "chirp": "exodrake.identification.protocols",
+    "holds": "exodrake.identification.protocols",
+    "steps": "exodrake.identification.protocols",
+    "multisine": "exodrake.identification.protocols",
+    "random_motion": "exodrake.identification.protocols",
+    "protocol": "exodrake.identification.asked",
+    "from_log": "exodrake.identification.asked",
 }
 
 
