@@ -20,6 +20,7 @@ from types import ModuleType
 
 from exodrake.block import ONE, Block, Effect, Point
 from exodrake.diagrams.frame import print_frame
+from exodrake.diagrams.fused import print_fused
 from exodrake.diagrams.leaves import print_leaves
 from exodrake.diagrams.machine import Machine, block_pages, page_name
 
@@ -208,6 +209,7 @@ def print_module(machine: Machine) -> str:
         *print_leaves(machine),
         *print_pages(machine, pages),
         *print_frame(machine),
+        *print_fused(machine),
     ]
     return "\n\n".join(lines) + "\n"
 

@@ -37,20 +37,42 @@ def print_effects(machine: Machine, block: Block) -> str:
     return print_tuple(machine, f"{block.name}_e", fields, start)[0]
 
 
+def held_wires(block: Block) -> tuple[str, ...]:
+    """Wires that follow from the block's state alone; its Drake leaf holds them in the Context beside the state."""
+    return tuple(wire for output in block.outputs if not output.reads for wire in output.writes)
+
+
+def outer_reads(block: Block, reads: tuple[str, ...]) -> tuple[str, ...]:
+    """Wires of `reads` that come from other parts."""
+    return tuple(wire for wire in reads if wire not in held_wires(block))
+
+
 def print_entries(machine: Machine, block: Block) -> list[str]:
-    """`block__leaf__function(x, z, p, ...)` for each task and output, compiled and cached for the Drake leaf."""
-    page, lines = page_name(block.page), []
+    """What a Drake leaf calls, one function per task and output, compiled and cached.
+
+    `block__leaf__task(state, held wires..., p, [dt or lane,] wires read...)` runs a task, then the outputs that it changes;
+    `block__leaf__hold(state, held wires..., p)` fills these for a state; `block__leaf__output(state, p, reads..., writes...)`
+    computes wires of direct feedthrough.
+    """
+    held = held_wires(block)
+    follow = [(o.function, o.writes) for o in block.outputs if not o.reads]
+    lines = []
     for task in block.tasks:
         own = ["dt"] if not task.slots else ["lane"] if task.lanes else []
-        lines.append(entry(block.name, page, task.function, [*own, *task.reads]))
-    for output in block.outputs:
-        lines.append(entry(block.name, page, output.function, [*output.reads, *output.writes]))
-    lines.append(entry(block.name, page, "start", ["start_stroke"]))
-    return lines
+        given = ["state", *held, "p", *own, *outer_reads(block, task.reads)]
+        lines.append(entry(machine, block, task.function, given, [(task.function, [*own, *task.reads]), *follow]))
+    for output in (o for o in block.outputs if o.reads):
+        given = ["state", "p", *output.reads, *output.writes]
+        calls = [(output.function, [*output.reads, *output.writes])]
+        lines.append(entry(machine, block, output.function, given, calls))
+    return [*lines, entry(machine, block, "hold", ["state", *held, "p"], follow)]
 
 
-def entry(block: str, page: str, function: str, arguments: list[str]) -> str:
-    """One entry function."""
-    given = ", ".join(arguments)
-    call = f"{page}__{function}(x, z, fill_{block}_n(p), fill_{block}_e(p), {given})"
-    return f"@njit(cache=True)\ndef {block}__leaf__{function}(x, z, p, {given}):\n    {call}"
+def entry(machine: Machine, block: Block, name: str, given: list[str], calls: list) -> str:
+    """One entry function: calls of the page's functions, (function, arguments) each."""
+    own, extra = machine.part_size(block)
+    page, numbers = page_name(block.page), f"fill_{block.name}_n(p), fill_{block.name}_e(p)"
+    body = [f"x, z, n, e = state[:{own}], state[{own}:{own + extra}], {numbers}"]
+    body += [f"{page}__{function}(x, z, n, e, {', '.join(arguments)})" for function, arguments in calls]
+    head = f"@njit(cache=True)\ndef {block.name}__leaf__{name}({', '.join(given)}):\n"
+    return head + "\n".join("    " + line for line in body)

@@ -1,0 +1,131 @@
+"""Turns a part into a Drake system: vector ports named like wires, numbers as a parameter in the Context, one discrete update a task.
+
+What a part is made of arrives as a `Plan` of plain functions and vectors, so that this file knows Drake and nothing of tables or robots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from weakref import ref
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
+
+
+@dataclass(frozen=True)
+class Beat:
+    """A periodic task: `function(state, held..., numbers, *constants, *reads)`, which changes state and held wires in place.
+
+    Attributes:
+        constants: arguments before the wires, such as the tick's length [s] or the lane's index. reads: wires, by port name.
+        period, offset: when it runs [s].
+    """
+
+    function: Callable
+    constants: tuple
+    reads: tuple[str, ...]
+    period: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Through:
+    """Wires of direct feedthrough: `function(state, numbers, *reads, *writes)`, which fills `writes`."""
+
+    function: Callable
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """All that a leaf is made of.
+
+    Attributes:
+        name: of the system. inputs: wire -> width.
+        numbers: (n,) parameters [SI]. state: (m,) at the start.
+        held: wire -> (width,) value at the start, of the wires that follow from the state alone; they are kept as discrete state, so
+            that their ports never ask for an input and cost no call.
+        through: wires that answer their input at once, with `widths`.
+    """
+
+    name: str
+    inputs: dict[str, int]
+    numbers: np.ndarray
+    state: np.ndarray
+    held: dict[str, np.ndarray]
+    beats: tuple[Beat, ...]
+    through: tuple[Through, ...] = ()
+    widths: dict[str, int] | None = None
+
+
+class Leaf(LeafSystem):
+    """A part as a Drake system. Sampled: no continuous state, no event but its own periodic updates.
+
+    .. pydrake_system::
+
+        name: Leaf
+        input_ports:
+        - a wire read from another part
+        - ...
+        output_ports:
+        - a wire that the part writes
+        - ...
+
+    The ports are the part's wires, by name. Numeric parameter 0 holds the part's numbers, discrete state 0 its state, and discrete
+    states 1, 2, ... the wires that it holds. A wire of direct feedthrough is calculated from the inputs that it reads, and its
+    port says so.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        super().__init__()
+        self.set_name(plan.name)
+        self.plan = plan
+        for wire, width in plan.inputs.items():
+            self.DeclareVectorInputPort(wire, width)
+        self.numbers_index = self.DeclareNumericParameter(BasicVector(plan.numbers))
+        self.DeclareDiscreteState(plan.state)
+        for wire, value in plan.held.items():
+            self.DeclareStateOutputPort(wire, DiscreteStateIndex(self.DeclareDiscreteState(value)))
+        for beat in plan.beats:
+            self.DeclarePeriodicDiscreteUpdateEvent(beat.period, beat.offset, self._update(beat))
+        for item in plan.through:
+            for wire in item.writes:
+                self._declare_through(item, wire)
+
+    def _update(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
+        """The handler of a task. It knows the leaf weakly: Drake holds the handler, and a circle through C++ is never freed."""
+        here, function, constants = ref(self), beat.function, beat.constants
+        ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in beat.reads)
+        groups = range(1 + len(self.plan.held))
+
+        def update(context: Context, discrete: DiscreteValues) -> None:
+            leaf = here()
+            vectors = map(discrete.get_mutable_value, groups)
+            numbers = context.get_numeric_parameter(0).value()
+            function(*vectors, numbers, *constants, *[leaf.EvalVectorInput(context, i).value() for i in ports])
+
+        return update
+
+    def _declare_through(self, item: Through, wire: str) -> None:
+        """A port of direct feedthrough; other wires of the same function go to scratch memory."""
+        here, function, widths = ref(self), item.function, self.plan.widths or {}
+        ports = tuple(int(self.GetInputPort(read).get_index()) for read in item.reads)
+        scratch = [None if write == wire else np.zeros(widths[write]) for write in item.writes]
+
+        def calculate(context: Context, out: BasicVector) -> None:
+            leaf = here()
+            state, numbers = context.get_discrete_state(0).value(), context.get_numeric_parameter(0).value()
+            reads = [leaf.EvalVectorInput(context, i).value() for i in ports]
+            writes = [out.get_mutable_value() if vector is None else vector for vector in scratch]
+            function(state, numbers, *reads, *writes)
+
+        needs = {self.input_port_ticket(self.GetInputPort(read).get_index()) for read in item.reads}
+        self.DeclareVectorOutputPort(wire, widths[wire], calculate, needs | {self.xd_ticket(), self.all_parameters_ticket()})
+
+    def set_part(self, context: Context, numbers: np.ndarray, state: np.ndarray, held: dict[str, np.ndarray]) -> None:
+        """Puts numbers [SI], state and held wires into the leaf's own Context."""
+        context.get_mutable_numeric_parameter(0).SetFromVector(numbers)
+        for i, vector in enumerate((state, *(held[wire] for wire in self.plan.held))):
+            context.SetDiscreteState(i, vector)
