@@ -1,7 +1,8 @@
 """What may be planted, where and how much: one line per effect, and the draw of one of them.
 
-Ranges are those of effects.md and physics.md section 4 where they leave a gap above the noise floors, widened [A] where they do not (viscous
-friction, clock skew, current limit). A draw that leaves no gap is drawn again by the maker.
+Ranges are those of effects.md and physics.md section 4 where they leave a gap above the noise floors, widened [A]
+where they do not (viscous friction, clock skew, current limit). A draw that leaves no gap is drawn again by the
+maker.
 """
 
 from dataclasses import dataclass
@@ -19,8 +20,10 @@ ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 @dataclass(frozen=True)
 class Entry:
-    """seat: "wire", "joint", "one joint", "routers", or "" (whole robot). ranges: parameter -> (low, high), drawn log-uniformly if low > 0;
-    signed ones get either sign. exact: this reality's parameter means what effects.md's does, so an interval may be held against it."""
+    """seat: "wire", "joint", "one joint", "routers", or "" (whole robot). ranges: parameter -> (low, high), drawn
+    log-uniformly if low > 0; signed ones get either sign. exact: this reality's parameter means what effects.md's
+    does, so an interval may be held against it.
+    """
 
     seat: str
     ranges: dict
@@ -31,33 +34,33 @@ class Entry:
 LIBRARY = {
     "motor.slow_velocity_loop": Entry("wire", {"bandwidth_factor": (0.12, 0.45)}),
     "motor.dead_zone": Entry("wire", {"width": (0.6e-3, 3e-3)}),
-    "motor.current_limit": Entry("wire", {"limit": (0.045, 0.12)}, exact=True),
+    "motor.current_limit": Entry("wire", {"limit": (0.045, 0.12)}),
     "motor.spool_growth": Entry("wire", {"growth": (1.5, 8.0)}),
-    "tendon.capstan_friction": Entry("wire", {"mu_phi": (0.1, 0.6)}, exact=True),
-    "tendon.coulomb_friction": Entry("wire", {"force": (0.15, 0.8)}, exact=True),
+    "tendon.capstan_friction": Entry("wire", {"mu_phi": (0.1, 0.6)}),
+    "tendon.coulomb_friction": Entry("wire", {"force": (0.15, 0.8)}),
     "tendon.stribeck_friction": Entry("wire", {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
     "tendon.viscous_friction": Entry("wire", {"coefficient": (4.0, 40.0)}),
     "tendon.compliance": Entry("wire", {"stiffness": (700.0, 6000.0)}),
     "tendon.creep": Entry("wire", {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
-    "tendon.slack": Entry("wire", {"length": (0.5e-3, 3e-3)}, exact=True),
+    "tendon.slack": Entry("wire", {"length": (0.5e-3, 3e-3)}),
     "tendon.stiffening": Entry("wire", {"stiffness": (700.0, 1600.0), "stiffening": (50.0, 250.0)}),
     "sensor.gain": Entry("wire", {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
     "sensor.offset": Entry("wire", {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
     "sensor.drift": Entry("wire", {"rate": (3e-3, 2e-2)}, signed=("rate",)),
     "sensor.nonlinearity": Entry("wire", {"error": (0.1, 0.6)}, signed=("error",)),
     "sensor.lag": Entry("wire", {"time_constant": (0.015, 0.08)}),
-    "sensor.pulley_friction": Entry("wire", {"mu": (0.01, 0.06)}, exact=True),
+    "sensor.pulley_friction": Entry("wire", {"mu": (0.01, 0.06)}),
     "sensor.crosstalk": Entry("wire", {"coefficient": (0.01, 0.05)}, exact=True),
     "finger.stiffness": Entry("joint", {"factor": (0.55, 1.8)}, exact=True),
     "finger.hardening": Entry("joint", {"hardening": (0.01, 0.08)}),
     "finger.viscoelasticity": Entry("joint", {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)}),
     "finger.hysteresis": Entry("joint", {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}),
     "finger.coupling": Entry("", {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}),
-    "finger.router_height": Entry("joint", {"height": (0.3e-3, 1.4e-3)}, exact=True, signed=("height",)),
+    "finger.router_height": Entry("joint", {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
     "finger.router_migration": Entry("wire", {"migration": (3e-5, 1.5e-4)}),
     "finger.gravity": Entry("", {"pitch": (-0.3, 0.3)}, exact=True),
     "finger.contact": Entry("", {"distance": (0.025, 0.05), "stiffness": (1000.0, 8000.0)}),
-    "finger.tremor": Entry("one joint", {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}, exact=True),
+    "finger.tremor": Entry("one joint", {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
     "finger.spasticity": Entry("joint", {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)}),
     "timing.command_latency": Entry("", {"frames": (1, 3)}, exact=True),
     "timing.dropped_commands": Entry("", {"probability": (0.05, 0.35)}, exact=True),

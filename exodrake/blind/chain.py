@@ -1,8 +1,9 @@
 """The finger's rigid-body terms, read off Drake's MultibodyPlant and printed as numba source.
 
-A planar chain of three phalanges is built in MultibodyPlant<Expression>; its mass matrix, velocity bias and gravity torques come out as symbolic
-expressions in angles, rates, lengths, masses, centres of mass and unit inertias. Common subexpressions are shared and the result is written to
-`chain_generated.py` (a real file, so that numba can cache it). Run `python -m exodrake.blind.chain` to write it anew.
+A planar chain of three phalanges is built in MultibodyPlant<Expression>; its mass matrix, velocity bias and gravity
+torques come out as symbolic expressions in angles, rates, lengths, masses, centres of mass and unit inertias. Common
+subexpressions are shared and the result is written to `chain_generated.py` (a real file, so that numba can cache it).
+Run `python -m exodrake.blind.chain` to write it anew.
 
 x is distal, y dorsal; q > 0 flexes, i.e. turns about -z.
 """
@@ -21,7 +22,9 @@ from numba import njit
 
 
 def numeric_plant(lengths, masses, centres, inertias, gravity=(0.0, 0.0, 0.0)):
-    """MultibodyPlant of the finger: lengths, centres [m], masses [kg], unit inertias about each body's origin [m2], gravity [m/s2]."""
+    """MultibodyPlant of the finger: lengths, centres [m], masses [kg], unit inertias about each body's origin [m2],
+    gravity [m/s2].
+    """
     from pydrake.math import RigidTransform
     from pydrake.multibody.plant import MultibodyPlant
     from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
@@ -34,13 +37,15 @@ def numeric_plant(lengths, masses, centres, inertias, gravity=(0.0, 0.0, 0.0)):
         spatial = SpatialInertia(masses[index], np.array([centres[index], 0.0, 0.0]), unit, skip_validity_check=True)
         body = plant.AddRigidBody(f"phalanx_{index}", spatial)
         plant.AddJoint(RevoluteJoint(f"joint_{index}", parent, body.body_frame(), [0, 0, -1]))
-        parent = plant.AddFrame(FixedOffsetFrame(f"tip_{index}", body.body_frame(), RigidTransform([lengths[index], 0, 0])))
+        parent = plant.AddFrame(
+            FixedOffsetFrame(f"tip_{index}", body.body_frame(), RigidTransform([lengths[index], 0, 0]))
+        )
     plant.Finalize()
     return plant
 
 
 def symbolic_terms():
-    """Expressions of the mass matrix (6, upper triangle), bias (3) and gravity torque per m/s2 along x (3) and y (3)."""
+    """Expressions: mass matrix (6, upper triangle), bias (3), gravity torque per m/s2 along x (3) and y (3)."""
     from pydrake.math import RigidTransform_
     from pydrake.multibody.tree import SpatialInertia_, UnitInertia_
     from pydrake.symbolic import Expression, Variable
@@ -51,7 +56,7 @@ def symbolic_terms():
     angle, rate, length, mass, centre, inertia = (symbols(letter) for letter in "qvlmcI")
     zero = Expression(0.0)
 
-    def evaluate(gravity):
+    def evaluate(gravity, posture):
         numeric = numeric_plant([0.04, 0.02, 0.02], [1.0] * 3, [0.5] * 3, [1.0] * 3, gravity)
         plant = numeric.ToSymbolic()
         context = plant.CreateDefaultContext()
@@ -62,16 +67,16 @@ def symbolic_terms():
             plant.GetBodyByName(f"phalanx_{index}").SetSpatialInertiaInBodyFrame(context, spatial)
             tip = RigidTransform_[Expression](np.array([length[index], zero, zero]))
             plant.GetFrameByName(f"tip_{index}").SetPoseInParentFrame(context, tip)
-        plant.SetPositions(context, np.array(angle))
+        plant.SetPositions(context, np.array(posture))
         plant.SetVelocities(context, np.array(rate))
         return plant, context
 
-    plant, context = evaluate((0.0, 0.0, 0.0))
+    plant, context = evaluate((0.0, 0.0, 0.0), [zero, *angle[1:]])  # neither depends on the base's heading
     matrix = plant.CalcMassMatrix(context)
     upper = [matrix[row, column] for row in range(3) for column in range(row, 3)]
     gravity = []
     for pull in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
-        heavy, heavy_context = evaluate(pull)
+        heavy, heavy_context = evaluate(pull, angle)
         gravity += list(heavy.CalcGravityGeneralizedForces(heavy_context))
     return upper, list(plant.CalcBiasTerm(context)), gravity
 
@@ -108,7 +113,9 @@ class Printer:
             kept = [value for value in values if value != "0.0"]
             return self.chain("+", kept) if kept else "0.0"
         if name == "mul":
-            return "0.0" if "0.0" in values else self.chain("*", [value for value in values if value != "1.0"] or ["1.0"])
+            return (
+                "0.0" if "0.0" in values else self.chain("*", [value for value in values if value != "1.0"] or ["1.0"])
+            )
         if name == "div":
             return "0.0" if values[0] == "0.0" else self.chain("/", values)
         if name == "pow" and values[1] == "2.0":
@@ -130,15 +137,22 @@ def print_function(name, arguments, doc, expressions):
     return head + "\n".join(printer.lines) + f"\n    return ({', '.join(results)})\n"
 
 
-def generate(path=Path(__file__).with_name("chain_generated.py")):
+TARGET = Path(__file__).with_name("chain_generated.py")
+
+
+def generate(path=TARGET):
     """Write the generated module."""
     upper, bias, gravity = symbolic_terms()
     angles, rates = ["q1", "q2"], ["v0", "v1", "v2"]
     rest = ["l0", "l1", "m0", "m1", "m2", "c0", "c1", "c2"]
     text = HEADER
-    text += print_function("mass_matrix", ["q0", *angles, *rest, "I0", "I1", "I2"], "Upper triangle, row by row [kg m2].", upper)
-    text += print_function("velocity_bias", ["q0", *angles, *rates, *rest, "I0", "I1", "I2"], "C(q, v) v [N m].", bias)
-    text += print_function("gravity_torque", ["q0", *angles, *rest], "Torque per m/s2 of gravity along x (3), then y (3) [N m].", gravity)
+    text += print_function(
+        "mass_matrix", [*angles, *rest, "I0", "I1", "I2"], "Upper triangle, row by row [kg m2].", upper
+    )
+    text += print_function("velocity_bias", [*angles, *rates, *rest, "I0", "I1", "I2"], "C(q, v) v [N m].", bias)
+    text += print_function(
+        "gravity_torque", ["q0", *angles, *rest], "Torque per m/s2 of gravity along x (3), then y (3) [N m].", gravity
+    )
     Path(path).write_text(text)
 
 

@@ -8,7 +8,18 @@ from numba import njit
 from exodrake.blind import joints, paths
 from exodrake.blind.chain_generated import gravity_torque, mass_matrix, velocity_bias
 from exodrake.blind.layout import (
-    ANGLE, CELL, CELL_SECOND, COMMAND_LAG, INPUT_SIZE, INTEGRATOR, MOUNT, MOUNT_RATE, RATE, ROTOR, SUPPLY, THETA,
+    ANGLE,
+    CELL,
+    CELL_SECOND,
+    COMMAND_LAG,
+    INPUT_SIZE,
+    INTEGRATOR,
+    MOUNT,
+    MOUNT_RATE,
+    RATE,
+    ROTOR,
+    SUPPLY,
+    THETA,
 )  # fmt: skip
 
 FRAME = 0.02
@@ -29,7 +40,9 @@ def inputs_at(p, inputs, time, u):
 
 @njit(cache=True)
 def current(p, y, u, wire, wanted):
-    """Drive's current [A] and whether its integrator stands still: clip, soft clip or back-EMF limit of a sagging supply."""
+    """Drive's current [A] and whether its integrator stands still: clip, soft clip or back-EMF limit of a sagging
+    supply.
+    """
     raw = p.loop_p[wire] * wanted + y[INTEGRATOR + wire]
     limit = p.current_max[wire]
     if p.soft_limit[wire] > 0.0:
@@ -132,8 +145,8 @@ def accelerate(p, y, dy, torque):
     q0, q1, q2 = y[ANGLE], y[ANGLE + 1], y[ANGLE + 2]
     v0, v1, v2 = y[RATE], y[RATE + 1], y[RATE + 2]
     m, c, i, length = p.mass, p.centre, p.unit_inertia, p.length
-    a, b, d, e, f, g = mass_matrix(q0, q1, q2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
-    bias = velocity_bias(q0, q1, q2, v0, v1, v2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
+    a, b, d, e, f, g = mass_matrix(q1, q2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
+    bias = velocity_bias(q1, q2, v0, v1, v2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
     r0, r1, r2 = torque[0] - bias[0], torque[1] - bias[1], torque[2] - bias[2]
     if p.gravity_x != 0.0 or p.gravity_y != 0.0:
         w = gravity_torque(q0, q1, q2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2])

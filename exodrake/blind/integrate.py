@@ -1,9 +1,10 @@
-"""Error-controlled integration in continuous time: Bogacki-Shampine 3(2) with a step-size controller, restarted at every task instant.
+"""Error-controlled integration in continuous time: Bogacki-Shampine 3(2) with a step-size controller, restarted at
+every task instant.
 
-The robot is mildly stiff (joint damping on a light phalanx 2400 1/s, bristles and contact a few times that) and full of corners (clips, slack
-wires, contact), and is interrupted every 2 ms anyway. A low-order explicit pair then costs less than a Rosenbrock step with its Jacobian; its
-error control finds the stability limit by itself. Checked against scipy's Radau in the tests.
-Source: Bogacki and Shampine, Appl. Math. Lett. 2(4), 1989.
+The robot is mildly stiff (joint damping on a light phalanx 2400 1/s, bristles and contact a few times that) and full
+of corners (clips, slack wires, contact), and is interrupted every 2 ms anyway. A low-order explicit pair then costs
+less than a Rosenbrock step with its Jacobian; its error control finds the stability limit by itself. Checked against
+scipy's Radau in the tests. Source: Bogacki and Shampine, Appl. Math. Lett. 2(4), 1989.
 """
 
 import numpy as np
@@ -25,7 +26,9 @@ def workspace(size):
 
 @njit(cache=True)
 def trial(time, y, step, p, command, inputs, tolerance, work):
-    """One Bogacki-Shampine step from slope work[0]; the new state goes to work[5]; returns the scaled error (<= 1 accepts)."""
+    """One Bogacki-Shampine step from slope work[0]; the new state goes to work[5]; returns the scaled error (<= 1
+    accepts).
+    """
     stages, u, torque, arms = work
     k1, k2, k3, k4, middle, new = stages[0], stages[1], stages[2], stages[3], stages[4], stages[5]
     for i in range(y.size):
@@ -46,7 +49,9 @@ def trial(time, y, step, p, command, inputs, tolerance, work):
 
 @njit(cache=True)
 def advance(time, until, y, step, p, command, inputs, tolerance, work):
-    """Integrate y in place from time to until [s]; returns the step to try next, or -1 if the state cannot be integrated."""
+    """Integrate y in place from time to until [s]; returns the step to try next, or -1 if the state cannot be
+    integrated.
+    """
     stages, u, torque, arms = work
     derivative(time, y, stages[0], p, command, inputs, u, torque, arms)
     left = until - time

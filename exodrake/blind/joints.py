@@ -1,10 +1,22 @@
-"""Joints of the second reality: passive tissue, losses, contact, the wearer's own torque. All torques [N m] act along +q."""
+"""Joints of the second reality: passive tissue, losses, contact, the wearer's own torque. All torques [N m] act along
++q.
+"""
 
 from math import cos, cosh, exp, log1p, sin, sinh
 
 from numba import njit
 
-from exodrake.blind.layout import ANGLE, JOINT_LOSS, RATE, RELAX_FAST, RELAX_SLOW, REST_SHIFT, STIFFENED, TREMOR_PHASE, VOLUNTARY
+from exodrake.blind.layout import (
+    ANGLE,
+    JOINT_LOSS,
+    RATE,
+    RELAX_FAST,
+    RELAX_SLOW,
+    REST_SHIFT,
+    STIFFENED,
+    TREMOR_PHASE,
+    VOLUNTARY,
+)
 from exodrake.blind.paths import FULL_TURN
 
 SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
@@ -49,7 +61,9 @@ def losses(p, y, dy, joint):
         return 0.0
     z, rate = y[JOINT_LOSS + joint], y[RATE + joint]
     size = abs(z) ** p.hysteresis_power
-    dy[JOINT_LOSS + joint] = (rate - size * (0.5 * rate + 0.5 * abs(rate) * (1.0 if z > 0.0 else -1.0))) / p.loss_width[joint]
+    dy[JOINT_LOSS + joint] = (rate - size * (0.5 * rate + 0.5 * abs(rate) * (1.0 if z > 0.0 else -1.0))) / p.loss_width[
+        joint
+    ]
     return -level * z
 
 
@@ -83,7 +97,9 @@ def digital_tendon(p, y, joint):
 
 @njit(cache=True)
 def contact_force(p, y):
-    """Force of the object on the fingertip, dorsal [N], Hunt-Crossley with exponent 1.3, and the chain's angles' cosines times lengths [m]."""
+    """Force of the object on the fingertip, dorsal [N], Hunt-Crossley with exponent 1.3, and the chain's angles'
+    cosines times lengths [m].
+    """
     first = y[ANGLE]
     second = first + y[ANGLE + 1]
     third = second + y[ANGLE + 2]

@@ -13,7 +13,9 @@ FULL_SCALE = 20.0  # N, where the cell's bow returns to zero (effects.md)
 
 @njit(cache=True)
 def cell_reading(p, y, wire, drift, noise, before):
-    """What the bus delivers [N]: neighbour's load, scale, bow (half sine), zero, drift, noise, a sticking reading, rounding."""
+    """What the bus delivers [N]: neighbour's load, scale, bow (half sine), zero, drift, noise, a sticking reading,
+    rounding.
+    """
     load = y[CELL + wire] + p.crosstalk[wire] * y[CELL + (wire + 1) % 3]
     reading = (1.0 + p.cell_gain[wire]) * load + p.cell_offset[wire] + drift + noise
     reading += p.cell_bow[wire] * np.sin(np.pi * load / FULL_SCALE)
@@ -46,8 +48,9 @@ def heard(p, wire, command, awake):
 def run(p, y, reference, inputs, dropped, noise, tolerance):
     """Simulate len(reference) frames from state y.
 
-    reference (n, 3) N, inputs (n + 2, INPUT_SIZE), dropped (n, 3) bool, noise (n, 3) N. Returns tension (n, 3) N, gear angle (n, 3) rad,
-    commands (n, 3) m/s, and angles and rates at every mid-slot (10 n, 6). A state that cannot be integrated leaves NaN in the rest.
+    reference (n, 3) N, inputs (n + 2, INPUT_SIZE), dropped (n, 3) bool, noise (n, 3) N. Returns tension (n, 3) N,
+    gear angle (n, 3) rad, commands (n, 3) m/s, and angles and rates at every mid-slot (10 n, 6). A state that cannot
+    be integrated leaves NaN in the rest.
     """
     frames = reference.shape[0]
     tension, theta = np.full((frames, 3), np.nan), np.full((frames, 3), np.nan)
@@ -71,7 +74,9 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
                 tension[frame, wire] = cell_reading(p, y, wire, drift, noise[frame, wire], last[wire])
             elif slot == 4:
                 for wire in range(3):
-                    commands[frame, wire] = control(p, reference[frame, wire], tension[frame, wire], last[wire], frame == 0)
+                    commands[frame, wire] = control(
+                        p, reference[frame, wire], tension[frame, wire], last[wire], frame == 0
+                    )
                     last[wire] = tension[frame, wire]
             elif 5 <= slot <= 7:
                 wire = slot - 5

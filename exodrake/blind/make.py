@@ -1,7 +1,7 @@
 """Making a blind set: case folders that say nothing about their contents, and labels sealed apart from them."""
 
+import hashlib
 import os
-from concurrent.futures import CancelledError
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,11 +14,19 @@ from exodrake.blind.seal import write_sealed
 from exodrake.errors import InputError
 
 FLOORS = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
-DECIMALS = {"time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4}  # as in the practice data
+DECIMALS = {
+    "time": 2,
+    "tension_ref": 3,
+    "tension": 3,
+    "stroke": 6,
+    "speed_cmd": 5,
+    "angle": 4,
+}  # as in the practice data
 ROLES = {
     "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
     "grasps": ("holdout", None),
 }  # fmt: skip
+SEAL, BEGUN = "seal.txt", ".begun"
 VISIBLE = 2.0  # floors
 ATTEMPTS = 6
 
@@ -44,17 +52,23 @@ def held_out_gap(spec, without, protocol, seed):
 
 
 def parts_gaps(case, seed):
-    """Gap of every single effect of a case against the healthy robot, and of all together: list of the largest signal's, dict of all."""
+    """Gap of every single effect of a case against the healthy robot, and of all together: list of the largest
+    signal's, dict of all.
+    """
     motion = case.protocols["grasps"]
     whole = held_out_gap(case.spec, case.healthy, motion, seed)
     if len(case.spec.effects) < 2:
         return [max(whole.values())] * len(case.spec.effects), whole
-    alone = [held_out_gap(replace(case.spec, effects=(effect,)), case.healthy, motion, seed) for effect in case.spec.effects]
+    alone = [
+        held_out_gap(replace(case.spec, effects=(effect,)), case.healthy, motion, seed) for effect in case.spec.effects
+    ]
     return [max(gap.values()) for gap in alone], whole
 
 
 def visible_case(plan):
-    """Draw until every effect leaves a visible gap on the held-out motion, or the attempts run out: case, gaps per effect, gaps per signal."""
+    """Draw until every effect leaves a visible gap on the held-out motion, or the attempts run out: case, gaps per
+    effect, gaps per signal.
+    """
     best = None
     for attempt in range(ATTEMPTS):
         case = draw_case(plan, attempt)
@@ -73,7 +87,12 @@ def label_of(plan, case, each, whole):
     effects = []
     for effect, gap in zip(case.spec.effects, each):
         entry = ENTRIES[effect.id]
-        line = {"id": effect.id, "block": block_of(effect.id), "wires": list(effect.wires), "joints": list(effect.joints)}
+        line = {
+            "id": effect.id,
+            "block": block_of(effect.id),
+            "wires": list(effect.wires),
+            "joints": list(effect.joints),
+        }
         effects.append(line | {"parameters": effect.parameters, "exact": entry.exact, "gap": gap})
     largest = max(whole.values(), default=0.0)
     kind = {"kind": plan.kind, "effects": effects, "gap": largest, "gaps": whole, "unseen_motion": plan.unseen}
@@ -107,32 +126,50 @@ def make_case(plan, folder):
     return label_of(plan, case, each, whole)
 
 
-def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
-    """Make a set: `folder`/case_xx, `folder`/seal.txt, and the labels file outside the folder (default `folder`-labels.json).
-
-    progress: called with the number of cases done. Returns the labels' path. InputError for bad numbers or a labels file inside the folder.
+def begin(folder, labels, stamp):
+    """Open the folder for making. InputError if a set is finished there, or another one was begun, or the labels
+    would lie inside.
     """
-    from joblib import Parallel, delayed
+    from exodrake.files import write_text
 
-    folder = Path(folder)
-    labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
-    if cases < 1:
-        raise InputError(f"--cases {cases}: at least one case is wanted")
     if folder.resolve() in labels.resolve().parents:
         raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
     if labels.exists():
         raise InputError(f"{labels}: already there; a sealed set is not made over")
+    if (folder / SEAL).exists():
+        raise InputError(f"{folder}: already sealed; a sealed set is not made over")
     folder.mkdir(parents=True, exist_ok=True)
-    plans = plan(seed, cases, mix or CaseMix())
+    mark = folder / BEGUN
+    if mark.is_file():
+        if mark.read_text().strip() != stamp:
+            raise InputError(f"{folder}: begun with another seed, number of cases or mix")
+    elif any(folder.iterdir()):
+        raise InputError(f"{folder}: not empty")
+    write_text(mark, stamp + "\n")
+
+
+def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
+    """Make a set: `folder`/case_xx, `folder`/seal.txt, and the labels file outside it (default `folder`-labels.json).
+
+    An interrupted set is taken up where it stopped. progress: called with the number of cases done. Returns the labels'
+    path. InputError for bad numbers and as `begin`.
+    """
+    from joblib import Parallel, delayed
+
+    folder, mix = Path(folder), mix or CaseMix()
+    labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
+    if cases < 1:
+        raise InputError(f"--cases {cases}: at least one case is wanted")
+    begin(folder, labels, hashlib.sha256(f"{seed} {cases} {mix}".encode()).hexdigest())
+    plans = plan(seed, cases, mix)
     found = {}
     work = (delayed(_named)(item, os.fspath(folder)) for item in plans)
     for name, label in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
         found[name] = label
         if progress:
             progress(len(found))
-    if len(found) != len(plans):
-        raise CancelledError
-    write_sealed({item.name: found[item.name] for item in plans}, labels, folder / "seal.txt")
+    write_sealed({item.name: found[item.name] for item in plans}, labels, folder / SEAL)
+    (folder / BEGUN).unlink()
     return labels
 
 

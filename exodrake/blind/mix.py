@@ -82,7 +82,9 @@ def plan(seed, total, mix):
     rng = np.random.default_rng([seed, 0])
     number = counts(mix, total)
     ids = [()] * number["healthy"] + [(name,) for name in rounds(LIBRARY, number["single"], rng)]
-    ids += [draw_pair(rng) for _ in range(number["pair"])] + [(name,) for name in rounds(OUTSIDE, number["unknown"], rng)]
+    ids += [draw_pair(rng) for _ in range(number["pair"])] + [
+        (name,) for name in rounds(OUTSIDE, number["unknown"], rng)
+    ]
     kinds = [kind for kind, many in number.items() for _ in range(many)]
     width = max(2, len(str(total - 1)))
     plans = []
@@ -93,7 +95,9 @@ def plan(seed, total, mix):
 
 
 def draw_case(plan, attempt=0):
-    """Robot, effects and motions of a planned case. Numbers and motions do not depend on the attempt, magnitudes and seats do."""
+    """Robot, effects and motions of a planned case. Numbers and motions do not depend on the attempt, magnitudes and
+    seats do.
+    """
     numbers = draw_numbers(np.random.default_rng([*plan.seed, 1]))
     protocols = protocols_of(np.random.default_rng([*plan.seed, 2]), plan.unseen)
     rng = np.random.default_rng([*plan.seed, 3, attempt])

@@ -1,6 +1,7 @@
 """Effects that are in no library: what an UNKNOWN case is made of. All forms and magnitudes [A].
 
-Each is outside effects.md, and as far as possible outside physics.md section 4 too, since the library may hold more than effects.md lists.
+Each is outside effects.md, and as far as possible outside physics.md section 4 too, since the library may hold more
+than effects.md lists.
 """
 
 import numpy as np
@@ -46,7 +47,9 @@ def wire_snag(build, effect, rng):
 def wandering_rest(build, effect, rng):
     """The wearer's resting posture wanders."""
     for joint in range(3):
-        build.inputs[:, REST_SHIFT + joint] += walk(rng, len(build.time), effect.parameters["size"], effect.parameters["memory"])
+        build.inputs[:, REST_SHIFT + joint] += walk(
+            rng, len(build.time), effect.parameters["size"], effect.parameters["memory"]
+        )
 
 
 def torque_bursts(build, effect, rng):
@@ -136,10 +139,23 @@ def sticking_cell(build, effect, rng):
     build.record["sticky"] = effect.parameters["band"]
 
 
-OUTSIDE_PLANTERS = {
-    f"outside.{plant.__name__}": plant
-    for plant in (
-        spool_eccentricity, wire_snag, wandering_rest, torque_bursts, posture_friction, redonning, tendon_jump, snap_through,
-        flexible_mount, voltage_sag, abduction, warming, coactivation, leaky_integrator, wire_rub, marker_jump, sticking_cell,
-    )
-}  # fmt: skip
+_ALL = (
+    spool_eccentricity,
+    wire_snag,
+    wandering_rest,
+    torque_bursts,
+    posture_friction,
+    redonning,
+    tendon_jump,
+    snap_through,
+    flexible_mount,
+    voltage_sag,
+    abduction,
+    warming,
+    coactivation,
+    leaky_integrator,
+    wire_rub,
+    marker_jump,
+    sticking_cell,
+)
+OUTSIDE_PLANTERS = {f"outside.{plant.__name__}": plant for plant in _ALL}

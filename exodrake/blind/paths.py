@@ -5,7 +5,17 @@ from math import atan, cos, exp, log1p, sin, sqrt, tanh
 from numba import njit
 
 from exodrake.blind.layout import (
-    BRISTLE, CAPSTAN, CREEP_FAST, CREEP_SLOW, FELT_TENSION, GARMENT, MOUNT, PULLEY, ROUTER_SHIFT, THETA, WIRE_SHIFT,
+    BRISTLE,
+    CAPSTAN,
+    CREEP_FAST,
+    CREEP_SLOW,
+    FELT_TENSION,
+    GARMENT,
+    MOUNT,
+    PULLEY,
+    ROUTER_SHIFT,
+    THETA,
+    WIRE_SHIFT,
 )  # fmt: skip
 
 FULL_TURN = 6.283185307179586
@@ -62,7 +72,15 @@ def elastic(p, wire, stretch):
 def pull(p, y, dy, u, wire, taken):
     """Tension at the cell [N] and spool radius [m]; writes the rates of creep, garment and felt tension."""
     length, radius = wound(p, wire, y[THETA + wire])
-    stretch = length - taken - p.slack[wire] - y[CREEP_FAST + wire] - y[CREEP_SLOW + wire] - y[GARMENT + wire] - y[MOUNT + wire]
+    stretch = (
+        length
+        - taken
+        - p.slack[wire]
+        - y[CREEP_FAST + wire]
+        - y[CREEP_SLOW + wire]
+        - y[GARMENT + wire]
+        - y[MOUNT + wire]
+    )
     tension = elastic(p, wire, stretch - u[WIRE_SHIFT + wire])
     if p.creep[wire] > 0.0:
         share = 0.5 * tension / p.creep[wire]
@@ -91,7 +109,9 @@ def bristle_rate(z, speed, travel):
 
 @njit(cache=True)
 def through_sheath(p, y, dy, wire, tension, taken, speed):
-    """Tension at the finger [N] after capstan (Dahl), LuGre Coulomb/Stribeck, shear-thinning viscous and snag losses; writes bristle rates."""
+    """Tension at the finger [N] after capstan (Dahl), LuGre Coulomb/Stribeck, shear-thinning viscous and snag losses;
+    writes bristle rates.
+    """
     if p.capstan[wire] > 0.0:
         dy[CAPSTAN + wire] = bristle_rate(y[CAPSTAN + wire], speed, p.capstan_travel)
         tension *= exp(-p.capstan[wire] * y[CAPSTAN + wire])

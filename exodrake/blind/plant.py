@@ -1,7 +1,8 @@
 """Planting the effects of effects.md into a robot of the second reality, each in this reality's own form.
 
-A planter writes into the parameter record (constants) or into the inputs (courses over time). The forms are in paths.py, joints.py, field.py and
-loop.py; what is written here is how an effect's parameters, named as in effects.md, become this reality's constants.
+A planter writes into the parameter record (constants) or into the inputs (courses over time). The forms are in
+paths.py, joints.py, field.py and loop.py; what is written here is how an effect's parameters, named as in effects.md,
+become this reality's constants.
 """
 
 import numpy as np
@@ -11,7 +12,7 @@ from exodrake.blind.numbers import settle_routing
 
 GRAVITY = 9.81  # m/s2
 MIDDLE_LOAD = 4.0  # N, load at which a stiffening garment's secant stiffness is the stated one [A]
-TOE = 3e-4  # m, over which a slack wire comes taut [A]
+TOE = 1.5e-4  # m, over which a slack wire comes taut [A]
 BURST = 2.5  # frames lost in a row on average [A]
 
 
@@ -72,7 +73,9 @@ def slack(build, effect, rng):
 
 
 def stiffening(build, effect, rng):
-    """k (exp(a e) - 1) / a; a is twice the stated stiffening, so that the curvature at e = 0 is that of k e (1 + stiffening e)."""
+    """k (exp(a e) - 1) / a; a is twice the stated stiffening, so that the curvature at e = 0 is that of k e (1 +
+    stiffening e).
+    """
     where = wires_of(effect)
     build.record["wire_stiffness"][where] = effect.parameters["stiffness"]
     build.record["stiffening"][where] = 2.0 * effect.parameters["stiffening"]

@@ -1,6 +1,8 @@
-"""Motions of a case: tension references (n, 3) N at 20 ms, like those in data/reference but in another order, at other levels and paces.
+"""Motions of a case: tension references (n, 3) N at 20 ms, like those in data/reference but in another order, at
+other levels and paces.
 
-Sweeps, chirp and holds are for fitting. Held out are grasps or, sometimes, a smooth random motion of all wires that resembles nothing in the fit.
+Sweeps, chirp and holds are for fitting. Held out are grasps or, sometimes, a smooth random motion of all wires that
+resembles nothing in the fit.
 """
 
 import numpy as np
@@ -18,7 +20,9 @@ def clock(duration):
 
 
 def sweeps(rng):
-    """Each wire ramps four times from the anti-slack floor to its maximum and back; the others stand at levels of their maxima."""
+    """Each wire ramps four times from the anti-slack floor to its maximum and back; the others stand at levels of
+    their maxima.
+    """
     time = clock(SWEEPS)
     reference = np.zeros((len(time), 3))
     active = np.repeat(rng.permutation(3), 4)
@@ -35,7 +39,9 @@ def sweeps(rng):
 
 
 def chirp(rng):
-    """Each wire in turn swings between 10 and 80 % of its maximum, from about 0.1 to about 1.8 Hz; the others rest at a base level."""
+    """Each wire in turn swings between 10 and 80 % of its maximum, from about 0.1 to about 1.8 Hz; the others rest at
+    a base level.
+    """
     time = clock(CHIRP)
     span = CHIRP / 3
     reference = np.tile(TENSION_MAX * rng.uniform(0.1, 0.2, 3), (len(time), 1))
@@ -93,4 +99,10 @@ def wander(rng):
 def protocols_of(rng, unseen):
     """Motions of one case by log name; `unseen` chooses the random smooth motion for the held-out log."""
     sweep = sweeps(rng)
-    return {"sweeps_1": sweep, "sweeps_2": sweep, "chirp": chirp(rng), "holds": holds(rng), "grasps": (wander if unseen else grasps)(rng)}
+    return {
+        "sweeps_1": sweep,
+        "sweeps_2": sweep,
+        "chirp": chirp(rng),
+        "holds": holds(rng),
+        "grasps": (wander if unseen else grasps)(rng),
+    }

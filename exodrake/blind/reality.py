@@ -1,6 +1,7 @@
 """One robot of the second reality: what it is made of, and the log it leaves.
 
-    spec = RealitySpec(numbers=draw_numbers(rng), effects=(Planted("tendon.slack", wires=("MF",), parameters={"length": 0.002}),))
+    slack = Planted("tendon.slack", wires=("MF",), parameters={"length": 0.002})
+    spec = RealitySpec(numbers=draw_numbers(rng), effects=(slack,))
     columns = simulate(spec, Protocol("grasps", reference), seed=7)
 
 No equation of exodrake's main model is used here: only the page `model.md` is common to both.
@@ -11,7 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.layout import ANGLE, CELL_DRIFT, INPUT_SIZE, JOINTS, MARKER_SHIFT, STATE_SIZE, THETA, WIRES, tolerance_vector
+from exodrake.blind.layout import (
+    ANGLE,
+    INPUT_SIZE,
+    JOINTS,
+    MARKER_SHIFT,
+    STATE_SIZE,
+    THETA,
+    WIRES,
+    tolerance_vector,
+)
 from exodrake.blind.numbers import NOISE_ANGLE, NOISE_FORCE, QUANTUM_THETA, SPOOL_CONFIGURED, draw_numbers, robot_record
 from exodrake.errors import InputError
 
@@ -20,7 +30,9 @@ FRAME = 0.02
 
 @dataclass(frozen=True)
 class Planted:
-    """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty: all or none)."""
+    """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty:
+    all or none).
+    """
 
     id: str
     wires: tuple[str, ...] = ()
@@ -47,7 +59,9 @@ class RealitySpec:
 
 @dataclass
 class Build:
-    """A robot being assembled for one log: record, inputs (n + 2, INPUT_SIZE), dropped commands (n, 3), mocap delay [s] and clock skew."""
+    """A robot being assembled for one log: record, inputs (n + 2, INPUT_SIZE), dropped commands (n, 3), mocap delay
+    [s] and clock skew.
+    """
 
     record: Any
     inputs: np.ndarray
@@ -62,7 +76,9 @@ def assemble(spec, frames, rng):
     from exodrake.blind.catalogue import PLANTERS
 
     time = FRAME * np.arange(frames + 2)
-    build = Build(robot_record(spec.numbers, spec.noisy), np.zeros((frames + 2, INPUT_SIZE)), np.zeros((frames, 3), bool), time)
+    build = Build(
+        robot_record(spec.numbers, spec.noisy), np.zeros((frames + 2, INPUT_SIZE)), np.zeros((frames, 3), bool), time
+    )
     for effect in spec.effects:
         if effect.id not in PLANTERS:
             raise InputError(f"effect {effect.id!r} is not one the second reality knows")
@@ -128,10 +144,14 @@ def simulate(spec, protocol, seed):
     course, noise_source = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2))
     build = assemble(spec, frames, course)
     noise = NOISE_FORCE * spec.noisy * noise_source.standard_normal((frames, 3))
-    results = run(build.record, initial_state(build.record), reference, build.inputs, build.dropped, noise, tolerance_vector())
+    results = run(
+        build.record, initial_state(build.record), reference, build.inputs, build.dropped, noise, tolerance_vector()
+    )
     tension, theta, commands, posture = results
     if not np.all(np.isfinite(posture)):
-        raise InputError(f"{protocol.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated")
+        raise InputError(
+            f"{protocol.name}: the robot with {[effect.id for effect in spec.effects]} cannot be integrated"
+        )
     stroke, angles = measure(build, posture, theta, noise_source, spec.noisy)
     columns = {"time": FRAME * np.arange(frames)}
     groups = [("tension_ref", reference, WIRES), ("tension", tension, WIRES), ("stroke", stroke, WIRES)]

@@ -1,6 +1,8 @@
-"""The seal: a salted SHA-256 of the labels, made with the cases, so that nobody can change an answer after the questions are out.
+"""The seal: a salted SHA-256 of the labels, made with the cases, so that nobody can change an answer after the
+questions are out.
 
-The salt lies in the labels file, not beside the seal: without it the labels cannot be guessed and checked against the seal.
+The salt lies in the labels file, not beside the seal: without it the labels cannot be guessed and checked against the
+seal.
 """
 
 import hashlib

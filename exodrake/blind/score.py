@@ -1,0 +1,216 @@
+"""Holding diagnoses against sealed labels: the table of diagnosis.md, "How it is judged"."""
+
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.blind.matching import accepted_blocks, accepted_ids, covered, found_ids, top_id
+from exodrake.blind.run import ANSWER, cases_of
+from exodrake.blind.seal import read_sealed
+from exodrake.errors import InputError
+
+VISIBLE = 2.0  # floors
+QUIET = ("NO_GAP", "RETUNE")
+PATIENCE = 60.0  # s
+
+
+@dataclass(frozen=True)
+class Share:
+    """So many of so many, with its exact binomial interval; `wanted` as diagnosis.md puts it."""
+
+    name: str
+    hits: int
+    total: int
+    wanted: str = ""
+
+    @property
+    def value(self):
+        return self.hits / self.total if self.total else float("nan")
+
+    @property
+    def interval(self):
+        return binomial_interval(self.hits, self.total)
+
+
+@dataclass(frozen=True)
+class Score:
+    """Shares, plain numbers (name -> value), baselines, confusion (truth, answer) -> count, and the cases without a
+    diagnosis.
+    """
+
+    shares: tuple[Share, ...]
+    numbers: dict[str, float]
+    baselines: tuple[Share, ...]
+    confusion: dict[tuple[str, str], int]
+    missing: tuple[str, ...]
+    cases: int
+
+
+@dataclass(frozen=True)
+class Answered:
+    """One case: its label and its diagnosis."""
+
+    name: str
+    label: dict
+    diagnosis: dict
+
+    @property
+    def kind(self):
+        return self.label["kind"]
+
+    @property
+    def truths(self):
+        return self.label["effects"]
+
+    @property
+    def verdict(self):
+        return self.diagnosis["verdict"]
+
+    @property
+    def visible(self):
+        return bool(self.truths) and min(truth["gap"] for truth in self.truths) >= VISIBLE
+
+
+def binomial_interval(hits, total, level=0.95):
+    """Clopper-Pearson interval of a share; (0, 1) for no trials."""
+    from scipy.stats import beta
+
+    tail = (1 - level) / 2
+    low = beta.ppf(tail, hits, total - hits + 1) if hits > 0 else 0.0
+    high = beta.ppf(1 - tail, hits + 1, total - hits) if hits < total else 1.0
+    return float(low), float(high)
+
+
+def share(name, outcomes, wanted=""):
+    """Share of true outcomes."""
+    outcomes = list(outcomes)
+    return Share(name, sum(map(bool, outcomes)), len(outcomes), wanted)
+
+
+def read_answers(folder, labels):
+    """Cases with a diagnosis, and the names of those without. InputError for a broken seal, a foreign case or a
+    malformed diagnosis.
+    """
+    sealed = read_sealed(labels, Path(folder) / "seal.txt")
+    answered, missing = [], []
+    for case in cases_of(folder):
+        if case.name not in sealed:
+            raise InputError(f"{case}: not among the sealed labels in {labels}")
+        path = case / ANSWER
+        if not path.is_file():
+            missing.append(case.name)
+            continue
+        try:
+            diagnosis = json.loads(path.read_text())
+            answered.append(Answered(case.name, sealed[case.name], diagnosis | {"verdict": diagnosis["verdict"]}))
+        except (ValueError, KeyError, TypeError):
+            raise InputError(f"{path}: not a diagnosis (JSON with key 'verdict')") from None
+    missing += sorted(set(sealed) - {case.name for case in cases_of(folder)})
+    if not answered:
+        raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
+    return answered, tuple(missing)
+
+
+def right_block(case):
+    return (case.diagnosis.get("where") or {}).get("block") in accepted_blocks(case.truths[0])
+
+
+def right_effect(case):
+    """The truth (or what cannot be told from it) comes first, or is in the class of an AMBIGUOUS verdict."""
+    accepted = accepted_ids(case.truths[0])
+    if case.verdict == "AMBIGUOUS" and accepted & set(case.diagnosis.get("equivalents") or ()):
+        return True
+    return case.verdict in ("NAMED", "AMBIGUOUS") and top_id(case.diagnosis) in accepted
+
+
+def right_pair(case):
+    """Every effect of the case is among those named."""
+    found = found_ids(case.diagnosis)
+    return case.verdict in ("NAMED", "AMBIGUOUS") and all(accepted_ids(truth) & found for truth in case.truths)
+
+
+def shares_of(cases):
+    """The rows of the table that are shares."""
+    single = [case for case in cases if case.kind == "single" and case.visible]
+    pairs = [case for case in cases if case.kind == "pair" and case.visible]
+    healthy = [case for case in cases if case.kind == "healthy"]
+    outside = [case for case in cases if case.kind == "unknown" and case.visible]
+    named = [case for case in single + pairs if case.verdict == "NAMED"]
+    right = [case for case in single if right_effect(case) and case.verdict == "NAMED"]
+    inside = [hit for case in right for hit in covered(case.truths[0], case.diagnosis, exact=True)]
+    loose = [hit for case in right for hit in covered(case.truths[0], case.diagnosis, exact=False)]
+    lows = [overall(case).get("low") for case in named]
+    return (
+        share("right block first", map(right_block, single), ">= 95 %"),
+        share("right effect first or in its class", map(right_effect, single), ">= 90 %"),
+        share("both effects of a pair", map(right_pair, pairs), ">= 80 %"),
+        share("false alarm on healthy", (case.verdict not in QUIET for case in healthy), "<= 2 %"),
+        share("UNKNOWN on outside effects", (case.verdict == "UNKNOWN" for case in outside), ">= 90 %"),
+        share("wrongly UNKNOWN", (case.verdict == "UNKNOWN" for case in healthy + single + pairs), "<= 5 %"),
+        share("missed (NO_GAP or RETUNE) though visible", (case.verdict in QUIET for case in single + pairs)),
+        share("lower bound of closure > 0.8 when named", (low is not None and low > 0.8 for low in lows), "all"),
+        share("90 % interval covers, same parameter", inside, "85-95 %"),
+        share("90 % interval covers, other functional form", loose),
+        share(
+            f"done within {PATIENCE:.0f} s",
+            ((case.diagnosis.get("seconds") or np.inf) <= PATIENCE for case in cases),
+            "all",
+        ),
+    )
+
+
+def overall(case):
+    return (case.diagnosis.get("closure") or {}).get("overall") or {}
+
+
+def numbers_of(cases):
+    """The rows of the table that are plain numbers."""
+    named = [
+        overall(case).get("value") for case in cases if case.verdict == "NAMED" and case.kind in ("single", "pair")
+    ]
+    closures = [value for value in named if value is not None]
+    seconds = [case.diagnosis["seconds"] for case in cases if case.diagnosis.get("seconds") is not None]
+    numbers = {"closure when named, median (wanted >= 0.95)": float(np.median(closures)) if closures else float("nan")}
+    numbers["closure when named, lowest"] = min(closures, default=float("nan"))
+    numbers["seconds a case, median"] = float(np.median(seconds)) if seconds else float("nan")
+    numbers["seconds a case, longest"] = max(seconds, default=float("nan"))
+    return numbers
+
+
+def baselines_of(cases):
+    """Trivial answers on the same visible single-effect cases: always the commonest effect, always its block, and any
+    the diagnosis carries.
+    """
+    single = [case for case in cases if case.kind == "single" and case.visible]
+    ids = Counter(case.truths[0]["id"] for case in single)
+    blocks = Counter(case.truths[0]["block"] for case in single)
+    rows = [
+        Share("always the commonest effect", max(ids.values(), default=0), len(single)),
+        Share("always the commonest block", max(blocks.values(), default=0), len(single)),
+    ]
+    for name in sorted({name for case in single for name in case.diagnosis.get("baselines") or ()}):
+        answers = [((case.diagnosis.get("baselines") or {}).get(name), case) for case in single]
+        rows.append(
+            share(f"{name}: right effect", (answer in accepted_ids(case.truths[0]) for answer, case in answers))
+        )
+    return tuple(rows)
+
+
+def confusion_of(cases):
+    """(truth, answer) -> count; pairs are joined by +, an answer without a name is its verdict."""
+    table = Counter()
+    for case in cases:
+        truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
+        named = " + ".join(effect["id"] for effect in case.diagnosis.get("effects") or ())
+        answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
+        table[truth, answer] += 1
+    return dict(sorted(table.items()))
+
+
+def score(folder, labels):
+    """Score of a set. InputError for a broken seal, a foreign case, a malformed diagnosis, or none at all."""
+    cases, missing = read_answers(folder, labels)
+    return Score(shares_of(cases), numbers_of(cases), baselines_of(cases), confusion_of(cases), missing, len(cases))

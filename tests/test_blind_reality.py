@@ -1,0 +1,118 @@
+"""The second reality: right without effects, and different with each of them."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect
+from exodrake.blind.make import gap_in_floors
+from exodrake.blind.mix import CaseMix, draw_case, plan
+from exodrake.blind.numbers import draw_numbers
+from exodrake.blind.protocols import grasps, protocols_of
+from exodrake.blind.reality import FRAME, Planted, Protocol, RealitySpec, simulate
+from exodrake.errors import InputError
+
+REFERENCES = ("sweeps", "chirp", "holds", "grasps")
+NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad
+NEEDS_LONGER = {"outside.voltage_sag", "timing.mocap_clock_skew"}  # rare spells; grows with time
+
+
+def reference_folder():
+    """data/reference: EXODRAKE_DATA, or beside or above the checkout; None if absent."""
+    bases = [Path(os.environ["EXODRAKE_DATA"])] if "EXODRAKE_DATA" in os.environ else []
+    for parent in Path(__file__).resolve().parents:
+        bases += [parent / "data", parent / "shared" / "data"]
+    return next((base / "reference" for base in bases if (base / "reference" / "sweeps.csv").is_file()), None)
+
+
+@cache
+def short_grasps(seconds=14.0):
+    return Protocol("grasps", grasps(np.random.default_rng(5)).reference[: round(seconds / FRAME)])
+
+
+@cache
+def healthy_log():
+    return simulate(RealitySpec(noisy=False), short_grasps(), 0)
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_reproduces_the_reference(name):
+    folder = reference_folder()
+    if folder is None:
+        pytest.skip("no data/reference here")
+    path = folder / f"{name}.csv"
+    names = [heading.split(" ")[0] for heading in path.open().readline().strip().split(",")]
+    table = np.loadtxt(path, delimiter=",", skiprows=1)
+    wanted = dict(zip(names, table.T))
+    reference = np.column_stack([wanted[f"tension_ref_{wire}"] for wire in ("AF", "MF", "AE")])
+    log = simulate(RealitySpec(noisy=False), Protocol(name, reference), 0)
+    assert tuple(log) == tuple(names)
+    for column, values in log.items():
+        kind = column.rsplit("_", 1)[0]
+        if kind in NEAR:
+            assert np.sqrt(np.mean((values - wanted[column]) ** 2)) < NEAR[kind], column
+
+
+def test_same_seed_same_log():
+    spec = RealitySpec(
+        draw_numbers(np.random.default_rng(1)), (draw_effect("finger.tremor", np.random.default_rng(2)),)
+    )
+    motion = Protocol("grasps", short_grasps().reference[:200])
+    first, again, other = (simulate(spec, motion, seed) for seed in (3, 3, 4))
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["tension_AF"], other["tension_AF"])
+
+
+@pytest.mark.parametrize("effect_id", ENTRIES)
+def test_every_effect_is_finite_and_seen(effect_id):
+    best = 0.0
+    for seed in range(4):
+        effect = draw_effect(effect_id, np.random.default_rng(seed))
+        log = simulate(RealitySpec(effects=(effect,), noisy=False), short_grasps(), 7)
+        assert all(np.all(np.isfinite(values)) for values in log.values())
+        best = max(best, max(gap_in_floors(log, healthy_log()).values()))
+        if best >= 2.0:
+            return
+    assert effect_id in NEEDS_LONGER, f"{best:.2f} floors"
+
+
+def test_a_neutral_effect_is_absent():
+    neutral = Planted("tendon.capstan_friction", parameters={"mu_phi": 0.0})
+    log = simulate(RealitySpec(effects=(neutral,), noisy=False), short_grasps(), 0)
+    assert all(np.array_equal(log[name], healthy_log()[name]) for name in log)
+
+
+def test_unknown_effect_is_refused():
+    with pytest.raises(InputError, match=r"tendon\.magic"):
+        simulate(RealitySpec(effects=(Planted("tendon.magic"),)), short_grasps(), 0)
+
+
+def test_slack_equals_a_negative_homing_offset():
+    slack = Planted("tendon.slack", ("MF",), parameters={"length": 1e-3})
+    homing = Planted("encoder.homing_offset", ("MF",), parameters={"offset": -1e-3})
+    logs = [simulate(RealitySpec(effects=(effect,), noisy=False), short_grasps(), 0) for effect in (slack, homing)]
+    assert max(gap_in_floors(*logs).values()) < 0.1 * max(gap_in_floors(logs[0], healthy_log()).values())
+
+
+def test_protocols_are_within_the_wires_range_and_as_long_as_they_should():
+    for unseen in (False, True):
+        for name, protocol in protocols_of(np.random.default_rng(8), unseen).items():
+            assert len(protocol.reference) * FRAME == pytest.approx(
+                {"sweeps_1": 60, "sweeps_2": 60, "chirp": 36}.get(name, 40)
+            )
+            assert protocol.reference.min() >= 0.3
+            assert np.all(protocol.reference.max(axis=0) <= [12.0 + 1e-9, 8.0 + 1e-9, 8.0 + 1e-9])
+
+
+def test_plan_follows_the_mix_and_the_seed():
+    plans = plan(3, 40, CaseMix())
+    kinds = [item.kind for item in plans]
+    assert [kinds.count(kind) for kind in ("healthy", "single", "pair", "unknown")] == [8, 20, 6, 6]
+    assert len({item.ids for item in plans if item.kind == "single"}) == 20
+    assert all(set(item.ids) <= set(OUTSIDE) for item in plans if item.kind == "unknown")
+    assert plans == plan(3, 40, CaseMix())
+    assert draw_case(plans[0], 1).spec.effects == draw_case(plans[0], 1).spec.effects
+    assert len(LIBRARY) >= 37 and len(OUTSIDE) >= 8
