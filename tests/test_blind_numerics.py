@@ -1,41 +1,9 @@
-"""The second reality's numerics against Drake's MultibodyPlant and scipy's Radau."""
+"""The second reality's integrator against scipy's Radau."""
 
 import numpy as np
-import pytest
 
 from exodrake.blind.layout import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.blind.numbers import draw_numbers
 from exodrake.blind.reality import Planted, RealitySpec, assemble, initial_state
-
-
-def test_rigid_body_terms_equal_drakes():
-    from exodrake.blind.chain import numeric_plant
-    from exodrake.blind.chain_generated import gravity_torque, mass_matrix, velocity_bias
-
-    record = assemble(RealitySpec(draw_numbers(np.random.default_rng(1))), 2, None).record
-    length, mass, centre, inertia = (record[name] for name in ("length", "mass", "centre", "unit_inertia"))
-    plant = numeric_plant(length, mass, centre, inertia, (1.5, -9.0, 0.0))
-    context = plant.CreateDefaultContext()
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        q, v = rng.uniform(-0.5, 2.0, 3), rng.uniform(-9.0, 9.0, 3)
-        plant.SetPositions(context, q)
-        plant.SetVelocities(context, v)
-        shape = (length[0], length[1], *mass, *centre)
-        upper = mass_matrix(q[1], q[2], *shape, *inertia)
-        assert upper == pytest.approx(plant.CalcMassMatrix(context)[np.triu_indices(3)], rel=1e-12)
-        assert velocity_bias(q[1], q[2], *v, *shape, *inertia) == pytest.approx(plant.CalcBiasTerm(context), rel=1e-9)
-        pull = np.array(gravity_torque(*q, *shape))
-        wanted = plant.CalcGravityGeneralizedForces(context)
-        assert 1.5 * pull[:3] - 9.0 * pull[3:] == pytest.approx(wanted, rel=1e-9)
-
-
-def test_generated_source_is_up_to_date(tmp_path):
-    from exodrake.blind import chain, chain_generated
-
-    chain.generate(tmp_path / "again.py")
-    with open(chain_generated.__file__) as stream:
-        assert (tmp_path / "again.py").read_text() == stream.read()
 
 
 def test_integrator_agrees_with_radau():

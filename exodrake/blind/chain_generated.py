@@ -1,4 +1,4 @@
-"""Rigid-body terms of the finger, printed by chain.py from Drake's MultibodyPlant. Do not edit."""
+"""Rigid-body terms of the finger, read off MultibodyPlant by tests/test_blind_chain.py. Do not edit."""
 
 from math import cos, sin
 

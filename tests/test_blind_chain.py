@@ -1,9 +1,10 @@
-"""The finger's rigid-body terms, read off Drake's MultibodyPlant and printed as numba source.
+"""The second reality's rigid-body terms: read off Drake's MultibodyPlant, printed as source, and checked against it.
 
 A planar chain of three phalanges is built in MultibodyPlant<Expression>; its mass matrix, velocity bias and gravity
 torques come out as symbolic expressions in angles, rates, lengths, masses, centres of mass and unit inertias. Common
-subexpressions are shared and the result is written to `chain_generated.py` (a real file, so that numba can cache it).
-Run `python -m exodrake.blind.chain` to write it anew.
+subexpressions are shared and the result is `exodrake/blind/chain_generated.py` (a real file, so that numba can cache
+it). `python -m tests.test_blind_chain` writes it anew. This lives among the tests since the package's blind part may
+not import pydrake.
 
 x is distal, y dorsal; q > 0 flexes, i.e. turns about -z.
 """
@@ -11,9 +12,13 @@ x is distal, y dorsal; q > 0 flexes, i.e. turns about -z.
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from exodrake.blind.numbers import draw_numbers
+from exodrake.blind.reality import RealitySpec, assemble
 
 OPERATORS = {"add": "+", "mul": "*", "div": "/", "pow": "**"}
-HEADER = '''"""Rigid-body terms of the finger, printed by chain.py from Drake's MultibodyPlant. Do not edit."""
+HEADER = '''"""Rigid-body terms of the finger, read off MultibodyPlant by tests/test_blind_chain.py. Do not edit."""
 
 from math import cos, sin
 
@@ -137,7 +142,7 @@ def print_function(name, arguments, doc, expressions):
     return head + "\n".join(printer.lines) + f"\n    return ({', '.join(results)})\n"
 
 
-TARGET = Path(__file__).with_name("chain_generated.py")
+TARGET = Path(__file__).parent.parent / "exodrake" / "blind" / "chain_generated.py"
 
 
 def generate(path=TARGET):
@@ -154,6 +159,32 @@ def generate(path=TARGET):
         "gravity_torque", ["q0", *angles, *rest], "Torque per m/s2 of gravity along x (3), then y (3) [N m].", gravity
     )
     Path(path).write_text(text)
+
+
+def test_rigid_body_terms_equal_drakes():
+    from exodrake.blind.chain_generated import gravity_torque, mass_matrix, velocity_bias
+
+    record = assemble(RealitySpec(draw_numbers(np.random.default_rng(1))), 2, None).record
+    length, mass, centre, inertia = (record[name] for name in ("length", "mass", "centre", "unit_inertia"))
+    plant = numeric_plant(length, mass, centre, inertia, (1.5, -9.0, 0.0))
+    context = plant.CreateDefaultContext()
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        q, v = rng.uniform(-0.5, 2.0, 3), rng.uniform(-9.0, 9.0, 3)
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, v)
+        shape = (length[0], length[1], *mass, *centre)
+        upper = mass_matrix(q[1], q[2], *shape, *inertia)
+        assert upper == pytest.approx(plant.CalcMassMatrix(context)[np.triu_indices(3)], rel=1e-12)
+        assert velocity_bias(q[1], q[2], *v, *shape, *inertia) == pytest.approx(plant.CalcBiasTerm(context), rel=1e-9)
+        pull = np.array(gravity_torque(*q, *shape))
+        wanted = plant.CalcGravityGeneralizedForces(context)
+        assert 1.5 * pull[:3] - 9.0 * pull[3:] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_generated_source_is_up_to_date(tmp_path):
+    generate(tmp_path / "again.py")
+    assert (tmp_path / "again.py").read_text() == TARGET.read_text()
 
 
 if __name__ == "__main__":
