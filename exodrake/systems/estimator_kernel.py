@@ -6,10 +6,10 @@ A Gaussian process, already trained (`identification.estimator.gp`), reduced to 
     mean_j = o_j + g_j sum_i k_i alpha_ij
     std_j  = p_j sqrt(v_lin (1 + z . z) + v_rbf + v_rest - |L^-1 k|^2)
 
-The sweep a new sample belongs to was never seen, so the covariance with the training points holds the linear and RBF part only,
-while the prior variance v_rest holds the per-sweep constant, the slow drift and the white noise. Sums run in a fixed order and
-without fast-math, so Drake leaf and compiled twin agree to the last bit; columns of L^-1 are packed so that the inner loop is a
-plain a += b c, which vectorises. No BLAS: no threads, no spikes.
+The sweep a new sample belongs to was never seen, so the covariance with the training points holds the linear and RBF
+part only, while the prior variance v_rest holds the per-sweep constant, the slow drift and the white noise. Sums run
+in a fixed order and without fast-math, so Drake leaf and compiled twin agree to the last bit; columns of L^-1 are
+packed so that the inner loop is a plain a += b c, which vectorises. No BLAS: no threads, no spikes.
 """
 
 from math import exp, nan, sqrt
@@ -22,8 +22,9 @@ from numba import njit
 class Weights(NamedTuple):
     """A trained estimator of m = 2 x wires inputs, n training points, J joints.
 
-    center (m,) [N and m]; rotation (m, m) [1/N and 1/m]; points (m, n) z_i as columns; shrink (m,) 1/ell; variances (3,) v_lin,
-    v_rbf, v_rest [-]; alpha (n, J) [-]; factor (n (n + 1) / 2,) columns of the lower triangle L^-1; offset, gain, spread (J,) [rad].
+    center (m,) [N and m]; rotation (m, m) [1/N and 1/m]; points (m, n) z_i as columns; shrink (m,) 1/ell; variances
+    (3,) v_lin, v_rbf, v_rest [-]; alpha (n, J) [-]; factor (n (n + 1) / 2,) columns of the lower triangle L^-1;
+    offset, gain, spread (J,) [rad].
     """
 
     center: np.ndarray
@@ -45,10 +46,11 @@ def scratch(weights: Weights) -> np.ndarray:
 
 @njit(cache=True)
 def predict_into(tension, stroke, weights, work, mean, std):
-    """Write mean and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,); work from `scratch`.
+    """Write mean and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,); work from
+    `scratch`.
 
-    Allocates nothing. A NaN among the inputs gives NaN in both. Returns the variance ratio: predictive variance over v_rest [-],
-    about 1 where the training sweeps lie and larger away from them; `Estimator.limit` is compared with it.
+    Allocates nothing. A NaN among the inputs gives NaN in both. Returns the variance ratio: predictive variance over
+    v_rest [-], about 1 where the training sweeps lie and larger away from them; `Estimator.limit` is compared with it.
     """
     points, shrink, variances = weights.points, weights.shrink, weights.variances
     covariance, square, whitened = work[0], work[1], work[2]
@@ -98,7 +100,8 @@ def write(covariance, variance, weights, mean, std):
 
 @njit(cache=True)
 def predict(tension, stroke, weights):
-    """Mean (J,) and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,). See `predict_into`."""
+    """Mean (J,) and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,). See
+    `predict_into`."""
     joints = weights.offset.shape[0]
     mean, std = np.empty(joints), np.empty(joints)
     predict_into(tension, stroke, weights, np.empty((3, weights.alpha.shape[0])), mean, std)
@@ -107,7 +110,8 @@ def predict(tension, stroke, weights):
 
 @njit(cache=True)
 def predict_rows(tension, stroke, weights):
-    """Mean (rows, J), standard deviation (rows, J) [rad] and variance ratio (rows,) [-]; tension, stroke (rows, wires)."""
+    """Mean (rows, J), standard deviation (rows, J) [rad] and variance ratio (rows,) [-]; tension, stroke (rows,
+    wires)."""
     rows, joints = tension.shape[0], weights.offset.shape[0]
     mean, std, ratio = np.empty((rows, joints)), np.empty((rows, joints)), np.empty(rows)
     work = np.empty((3, weights.alpha.shape[0]))

@@ -1,0 +1,117 @@
+"""The Gaussian process against scikit-learn, its closed forms against refits, and its promises on sweeps not seen."""
+
+import numpy as np
+import pytest
+from estimator_sweeps import JOINTS, as_sweeps, trained, worn_sweeps
+from sklearn.gaussian_process import GaussianProcessRegressor
+
+from exodrake.identification.estimator.gp import JITTER, condition, leave_one_sweep_out, new_rows
+from exodrake.identification.estimator.kernels import sweep_kernel
+from exodrake.identification.estimator.ridge import fit_ridge
+from exodrake.identification.estimator.validate import HELD_OUT, RANDOM, score, validate
+from exodrake.systems.estimator_kernel import predict, predict_into, scratch
+
+
+def reference_process(prior, sweeps):
+    """scikit-learn's process with the learnt covariance, not optimised again."""
+    process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=None)
+    return process.fit(prior.rows(sweeps), prior.targets(sweeps))
+
+
+def test_kernel_gradient_is_its_difference_quotient():
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([rng.normal(size=(12, 4)), np.repeat([0, 1, 2], 4), rng.uniform(0, 5, 12)])
+    kernel = sweep_kernel(4)
+    _, gradient = kernel(rows, eval_gradient=True)
+    for i, theta in enumerate(kernel.theta):
+        up, down = kernel.theta.copy(), kernel.theta.copy()
+        up[i], down[i] = theta + 1e-5, theta - 1e-5
+        slope = (kernel.clone_with_theta(up)(rows) - kernel.clone_with_theta(down)(rows)) / 2e-5
+        np.testing.assert_allclose(gradient[..., i], slope, atol=1e-8)
+    np.testing.assert_allclose(np.diag(kernel(rows)), kernel.diag(rows))
+
+
+def test_prediction_is_that_of_scikit_learn():
+    prior, estimator, sweeps = trained()
+    fresh = as_sweeps(worn_sweeps(3, seed=50, rows=40))
+    mean, std, _ = estimator.predict(fresh.tension, fresh.stroke)
+    process = reference_process(prior, sweeps.equispaced(500))
+    wanted, wanted_std = process.predict(new_rows(prior, fresh.tension, fresh.stroke), return_std=True)
+    scale = estimator.weights.spread
+    np.testing.assert_allclose(mean, prior.offset + prior.gain * wanted, atol=1e-8)
+    np.testing.assert_allclose(std / scale, wanted_std, atol=1e-8)
+
+
+def test_one_sample_rows_and_the_writing_form_agree_to_the_last_bit():
+    _, estimator, sweeps = trained()
+    weights, work, mean, std = estimator.weights, scratch(estimator.weights), np.empty(3), np.empty(3)
+    many, many_std, _ = estimator.predict(sweeps.tension[:5], sweeps.stroke[:5])
+    for row in range(5):
+        one = predict(sweeps.tension[row], sweeps.stroke[row], weights)
+        predict_into(sweeps.tension[row], sweeps.stroke[row], weights, work, mean, std)
+        assert np.array_equal(one[0], many[row]) and np.array_equal(one[1], many_std[row])
+        assert np.array_equal(mean, many[row]) and np.array_equal(std, many_std[row])
+
+
+def test_a_missing_sample_gives_no_angle():
+    _, estimator, sweeps = trained()
+    mean, std = predict(np.array([np.nan, 1.0, 1.0]), sweeps.stroke[0], estimator.weights)
+    assert np.isnan(mean).all() and np.isnan(std).all()
+
+
+def test_leaving_a_sweep_out_in_closed_form_is_fitting_without_it():
+    prior, _, sweeps = trained()
+    few = sweeps.rows(np.flatnonzero(sweeps.sweep < 6)[::15])
+    covariance = prior.kernel(prior.rows(few)) + JITTER * np.eye(len(few))
+    residual, variance = leave_one_sweep_out(np.linalg.inv(covariance), prior.targets(few), few.sweep)
+    for label in np.unique(few.sweep):
+        out = few.sweep == label
+        process = reference_process(prior, few.rows(~out))
+        mean, std = process.predict(prior.rows(few.rows(out)), return_std=True)
+        np.testing.assert_allclose(residual[out], prior.targets(few.rows(out)) - mean, atol=1e-8)
+        np.testing.assert_allclose(np.sqrt(variance[out]), std[:, 0], atol=1e-8)
+
+
+def test_fresh_sweeps_of_the_same_wearer_keep_the_promise():
+    """Sweeps drawn anew: RMSE within 0.03 rad and no worse than the ridge, 95 % intervals that hold 90 to 98 %."""
+    _, estimator, sweeps = trained()
+    fresh = as_sweeps(worn_sweeps(96, seed=60, rows=125))
+    mean, std, _ = estimator.predict(fresh.tension, fresh.stroke)
+    process = score("process", "fresh", fresh.angle, mean, std)
+    ridge = score("ridge", "fresh", fresh.angle, *fit_ridge(sweeps)(fresh))
+    assert process.mean_rmse < 0.03
+    assert process.mean_rmse < 1.05 * ridge.mean_rmse
+    assert process.loss < ridge.loss
+    assert np.all((process.coverage > 0.90) & (process.coverage < 0.98)), process.coverage
+
+
+def test_re_donning_is_flagged_and_the_own_sweeps_are_not():
+    """Every wire's zero moves by 1 mm (physics.md 4.G has 0.5 to 3 mm) and the rest posture by 0.05 rad."""
+    _, estimator, sweeps = trained()
+    fresh = as_sweeps(worn_sweeps(48, seed=60, rows=125))
+    assert np.mean(estimator.predict(sweeps.tension, sweeps.stroke)[2]) <= 0.02
+    assert np.mean(estimator.predict(fresh.tension, fresh.stroke)[2]) <= 0.02
+    rest = np.array([0.05, -0.05, 0.05])
+    for way in ([1, 1, 1], [1, -1, 1], [-1, -1, -1]):
+        donned = as_sweeps(worn_sweeps(12, seed=70, rows=125, zero=1e-3 * np.array(way), rest=rest))
+        assert np.mean(estimator.predict(donned.tension, donned.stroke)[2]) >= 0.95, way
+
+
+def test_validation_shows_both_splits_and_that_looking_up_fails_on_the_second():
+    prior, _, sweeps = trained()
+    found = {(s.method, s.split): s for s in validate(prior, sweeps.rows(np.arange(0, len(sweeps), 4)))}
+    assert len(found) == 6
+    nearest = {split: found["nearest row", split].mean_rmse for split in (RANDOM, HELD_OUT)}
+    process = {split: found["Gaussian process", split].mean_rmse for split in (RANDOM, HELD_OUT)}
+    assert nearest[HELD_OUT] > 2 * nearest[RANDOM]
+    assert process[HELD_OUT] < 0.03 and process[HELD_OUT] > process[RANDOM]
+    assert found["Gaussian process", HELD_OUT].coverage == pytest.approx(np.full(len(JOINTS), 0.95), abs=0.04)
+
+
+def test_up_and_down_sweeps_teach_more_than_as_many_loading_ones():
+    """With the same covariance, conditioned on either: friction shows its other side only when unloading."""
+    prior, both, _ = trained()
+    fresh = as_sweeps(worn_sweeps(24, seed=80, rows=125))
+    loading = condition(prior, as_sweeps(worn_sweeps(48, seed=3, up_only=True)))
+    errors = [estimator.predict(fresh.tension, fresh.stroke)[0] - fresh.angle for estimator in (both, loading)]
+    assert np.sqrt(np.mean(errors[0] ** 2)) < np.sqrt(np.mean(errors[1] ** 2))

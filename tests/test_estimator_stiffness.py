@@ -1,0 +1,126 @@
+"""The model-based map: the corrected equations are each other's inverse, planted stiffness comes back."""
+
+import numpy as np
+import pytest
+from estimator_sweeps import (
+    KAPPA,
+    REST,
+    arms,
+    as_sweeps,
+    passive,
+    posture,
+    reference,
+    wire_in,
+    worn_sweeps,
+)  # fmt: skip
+
+from exodrake.errors import InputError
+from exodrake.identification import statics, stiffness
+from exodrake.identification.estimator.compare import compare
+from exodrake.systems.tendon_finger import Numbers
+
+TRIPLE = (5e-3, 5e-3, 5e-3)
+N = Numbers(
+    k=(2700.0,) * 3, presliding=5e-5, a_f=TRIPLE, b_f=TRIPLE, m_f=(3e-3,) * 3, n_f=(3e-3,) * 3, a_e=TRIPLE, b_e=TRIPLE,
+    m_e=TRIPLE, n_e=TRIPLE, kappa=(0.080, 0.060, 0.035), q0=(0.20, 0.30, 0.15), B=(0.004, 0.002, 0.001),
+    q_f=(1.30, 1.50, 0.95), q_e=(-0.30, 0.0, 0.0), beta=12.0, A=0.002, length=(0.04264, 0.02014, 0.01872),
+    mass=(0.0119, 0.0045, 0.0032), radius=(0.009, 0.008, 0.007),
+)  # fmt: skip
+
+
+def random_arms(seed):
+    r = np.random.default_rng(seed).uniform(1e-3, 6e-3, (3, 3))
+    r[1:, 1] = 0.0
+    return r
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_corrected_equation_22_inverts_corrected_equation_21(seed):
+    r, kappa = random_arms(seed), np.array([0.08, 0.06, 0.035])
+    product = stiffness.compliance(r, kappa) @ stiffness.tension_map(r, kappa)
+    conditioning = np.linalg.cond(stiffness.compliance(r, kappa))
+    np.testing.assert_allclose(product, np.eye(3), atol=1e-12 * max(1.0, conditioning / 100))
+
+
+def test_the_printed_equations_are_not_inverse_of_anything_here():
+    r, kappa = stiffness.router_arms(np.array([0.5, 1.0, 0.5]), N), np.array([0.08, 0.06, 0.035])
+    np.testing.assert_allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map(r, kappa), np.eye(3), atol=1e-12)
+    assert not np.allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
+    printed = stiffness.compliance_as_printed(r, kappa)
+    assert printed[1, 0] == pytest.approx(r[1, 0] / 0.08) and printed[1, 2] == pytest.approx(-r[1, 2] / 0.06)
+    assert not np.allclose(printed @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
+
+
+@pytest.mark.parametrize("angles", [(0.6, 0.3), (1.0, 0.5), (1.56, 0.07), (0.4, 0.4)])
+def test_determinant_is_the_sine_of_half_the_difference(angles):
+    """D = rho_f rho_e sin(alpha_f + alpha_e) sin((q2 - q3) / 2), physics.md 1.21."""
+    r = stiffness.router_arms(np.array([0.5, *angles]), N)
+    rho = np.hypot(5e-3, 3e-3) * np.hypot(5e-3, 5e-3)
+    closed = rho * np.sin(np.arctan2(3, 5) + np.arctan2(5, 5)) * np.sin((angles[0] - angles[1]) / 2)
+    assert stiffness.determinant(r) == pytest.approx(closed, abs=1e-18)
+    if angles[0] == angles[1]:
+        with pytest.raises(InputError, match="no tensions"):
+            stiffness.tension_map(_equal(r), KAPPA)
+
+
+def _equal(r):
+    """Arms with PIP and DIP the same to the last bit."""
+    same = r.copy()
+    same[2] = same[1]
+    return same
+
+
+def test_arms_are_those_of_the_closed_form():
+    angle = np.random.default_rng(0).uniform(-0.3, 1.5, (50, 3))
+    np.testing.assert_allclose(statics.arms(angle, N), arms(angle), atol=1e-15)
+    step = 1e-6 * np.eye(3)[1]
+    slope = (wire_in(angle + step) - wire_in(angle - step)) / 2e-6
+    np.testing.assert_allclose(statics.arms(angle, N)[:, :, 1], slope, atol=1e-9)
+
+
+def test_postures_balance_and_agree_with_the_tests_own_solver():
+    tension = np.random.default_rng(1).uniform(0.0, [12, 8, 8], (300, 3))
+    angle = statics.posture(tension, N)
+    torque = np.einsum("nwj,nw->nj", arms(angle), tension)
+    np.testing.assert_allclose(torque, passive(angle, KAPPA, REST), atol=1e-12)
+    np.testing.assert_allclose(angle, posture(tension), atol=1e-9)
+    np.testing.assert_allclose(statics.posture(np.zeros((1, 3)), N)[0], REST, atol=1e-12)
+
+
+def test_linear_model_solves_equation_21_at_its_own_posture():
+    tension = np.array([3.0, 2.0, 0.5])
+    angle = statics.posture(tension[None], stiffness.linear(N))[0]
+    map_21 = stiffness.compliance(stiffness.router_arms(angle, N), np.array(N.kappa))
+    np.testing.assert_allclose(angle - REST, map_21 @ tension, atol=1e-10)
+
+
+def test_planted_stiffness_is_recovered_within_its_errors():
+    rng = np.random.default_rng(2)
+    kappa, rest = KAPPA * np.array([1.3, 0.8, 1.15]), REST + np.array([0.05, -0.1, 0.04])
+    tension = np.concatenate(
+        [reference(w, lv, 40) for w, lv in ((0, (0, 0)), (0, (0.6, 0.3)), (1, (0.3, 0)), (2, (0.6, 0)))]
+    )
+    angle = posture(tension, kappa, rest)
+    exact = stiffness.fit_stiffness(tension, angle, N)
+    np.testing.assert_allclose(exact.kappa, kappa, rtol=1e-6)
+    np.testing.assert_allclose(exact.q0, rest, atol=1e-6)
+    noisy = stiffness.fit_stiffness(tension, angle + rng.normal(0, 0.005, angle.shape), N)
+    assert np.all(np.abs(np.array(noisy.kappa) - kappa) < 4 * np.array(noisy.kappa_error))
+    np.testing.assert_allclose(noisy.kappa, kappa, rtol=0.02)
+    np.testing.assert_allclose(noisy.rmse, 0.005, rtol=0.3)
+
+
+def test_a_joint_that_did_not_move_is_refused():
+    tension = np.tile([1.0, 1.0, 1.0], (50, 1))
+    with pytest.raises(InputError, match="moved"):
+        stiffness.fit_stiffness(tension, posture(tension), N)
+    with pytest.raises(InputError, match="rows with tension and angle"):
+        stiffness.fit_stiffness(tension[:5], posture(tension[:5]), N)
+
+
+def test_data_beat_constant_stiffness_on_sweeps_held_out():
+    training, held_out = as_sweeps(worn_sweeps(48, seed=0, rows=100)), as_sweeps(worn_sweeps(24, seed=1, rows=100))
+    found = compare(training, held_out, N, points=250)
+    mean = {name: value.mean() for name, value in found.rmse.items()}
+    assert mean["Gaussian process"] < mean["constant stiffness"]
+    assert mean["end stops"] < mean["constant stiffness"]
