@@ -102,7 +102,7 @@ def test_score_of_a_set_done_by_hand(tiny):
 
 def test_score_prints_everywhere(tiny, tmp_path):
     result = score(*tiny)
-    assert as_table(result).row_count == 11 + 4 + 3
+    assert as_table(result).row_count == 11 + 6 + 3
     assert json.loads(json.dumps(as_json(result)))["shares"]["right block first"]["hits"] == 3
     assert "| right block first | >= 95 % | 75.0 % |" in as_markdown(result)
 

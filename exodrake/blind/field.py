@@ -23,7 +23,7 @@ from exodrake.blind.layout import (
 )  # fmt: skip
 
 FRAME = 0.02
-MOUNT_DAMPING = 0.04  # share of critical [A]
+MOUNT_DAMPING = 0.02  # share of critical [A]
 
 
 @njit(cache=True)

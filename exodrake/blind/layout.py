@@ -47,7 +47,7 @@ _SCALARS = """
     tau_cell kp kd speed_max spool_config gear growth_pitch capstan_travel stribeck_speed viscous_speed
     bristle_stiffness bristle_damping contact_depth contact_stiffness tremor_torque tremor_frequency gravity_x
     gravity_y abduction notch_angle notch_width notch_torque snag_force snag_place snag_width rub latency
-    supply_voltage winding_resistance has_inputs hysteresis_power quantum_force sticky
+    supply_voltage winding_resistance slip_rate slip_load has_inputs hysteresis_power quantum_force sticky
 """
 _TRIPLES = """
     torque_constant inertia damping spool loop_p loop_i current_max wire_stiffness stiffness_joint rest

@@ -1,4 +1,7 @@
-"""The robot's day in frames of ten slots, each task in the middle of its slot (model.md, Timing)."""
+"""The robot's day in frames of ten slots, each task in the middle of its slot (model.md, Timing).
+
+numba's cache of `run` looks at this file only: after a change in field, paths, joints or integrate, remove __pycache__.
+"""
 
 import numpy as np
 from numba import njit

@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.blind.catalogue import ENTRIES, block_of
 from exodrake.blind.mix import CaseMix, draw_case, plan
-from exodrake.blind.reality import simulate
+from exodrake.blind.reality import simulate, warm_up
 from exodrake.blind.seal import write_sealed
 from exodrake.errors import InputError
 
@@ -52,17 +52,15 @@ def held_out_gap(spec, without, protocol, seed):
 
 
 def parts_gaps(case, seed):
-    """Gap of every single effect of a case against the healthy robot, and of all together: list of the largest
-    signal's, dict of all.
-    """
-    motion = case.protocols["grasps"]
+    """What each effect of a case adds to the others (largest signal's gap, a list), and the gap of all, by signal."""
+    motion, effects = case.protocols["grasps"], case.spec.effects
     whole = held_out_gap(case.spec, case.healthy, motion, seed)
-    if len(case.spec.effects) < 2:
-        return [max(whole.values())] * len(case.spec.effects), whole
-    alone = [
-        held_out_gap(replace(case.spec, effects=(effect,)), case.healthy, motion, seed) for effect in case.spec.effects
+    if len(effects) < 2:
+        return [max(whole.values())] * len(effects), whole
+    without = [
+        replace(case.spec, effects=tuple(other for other in effects if other is not effect)) for effect in effects
     ]
-    return [max(gap.values()) for gap in alone], whole
+    return [max(held_out_gap(case.spec, spec, motion, seed).values()) for spec in without], whole
 
 
 def visible_case(plan):
@@ -161,6 +159,7 @@ def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
     begin(folder, labels, hashlib.sha256(f"{seed} {cases} {mix}".encode()).hexdigest())
+    warm_up()
     plans = plan(seed, cases, mix)
     found = {}
     work = (delayed(_named)(item, os.fspath(folder)) for item in plans)

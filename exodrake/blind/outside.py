@@ -111,11 +111,10 @@ def warming(build, effect, rng):
         build.inputs[:, STIFFENED + joint] += softer
 
 
-def coactivation(build, effect, rng):
-    """The wearer stiffens all joints in spells."""
-    course = effect.parameters["stiffening"] * bursts(rng, build.time, 5.0, 3.0)
-    for joint in range(3):
-        build.inputs[:, STIFFENED + joint] += course
+def spool_slip(build, effect, rng):
+    """The wire slips on its spool, for good, while the load is above a threshold."""
+    build.record["slip_rate"] = effect.parameters["rate"]
+    build.record["slip_load"] = effect.parameters["load"]
 
 
 def leaky_integrator(build, effect, rng):
@@ -152,7 +151,7 @@ _ALL = (
     voltage_sag,
     abduction,
     warming,
-    coactivation,
+    spool_slip,
     leaky_integrator,
     wire_rub,
     marker_jump,

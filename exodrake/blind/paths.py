@@ -90,6 +90,8 @@ def pull(p, y, dy, u, wire, taken):
         give = y[GARMENT + wire]
         resist = p.garment[wire] * give * (1.0 + p.garment_stiffening[wire] * abs(give))
         dy[GARMENT + wire] = (tension - resist) / (0.003 * (p.wire_stiffness[wire] + p.garment[wire]))
+    if p.slip_rate > 0.0:  # the same state, but nothing pulls it back
+        dy[GARMENT + wire] = p.slip_rate * max(0.0, tension - p.slip_load)
     if p.router_give[wire] != 0.0 or p.abduction != 0.0:
         dy[FELT_TENSION + wire] = (tension - y[FELT_TENSION + wire]) / 0.02
     return tension, radius

@@ -158,3 +158,8 @@ def simulate(spec, protocol, seed):
     for kind, values, names in [*groups, ("speed_cmd", commands, WIRES), ("angle", angles, JOINTS)]:
         columns |= {f"{kind}_{name}": values[:, index].copy() for index, name in enumerate(names)}
     return columns
+
+
+def warm_up():
+    """Compile the kernels into numba's cache, so that several processes do not do it at once."""
+    simulate(RealitySpec(), Protocol("warm-up", np.full((2, 3), 1.0)), 0)

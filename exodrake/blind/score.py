@@ -175,6 +175,9 @@ def numbers_of(cases):
     seconds = [case.diagnosis["seconds"] for case in cases if case.diagnosis.get("seconds") is not None]
     numbers = {"closure when named, median (wanted >= 0.95)": float(np.median(closures)) if closures else float("nan")}
     numbers["closure when named, lowest"] = min(closures, default=float("nan"))
+    classes = [len(found_ids(case.diagnosis)) for case in cases if case.verdict == "AMBIGUOUS"]
+    numbers["AMBIGUOUS cases"] = len(classes)
+    numbers["ids in an AMBIGUOUS class, mean"] = float(np.mean(classes)) if classes else float("nan")
     numbers["seconds a case, median"] = float(np.median(seconds)) if seconds else float("nan")
     numbers["seconds a case, longest"] = max(seconds, default=float("nan"))
     return numbers
