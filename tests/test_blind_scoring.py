@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from exodrake.blind import make as making
 from exodrake.blind import run as running
+from exodrake.blind.matching import covered
 from exodrake.blind.mix import CaseMix
 from exodrake.blind.score import binomial_interval, score
 from exodrake.blind.score_table import as_json, as_markdown, as_table
@@ -61,7 +62,7 @@ SET = {
         answer("NAMED", "finger", [("finger.gravity", {}), NONE]),
     ),
     "case_7": ("unknown", [truth("outside.wire_snag", exact=False)], answer("UNKNOWN", "tendon")),
-    "case_8": ("single", [truth(GAIN, gain=0.2)], answer("NAMED", "sensor", [(GAIN, {"gain_AF": (0.1, 0.15)})])),
+    "case_8": ("single", [truth(GAIN, gain=0.2)], answer("NAMED", "sensor", [(GAIN, {"gain": (0.1, 0.15)})])),
 }
 
 
@@ -98,6 +99,15 @@ def test_score_of_a_set_done_by_hand(tiny):
     assert baselines["bic: right effect"] == (1, 4)
     assert result.numbers["closure when named, median (wanted >= 0.95)"] == pytest.approx(0.97)
     assert result.confusion["sensor.gain", "tendon.creep"] == 1
+
+
+def test_lanes_count_one_by_one_where_the_truth_sits():
+    stated = {"low": 0.04, "high": 0.06}, {"low": 0.07, "high": 0.08}, {"low": -0.01, "high": 0.01}
+    effect = {"id": GAIN, "parameters": {"gain": stated[0]}, "lanes": {"gain": dict(zip(("AF", "MF", "AE"), stated))}}
+    here = truth(GAIN, gain=0.05) | {"wires": ["AF", "MF"]}
+    assert covered(here, {"effects": [effect]}, exact=True) == [True, False]
+    assert covered(here, {"effects": [effect]}, exact=False) == []
+    assert covered(here, {"effects": [effect | {"lanes": {}}]}, exact=True) == [True]
 
 
 def test_score_prints_everywhere(tiny, tmp_path):

@@ -80,7 +80,7 @@ OUTSIDE = {
     "outside.redonning": Entry("", {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)}, signed=("height",)),
     "outside.tendon_jump": Entry("", {"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}),
     "outside.snap_through": Entry("", {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)}),
-    "outside.flexible_mount": Entry("", {"ratio": (1.5, 4.0), "frequency": (3.0, 6.0)}),
+    "outside.flexible_mount": Entry("", {"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}),
     "outside.voltage_sag": Entry("", {"depth": (0.75, 0.92)}),
     "outside.abduction": Entry("", {"splay": (0.05, 0.12)}),
     "outside.warming": Entry("", {"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}),

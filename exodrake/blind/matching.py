@@ -38,23 +38,30 @@ def found_ids(diagnosis):
 
 
 def covered(truth, diagnosis, exact):
-    """Whether each interval of the first effect holds the true value: list of bools, for parameters that mean the
-    same on both sides (exact) or only nearly (not exact). Nothing if the first effect has another id than the
-    truth.
+    """Whether each interval of the first effect holds the true value: list of bools.
+
+    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Where the diagnosis
+    gives an interval per lane, those of the lanes that the truth sits on count, one by one. Nothing if the first effect
+    has another id than the truth.
     """
     if top_id(diagnosis) != truth["id"] or bool(truth["exact"]) != exact:
         return []
-    stated = diagnosis["effects"][0].get("parameters") or {}
     hits = []
     for name, value in truth["parameters"].items():
-        for key in keys_of(name, truth["id"], stated):
-            low, high = stated[key].get("low"), stated[key].get("high")
+        for interval in intervals_of((name, *ALIASES.get((truth["id"], name), ())), truth, diagnosis["effects"][0]):
+            low, high = interval.get("low"), interval.get("high")
             if low is not None and high is not None:
                 hits.append(low <= value <= high)
     return hits
 
 
-def keys_of(name, effect_id, stated):
-    """Keys of a diagnosis's parameters that state this one, also per wire or joint (`mu_phi_AF`)."""
-    names = (name, *ALIASES.get((effect_id, name), ()))
-    return [key for key in stated if any(key == wanted or key.startswith(wanted + "_") for wanted in names)]
+def intervals_of(names, truth, stated):
+    """Intervals of one parameter: per lane if given, else the overall one."""
+    seat = (*truth["wires"], *truth["joints"])
+    for name in names:
+        lanes = (stated.get("lanes") or {}).get(name) or {}
+        if lanes:
+            return [interval for lane, interval in lanes.items() if not seat or lane in seat]
+        if name in (stated.get("parameters") or {}):
+            return [stated["parameters"][name]]
+    return []

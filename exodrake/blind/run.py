@@ -35,7 +35,7 @@ def diagnose_one(case):
     case = Path(case)
     try:
         answer = diagnose(read_case(case)).to_json()
-        return case.name, answer if isinstance(answer, str) else json.dumps(answer, indent=1), None
+        return case.name, answer if isinstance(answer, str) else json.dumps(answer, indent=1, default=float), None
     except Exception as error:  # one bad case must not end a night's run
         return case.name, None, f"{type(error).__name__}: {error}"
 
