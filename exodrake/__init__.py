@@ -26,6 +26,8 @@ PUBLIC = {
     "Recording": "exodrake.diagrams.simulate",
     "record": "exodrake.diagrams.simulate",
     "simulate": "exodrake.diagrams.simulate",
+    "diagnose": "exodrake.diagnosis.pipeline",
+    "Diagnosis": "exodrake.diagnosis.result",
     "grasp": "exodrake.identification.protocols",
     "sweeps": "exodrake.identification.protocols",
     "short_sweeps": "exodrake.identification.protocols",

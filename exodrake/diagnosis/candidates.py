@@ -1,0 +1,134 @@
+"""Hypotheses as a fit sees them: a vector u for the parameters of one or more effects, and its way to a robot's flat numbers.
+
+An effect's first number has one entry per lane, its other numbers one entry for all lanes. u = 0 is where the first number is neutral:
+u = value - neutral, or 1 / value for a stiffness; a further number has u = log(value) or value, as its `scale` says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from exodrake.block import Effect, Number
+from exodrake.diagrams.machine import Machine
+
+REACH = 2.0  # a fit may go this far beyond the plausible range [factor]: assumed
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One entry of u: the effect's number at some lanes."""
+
+    effect: str
+    number: Number
+    lanes: tuple[str, ...]
+    places: tuple[int, ...]
+    first: bool
+
+    def value(self, u: float) -> float:
+        """The number's value [its unit]."""
+        if self.number.scale == "reciprocal":
+            return math.inf if u <= 0.0 else 1.0 / u
+        if self.number.scale == "log" and not self.first:
+            return math.exp(u)
+        return u + self.number.neutral if self.first else u
+
+    def at(self, value: float) -> float:
+        """u of a value."""
+        if self.number.scale == "reciprocal":
+            return 0.0 if math.isinf(value) else 1.0 / value
+        if self.number.scale == "log" and not self.first:
+            return math.log(value)
+        return value - self.number.neutral if self.first else value
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Range of u: the plausible one, stretched by REACH, neutral included for a first number."""
+        ends = sorted((self.at(self.number.low), self.at(self.number.high)))
+        if not self.first and self.number.scale == "log":
+            return ends[0] - math.log(REACH), ends[1] + math.log(REACH)
+        if not self.first:
+            return ends[0], ends[1]
+        return min(0.0, ends[0] * REACH), max(0.0, ends[1] * REACH)
+
+    @property
+    def scale(self) -> float:
+        """A plausible amount of u, never 0: what a fit takes for one unit."""
+        low, high = self.bounds
+        return 0.5 * max(abs(low), abs(high)) / REACH if self.first else 0.25 * (high - low)
+
+    @property
+    def start(self) -> float:
+        """u to start from."""
+        return self.at(self.number.typical)
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects that may be present, with a knob for each free parameter; `held`: numbers that are set but not fitted."""
+
+    effects: tuple[str, ...]
+    knobs: tuple[Knob, ...]
+    held: tuple[tuple[int, float], ...] = field(default=())
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +."""
+        return " + ".join(self.effects)
+
+    def apply(self, values: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Flat numbers (n,) with the effects at u (knobs,) in them."""
+        out = values.copy()
+        for place, value in self.held:
+            out[place] = value
+        for knob, amount in zip(self.knobs, u, strict=True):
+            for place in knob.places:
+                out[place] = knob.value(amount)
+        return out
+
+    @property
+    def start(self) -> np.ndarray:
+        """Typical u (knobs,)."""
+        return np.array([k.start for k in self.knobs])
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(knobs, 2)."""
+        return np.array([k.bounds for k in self.knobs]).reshape(-1, 2)
+
+    @property
+    def scales(self) -> np.ndarray:
+        """(knobs,)."""
+        return np.array([k.scale for k in self.knobs])
+
+    def joined(self, other: Hypothesis) -> Hypothesis:
+        """Both sets of effects."""
+        return Hypothesis(self.effects + other.effects, self.knobs + other.knobs, self.held + other.held)
+
+
+NOTHING = Hypothesis((), ())
+
+
+def hypothesis(machine: Machine, effect: Effect, lanes: Sequence[str] = ()) -> Hypothesis:
+    """One effect with a first number per lane (those of `lanes`, or all) and common further numbers."""
+    wanted = tuple(lanes) or machine.lanes.of(effect.over)
+    knobs, held = [], []
+    for k, number in enumerate(effect.numbers):
+        over = machine.lanes.of(number.over)
+        here = [lane for lane in over if lane in wanted] if number.over else [""]
+        at = {lane: machine.index[".".join(p for p in (effect.id, number.name, lane) if p)] for lane in here}
+        if not number.free:
+            held += [(place, number.typical) for place in at.values()]
+        elif k == 0 or free_first(effect) is number:
+            knobs += [Knob(effect.id, number, (lane,), (place,), k == 0) for lane, place in at.items()]
+        else:
+            knobs.append(Knob(effect.id, number, tuple(here), tuple(at.values()), False))
+    return Hypothesis((effect.id,), tuple(knobs), tuple(held))
+
+
+def free_first(effect: Effect) -> Number | None:
+    """The first number that a fit may move."""
+    return next((n for n in effect.numbers if n.free), None)

@@ -1,0 +1,74 @@
+"""How far: the gap on held-out logs with the nominal, the retuned and the improved robot, in closed loop.
+
+    C = 1 - (MSE_after - floor^2) / (MSE_before - floor^2)          1: down to the floor, 0: nothing gained
+
+with an interval from a bootstrap over blocks of time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.result import Closure, Interval, SignalGap
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.simulate import Reference, record
+
+BLOCK = 2.0  # s, longer than the loop's memory
+DRAWS = 400
+CONFIDENCE = 0.90
+
+
+def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.ndarray]:
+    """Residuals (n, columns) [floors] of a robot on the held-out logs, by closed-loop simulation in the Drake Diagram."""
+    found = []
+    for trial in problem.holdout:
+        run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)
+        found.append(np.nan_to_num((trial.measured - shown(problem, run)) / problem.floor))
+    return found
+
+
+def shown(problem: Problem, run) -> np.ndarray:
+    """The problem's columns of a noise-free recording (n, columns) [SI]."""
+    from exodrake.diagrams.late import seen_late
+    from exodrake.diagrams.simulate import offsets
+
+    machine = problem.robot.machine
+    flat = np.concatenate([run.wires[w.name] for w in machine.wires], axis=1)
+    assert flat.shape[1] == max(s.stop for s in offsets(machine).values())
+    return seen_late(machine, flat[None], problem.wires)[0]
+
+
+def closure(before: np.ndarray, after: np.ndarray) -> float:
+    """Closure from mean squares in floors (any shape)."""
+    gap = float(np.mean(before)) - 1.0
+    return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
+
+
+def measure(problem: Problem, nominal: Robot, retuned: Robot, improved: Robot, seed: int = 0) -> Closure:
+    """Gap and closure on the held-out logs, overall and per signal."""
+    before, tuned, after = (held_out(problem, robot) for robot in (nominal, retuned, improved))
+    length = max(1, round(BLOCK / problem.robot.machine.frame))
+    b, a = blocks(before, length), blocks(after, length)
+    value = closure(b, a)
+    rng = np.random.default_rng(seed)
+    draws = [closure(b[pick], a[pick]) for pick in rng.integers(0, len(b), (DRAWS, len(b)))]
+    low, high = np.quantile(draws, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    signals = {c: signal(problem, i, before, tuned, after) for i, c in enumerate(problem.columns)}
+    return Closure(Interval(value, float(min(low, value)), float(max(high, value))), signals)
+
+
+def blocks(residuals: list[np.ndarray], length: int) -> np.ndarray:
+    """Mean square of each block of time (blocks,)."""
+    found = [np.mean(r[i : i + length] ** 2) for r in residuals for i in range(0, len(r) - length + 1, length)]
+    return np.array(found or [np.mean(r**2) for r in residuals])
+
+
+def signal(problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]) -> SignalGap:
+    """Gap of one signal in its unit."""
+    floor = float(problem.floor[i])
+    b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
+    rms = [floor * float(np.sqrt(x.mean())) for x in (b, t, a)]
+    kind = problem.columns[i].rsplit("_", 1)[0]
+    unit = next(problem.robot.machine.wire[c.wire].unit for c in problem.robot.machine.columns if c.kind == kind)
+    return SignalGap(rms[0], rms[1], rms[2], floor, closure(b, a), unit)

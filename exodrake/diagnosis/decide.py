@@ -1,0 +1,96 @@
+"""From fitted candidates to a verdict. Thresholds are calibrated on simulated robots (`calibrate.py`) and kept in `thresholds.yaml`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.search import Fitted, Search
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """The frozen configuration of all verdicts; meanings in `thresholds.yaml`."""
+
+    quiet: float
+    quiet_column: float
+    explained: float
+    near: float
+    temper: float
+    rival: float
+    pair: float
+
+
+@cache
+def thresholds() -> Thresholds:
+    """The calibrated thresholds."""
+    import yaml
+
+    return Thresholds(**yaml.safe_load((files("exodrake.diagnosis") / "thresholds.yaml").read_text()))
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """A verdict, the candidate behind it, its rivals (best first, itself included), probabilities and reasons in words."""
+
+    verdict: str
+    best: Fitted
+    rivals: tuple[Fitted, ...]
+    probability: dict[str, float]
+    reasons: tuple[str, ...]
+
+
+def misfit(problem: Problem, fitted: Fitted) -> float:
+    """Mean square residual over fitted and held-out logs alike [floor^2]."""
+    a, b = len(fitted.point.residual), len(fitted.held)
+    return (a * fitted.misfit + b * fitted.held_misfit) / (a + b)
+
+
+def worst_column(problem: Problem, fitted: Fitted) -> float:
+    """Mean square residual of the worst signal [floor^2]."""
+    both = np.concatenate([fitted.point.residual, fitted.held]).reshape(-1, len(problem.columns))
+    return float(np.max(np.mean(both**2, axis=0)))
+
+
+def is_quiet(problem: Problem, fitted: Fitted, limits: Thresholds) -> bool:
+    """Whether a robot explains a case to its floor."""
+    return misfit(problem, fitted) <= limits.quiet and worst_column(problem, fitted) <= limits.quiet_column
+
+
+def left_over(problem: Problem, fitted: Fitted, before: Fitted) -> float:
+    """Share of the gap of `before` that `fitted` leaves."""
+    gap = misfit(problem, before) - 1.0
+    return max(misfit(problem, fitted) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
+
+
+def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> dict[str, float]:
+    """Probability of each candidate: its cost tempered by the best misfit and by how long residuals are correlated."""
+    costs = np.array([c.score for c in candidates])
+    weights = np.exp(-np.minimum((costs - costs.min()) / (max(1.0, best) * limits.temper), 700.0))
+    return {c.name: float(w) for c, w in zip(candidates, weights / weights.sum(), strict=True)}
+
+
+def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -> Decision:
+    """The verdict of a search."""
+    limits = limits or thresholds()
+    if is_quiet(problem, search.nominal, limits):
+        return Decision(NO_GAP, search.nominal, (), {}, ("the nominal robot explains every signal to its floor",))
+    if is_quiet(problem, search.retuned, limits) or not search.singles:
+        return Decision(RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",))
+    ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
+    best = ranked[0]
+    chance = probabilities(ranked, misfit(problem, best), limits)
+    left, final = left_over(problem, best, search.retuned), misfit(problem, best)
+    if left > limits.explained and final > limits.near:
+        why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
+        return Decision(UNKNOWN, best, (), chance, (why,))
+    same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
+    rivals = tuple(f for f in same if chance[f.name] >= limits.rival * chance[best.name])
+    if len(rivals) > 1:
+        return Decision(AMBIGUOUS, best, rivals, chance, ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),))
+    return Decision(NAMED, best, rivals, chance, (f"{best.name} leaves {left:.1%} of the gap",))

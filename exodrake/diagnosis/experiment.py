@@ -1,0 +1,49 @@
+"""The cheapest further experiment, found by simulation, that would tell inseparable effects apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.simulate import Reference
+from exodrake.identification import protocols
+
+DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds
+
+
+def menu(robot: Robot) -> dict[str, Reference]:
+    """Experiments that any Exo-Index can run, cheapest first."""
+    return {
+        "steps": protocols.steps(robot),
+        "multisine": protocols.multisine(robot),
+        "chirp": protocols.chirp(robot),
+        "holds": protocols.holds(robot),
+        "random motion": protocols.random_motion(robot=robot, seed=0),
+    }
+
+
+def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
+    """The experiment with the largest simulated difference between the rivals.
+
+    Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [floors] between the closest pair.
+    """
+    best: dict[str, Any] = {}
+    for name, reference in menu(problem.robot).items():
+        trial = Trial(name, "holdout", reference.tension, np.full((len(reference.tension), len(problem.columns)), np.nan))
+        logs = problem.predict(rows, trial) / problem.floor
+        apart = min(
+            float(np.sqrt(np.mean((logs[i] - logs[k]) ** 2))) for i in range(len(rows)) for k in range(i + 1, len(rows))
+        )
+        seconds = len(reference.tension) * problem.robot.machine.frame
+        if not best or apart > best["difference_in_floors"]:
+            best = {"protocol": name, "seconds": seconds, "difference_in_floors": apart, "between": names}
+    best["enough"] = best["difference_in_floors"] >= DISCRIMINATES
+    if not best["enough"]:
+        best["advice"] = "no motion of the free robot separates them: " + ADVICE
+    return best
+
+
+ADVICE = "measure at a known state instead (mechanical stop for the encoder's zero, dead weights on a wire, clamped finger)"

@@ -1,0 +1,143 @@
+"""Maximum a posteriori fit of a hypothesis together with the small errors of the nominal numbers.
+
+    cost = 1/2 |r|^2 + 1/2 |x / spread|^2          r = (measured - simulated) / floor
+
+by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed once at a point and shared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.diagnosis import nuisance
+from exodrake.diagnosis.candidates import Hypothesis
+from exodrake.diagnosis.problem import Problem
+
+NUDGE = 1e-2  # step of a difference quotient in units of a knob's scale
+NUDGE_NUMBER = 5e-3  # of a nominal number, relative [-] or [rad]
+GAIN_ENOUGH = 2e-3  # a fit ends when a step lowers the cost by less than this fraction
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Where a fit stands: u (effect knobs), x (nominal knobs), residual (samples,) and cost."""
+
+    hypothesis: Hypothesis
+    u: np.ndarray
+    x: np.ndarray
+    residual: np.ndarray
+    cost: float
+
+    @property
+    def misfit(self) -> float:
+        """Mean square of the residual [floor^2]."""
+        return float(np.mean(self.residual**2))
+
+
+class Fitter:
+    """Fits hypotheses to a problem; holds the response to the nominal knobs."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.knobs = nuisance.knobs(problem.robot.machine)
+        self.spread = np.array([k.spread for k in self.knobs])
+        self.limit = np.array([k.limit for k in self.knobs])
+        self.silent = problem.silent()
+
+    def values(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Flat numbers of the robot at a point."""
+        return hypothesis.apply(nuisance.turned(self.silent, self.knobs, x), u)
+
+    def at(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray) -> Point:
+        """The point with its residual and cost."""
+        residual = self.problem.residual(self.values(hypothesis, u, x)[None], self.problem.fit)[0]
+        return self.scored(hypothesis, u, x, residual)
+
+    def scored(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray, residual: np.ndarray) -> Point:
+        """A point whose residual is known."""
+        return Point(hypothesis, u, x, residual, 0.5 * float(residual @ residual) + 0.5 * float(np.sum((x / self.spread) ** 2)))
+
+    def responses(self, point: Point) -> np.ndarray:
+        """d residual / d x at a point, (samples, nominal knobs)."""
+        rows = [self.values(point.hypothesis, point.u, point.x + NUDGE_NUMBER * row) for row in np.eye(len(self.knobs))]
+        moved = self.problem.residual(np.array(rows), self.problem.fit)
+        return ((moved - point.residual) / NUDGE_NUMBER).T
+
+    def slopes(self, point: Point) -> np.ndarray:
+        """d residual / d u at a point, (samples, effect knobs), one-sided and away from a bound."""
+        steps = NUDGE * point.hypothesis.scales
+        steps = np.where(point.u + steps > point.hypothesis.bounds[:, 1], -steps, steps)
+        if not len(steps):
+            return np.zeros((len(point.residual), 0))
+        rows = [self.values(point.hypothesis, point.u + steps[i] * row, point.x) for i, row in enumerate(np.eye(len(steps)))]
+        return ((self.problem.residual(np.array(rows), self.problem.fit) - point.residual) / steps[:, None]).T
+
+    def fit(self, start: Point, responses: np.ndarray, steps: int = 8, gram: np.ndarray | None = None) -> Point:
+        """Levenberg-Marquardt from a point; `responses` (samples, nominal knobs) of a point nearby."""
+        point, damping = start, 1e-3
+        gram = responses.T @ responses if gram is None else gram
+        for _ in range(steps):
+            slopes = self.slopes(point)
+            better = None
+            for _ in range(4):
+                u, x = self.step(point, slopes, responses, gram, damping)
+                trial = self.at(point.hypothesis, u, x)
+                if trial.cost < point.cost:
+                    better = trial
+                    break
+                damping *= 10.0
+            if better is None:
+                return point
+            gain, point, damping = 1.0 - better.cost / point.cost, better, max(0.1 * damping, 1e-6)
+            if gain < GAIN_ENOUGH:
+                return point
+        return point
+
+    def step(self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """u and x after one damped Gauss-Newton step within bounds."""
+        scales = point.hypothesis.scales
+        scaled = slopes * scales
+        count = len(scales)
+        normal = np.empty((count + len(self.knobs),) * 2)
+        normal[:count, :count] = scaled.T @ scaled
+        normal[:count, count:] = scaled.T @ responses
+        normal[count:, :count] = normal[:count, count:].T
+        normal[count:, count:] = gram + np.diag(1.0 / self.spread**2)
+        descent = -np.concatenate([scaled.T @ point.residual, responses.T @ point.residual + point.x / self.spread**2])
+        low, high = point.hypothesis.bounds.T if count else (np.zeros(0), np.zeros(0))
+        bounds = (
+            np.concatenate([(low - point.u) / scales, -self.limit - point.x]),
+            np.concatenate([(high - point.u) / scales, self.limit - point.x]),
+        )
+        move = bounded_solve(normal + damping * np.diag(np.diag(normal) + 1e-12), descent, *bounds)
+        return point.u + scales * move[:count], point.x + move[count:]
+
+
+def bounded_solve(normal: np.ndarray, descent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Solution of a quadratic problem within bounds, by holding at its bound whatever leaves it (a few rounds suffice)."""
+    move, held = np.zeros(len(descent)), np.zeros(len(descent), bool)
+    for _ in range(6):
+        free = ~held
+        rest = descent[free] - normal[np.ix_(free, held)] @ move[held]
+        move[free] = np.linalg.solve(normal[np.ix_(free, free)], rest)
+        out = free & ((move < low) | (move > high))
+        move = np.clip(move, low, high)
+        if not out.any():
+            break
+        held |= out
+    return move
+
+
+def linear_cost(residual: np.ndarray, directions: np.ndarray, inverse: np.ndarray, responses: np.ndarray) -> np.ndarray:
+    """Amplitudes (k,) of `directions` (samples, k), the nominal knobs marginalised; weak pull to 0 keeps them finite."""
+    cross = responses.T @ directions
+    projected = directions - responses @ (inverse @ cross)
+    normal = projected.T @ directions
+    return np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)) + 1e-12 * np.eye(len(normal)), -projected.T @ residual)
+
+
+def renamed(point: Point, hypothesis: Hypothesis) -> Point:
+    """The same point seen as another hypothesis of the same knobs."""
+    return replace(point, hypothesis=hypothesis)

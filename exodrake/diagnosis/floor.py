@@ -1,0 +1,56 @@
+"""Noise floor of each signal: from trials that repeat the same reference, else from the robot's sensor numbers.
+
+Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not show it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.case import Case
+from exodrake.diagrams.robot import Robot
+from exodrake.log import Log
+
+KINDS = ("tension", "stroke", "speed_cmd", "angle")
+TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared
+ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
+
+
+def sensor_floor(robot: Robot) -> dict[str, float]:
+    """Floor per kind of signal from the robot's numbers: N, m, m/s, rad."""
+    tension = np.sqrt(robot["sensor.sigma_F"] ** 2 + TWELFTH * robot["sensor.q_F"] ** 2)
+    damped = np.hypot(robot["controller.kp"] + robot["controller.kd"] / robot["controller.period"], robot["controller.kd"] / robot["controller.period"])
+    step = robot["encoder.q_theta"] * robot["encoder.radius"]
+    return {
+        "tension": float(tension),
+        "stroke": float(np.sqrt(TWELFTH) * step),
+        "speed_cmd": float(tension * damped),
+        "angle": robot["mocap.sigma_q"],
+    }
+
+
+def repeat_floor(case: Case, column: str) -> float | None:
+    """Standard deviation of one trial about its repeats, robust to rare events; None where nothing repeats."""
+    spreads = []
+    for group in case.repeat_groups:
+        logs = [item.log for item in group if item.log.has(column)]
+        for a, b in zip(logs, logs[1:], strict=False):
+            n = min(len(a), len(b))
+            difference = a[column][:n] - b[column][:n]
+            spreads.append(ROBUST * np.nanmedian(np.abs(difference - np.nanmedian(difference))) / np.sqrt(2.0))
+    return float(np.median(spreads)) if spreads else None
+
+
+def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> np.ndarray:
+    """Floor of each column [its unit]: the larger of what repeats and what the sensor's numbers say."""
+    numbers = sensor_floor(robot)
+    found = []
+    for column in columns:
+        kind = next(k for k in KINDS if column.startswith(k))
+        found.append(max(numbers[kind], repeat_floor(case, column) or 0.0))
+    return np.array(found)
+
+
+def has_angles(log: Log) -> bool:
+    """Whether motion capture is in the log."""
+    return log.has("angle")

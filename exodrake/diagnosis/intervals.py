@@ -1,0 +1,115 @@
+"""Intervals of fitted parameters, and the lanes that an effect really sits on.
+
+Residuals are coloured, so J'J alone is too sure: the covariance is the larger, entry by entry of the diagonal, of (J'J + prior)^-1 and a
+sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. It is widened by what a model of another
+form leaves: the parameter is then an effective one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.block import ONE, WIRES
+from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.result import Interval, NamedEffect
+
+Z90 = 1.645  # half width of a 90 % interval in standard deviations
+BLOCK = 2.0  # s, longer than the memory of the loop
+PRESENT = 4.0  # standard deviations from neutral at which a lane counts as affected
+MINOR = 0.12  # of the strongest lane: weaker lanes count as leakage from it
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """A fitted point with the covariance of its effect parameters u (knobs, knobs)."""
+
+    point: Point
+    covariance: np.ndarray
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Standard deviations of u (knobs,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def spread(fitter: Fitter, point: Point, responses: np.ndarray) -> Spread:
+    """Covariance of the effect parameters at a fitted point."""
+    scales = point.hypothesis.scales
+    jacobian = np.concatenate([fitter.slopes(point) * scales, responses], axis=1)
+    count = len(scales)
+    prior = np.concatenate([np.full(count, 1e-9), 1.0 / fitter.spread**2])
+    normal = jacobian.T @ jacobian + np.diag(prior)
+    bread = np.linalg.inv(normal + 1e-10 * np.diag(np.diag(normal)))
+    noisy = bread * max(1.0, point.misfit)
+    pieces = block_edges(fitter, len(point.residual))
+    scores = np.add.reduceat(jacobian * point.residual[:, None], pieces, axis=0)
+    sandwich = bread @ (scores.T @ scores + np.diag(prior)) @ bread
+    widen = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(noisy), 1.0))
+    covariance = noisy * np.outer(widen, widen)
+    return Spread(point, covariance[:count, :count] * np.outer(scales, scales))
+
+
+def block_edges(fitter: Fitter, samples: int) -> np.ndarray:
+    """First sample of each block of time in the stacked residual."""
+    problem = fitter.problem
+    columns, length = len(problem.columns), round(BLOCK / problem.robot.machine.frame)
+    edges, at = [], 0
+    for trial in problem.fit:
+        frames = len(trial.reference)
+        edges += [at + columns * i for i in range(0, frames, length)]
+        at += columns * frames
+    assert at == samples
+    return np.array(edges)
+
+
+def affected(estimate: Spread, effect: str) -> list[int]:
+    """Knobs of an effect's first number whose lanes count as affected; at least the strongest."""
+    knobs = estimate.point.hypothesis.knobs
+    mine = [i for i, k in enumerate(knobs) if k.effect == effect and len(k.lanes) == 1 and (k.first or k.number.name == lead(knobs, effect))]
+    strength = np.abs(estimate.point.u[mine])
+    sure = strength > PRESENT * np.maximum(estimate.deviations[mine], 1e-12)
+    chosen = [i for i, s, ok in zip(mine, strength, sure, strict=True) if ok and s > MINOR * strength.max()]
+    return chosen or [mine[int(np.argmax(strength))]]
+
+
+def lead(knobs, effect: str) -> str:
+    """Name of the first fitted number of an effect."""
+    return next(k.number.name for k in knobs if k.effect == effect)
+
+
+def describe(estimate: Spread, effect: str, over: str, probability: float, lanes: tuple[str, ...]) -> NamedEffect:
+    """An effect with its lanes, parameters and intervals.
+
+    Args: over: what the effect runs over; lanes: all lanes of that kind.
+    """
+    point, knobs = estimate.point, estimate.point.hypothesis.knobs
+    chosen = affected(estimate, effect) if any(len(k.lanes) == 1 and k.lanes[0] for k in knobs if k.effect == effect) else []
+    sits = tuple(knobs[i].lanes[0] for i in chosen) or tuple(x for x in lanes if x)
+    parameters, by_lane = {}, {}
+    if chosen:
+        number = knobs[chosen[0]].number
+        by_lane[number.name] = {knobs[i].lanes[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen}
+        mean, deviation = pooled(point.u[chosen], estimate.covariance[np.ix_(chosen, chosen)])
+        parameters[number.name] = interval(knobs[chosen[0]], mean, deviation)
+    for i, knob in enumerate(knobs):
+        if knob.effect == effect and knob.number.name not in parameters and i not in chosen:
+            parameters[knob.number.name] = interval(knob, point.u[i], estimate.deviations[i])
+    wires = sits if over == WIRES else ()
+    return NamedEffect(effect, wires, sits if over not in (WIRES, ONE) else (), parameters, by_lane, probability)
+
+
+def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
+    """Common value of several lanes and its standard deviation, lanes that disagree widening it."""
+    if len(values) == 1:
+        return float(values[0]), float(np.sqrt(covariance[0, 0]))
+    mean = float(np.mean(values))
+    own = float(np.sqrt(np.mean(covariance)))
+    return mean, float(np.hypot(own, np.std(values, ddof=1) / np.sqrt(len(values))))
+
+
+def interval(knob, u: float, deviation: float) -> Interval:
+    """90 % interval of a parameter in its own unit."""
+    ends = [knob.value(u - Z90 * deviation), knob.value(u + Z90 * deviation)]
+    return Interval(knob.value(u), min(ends), max(ends), knob.number.unit)

@@ -1,0 +1,153 @@
+"""From a case to a diagnosis: floor, search, verdict, where, how far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.case import Case, read_case
+from exodrake.diagnosis import nuisance
+from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.decide import Decision, Thresholds, decide, left_over, misfit, thresholds
+from exodrake.diagnosis.intervals import describe, spread
+from exodrake.diagnosis.place import place
+from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, NamedEffect
+from exodrake.diagnosis.search import Fitted, Ranking, Search, Searcher
+from exodrake.diagrams.robot import Robot, load_robot
+
+Progress = Callable[[str], None]
+
+
+def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Progress = lambda _: None) -> Diagnosis:
+    """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
+
+    Args:
+        case: a case, or its folder. robot: the nominal robot; the built-in one if None. progress: called with what is being done.
+    Raises:
+        InputError: for a case or a log that cannot be read, naming file, column and row.
+    """
+    begun = time.perf_counter()
+    case = case if isinstance(case, Case) else read_case(case)
+    problem = make_problem(case, robot or load_robot())
+    limits = thresholds()
+    progress("measuring the gap")
+    searcher = Searcher(problem, progress)
+    search = run_search(problem, searcher, limits)
+    decision = decide(problem, search, limits)
+    progress("measuring how far")
+    return answer(case, problem, searcher, search, decision, begun, progress)
+
+
+def run_search(problem: Problem, searcher: Searcher, limits: Thresholds) -> Search:
+    """Nominal, retuned, then effects and pairs as far as the gap asks for them."""
+
+    def enough(fitted: Fitted) -> bool:
+        return misfit(problem, fitted) <= limits.quiet
+
+    ranking = Ranking(searcher, enough)
+    nominal = ranking.nominal()
+    if enough(nominal):
+        return Search(nominal, nominal)
+    searcher.progress("retuning the nominal numbers")
+    retuned = ranking.retuned()
+    if enough(retuned):
+        return Search(nominal, retuned)
+    singles, screened = ranking.singles()
+    pairs: list[Fitted] = []
+    if misfit(problem, singles[0]) > limits.near:
+        pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
+    return Search(nominal, retuned, tuple(singles), tuple(pairs), tuple(screened))
+
+
+def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
+    """Pairs whose second effect removes enough of what the first leaves."""
+    return [f for f in pairs if left_over(problem, f, single) < limits.pair]
+
+
+def robot_of(problem: Problem, searcher: Searcher, fitted: Fitted, source: str) -> Robot:
+    """The robot of a fitted point: the problem's own, with its retuned numbers and effects."""
+    point = fitted.point
+    values = nuisance.turned(problem.robot.values, searcher.fitter.knobs, point.x)
+    changed = {e.name: f"fitted to {source}" for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True) if a != b}
+    values = point.hypothesis.apply(values, point.u)
+    return Robot(
+        problem.robot.machine, values, {**problem.robot.sources, **changed}, problem.robot.ranges,
+        problem.robot.limits, problem.robot.grasps, problem.robot.source,
+    )  # fmt: skip
+
+
+def effects_of(problem: Problem, searcher: Searcher, fitted: Fitted, chance: dict[str, float]) -> tuple[NamedEffect, ...]:
+    """The effects of a candidate with lanes and intervals."""
+    machine = problem.robot.machine
+    if not fitted.point.hypothesis.effects:
+        return ()
+    estimate = spread(searcher.fitter, fitted.point, searcher.fitter.responses(fitted.point))
+    found = []
+    for identity in fitted.point.hypothesis.effects:
+        over = machine.effect(identity).over
+        found.append(describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over)))
+    return tuple(found)
+
+
+def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:
+    """All fitted hypotheses, best first: score 1 explains the gap to the floor, 0 no better than retuned numbers."""
+    ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
+    return tuple(Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.misfit, f.held_misfit) for f in ranked)
+
+
+def baselines_of(search: Search) -> dict[str, str]:
+    """What trivial methods would have said: smallest fitted residual alone, and raw BIC with every sample counted as independent."""
+    if not search.singles:
+        return {"replay": "retune", "bic": "retune"}
+    everything = (search.retuned, *search.singles)
+    smallest = min(search.singles, key=lambda f: f.misfit)
+
+    def bic(f: Fitted) -> float:
+        return float(f.point.residual @ f.point.residual) + len(f.point.u) * np.log(len(f.point.residual))
+
+    return {"replay": smallest.name, "bic": min(everything, key=bic).name}
+
+
+def answer(case: Case, problem: Problem, searcher: Searcher, search: Search, decision: Decision, begun: float, progress: Progress) -> Diagnosis:
+    """The diagnosis, with everything measured that it states."""
+    best, named = decision.best, decision.verdict in (NAMED, AMBIGUOUS)
+    robots = {
+        "nominal": problem.robot,
+        "retuned": robot_of(problem, searcher, search.retuned, case.name),
+        "improved": robot_of(problem, searcher, best, case.name),
+    }
+    closure = measure(problem, *robots.values())
+    effects = effects_of(problem, searcher, best, decision.probability) if named else ()
+    experiment = None
+    if decision.verdict == AMBIGUOUS:
+        from exodrake.diagnosis.experiment import next_experiment
+
+        rows = np.array([searcher.fitter.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
+        experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
+    progress("where it lies")
+    where = place(problem, searcher, search, decision, effects)
+    return Diagnosis(
+        case=case.name,
+        verdict=decision.verdict,
+        where=where,
+        effects=effects,
+        equivalents=tuple(i for f in decision.rivals for i in f.point.hypothesis.effects) if decision.verdict == AMBIGUOUS else (),
+        closure=closure,
+        next_experiment=experiment,
+        candidates=candidates_of(problem, search),
+        baselines=baselines_of(search),
+        reasons=decision.reasons,
+        notes=case.notes,
+        seconds=time.perf_counter() - begun,
+        robots=robots,
+        evidence={
+            "nominal": misfit(problem, search.nominal),
+            "retuned": misfit(problem, search.retuned),
+            "best": misfit(problem, best),
+            "unknown": float(decision.verdict == UNKNOWN),
+        },
+    )

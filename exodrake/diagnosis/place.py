@@ -1,0 +1,71 @@
+"""Where: the block, wires and joints of a gap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.diagnosis.decide import Decision
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.regime import regime
+from exodrake.diagnosis.replay import segment_gaps
+from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
+from exodrake.diagnosis.search import Fitted, Search, Searcher
+
+TRACED = 0.5  # a wire or joint with this share of the strongest one's residual counts as affected
+
+
+def block_shares(search: Search) -> dict[str, float]:
+    """Share of each block in the gap: how much of the residual power its best single effect removes, normalised.
+
+    Powers enter with an exponent that favours what explains nearly all of it over what explains half.
+    """
+    before = search.retuned.misfit
+    best: dict[str, float] = {}
+    for fitted in (*search.singles,):
+        block = fitted.point.hypothesis.effects[0].split(".")[0]
+        left = max(fitted.misfit - 1.0, 0.02)
+        best[block] = max(best.get(block, 0.0), max(before - fitted.misfit, 0.0) / left)
+    total = sum(best.values())
+    return {b: v / total for b, v in sorted(best.items(), key=lambda i: -i[1])} if total else {}
+
+
+def place(problem: Problem, searcher: Searcher, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]) -> Where:
+    """Block, lanes, Shapley shares of the segments, replay gaps and regime."""
+    if decision.verdict in (NO_GAP, RETUNE):
+        return Where(block="none")
+    values = searcher.fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
+    segments, replay = segment_gaps(problem, values, problem.holdout[0])
+    residuals = split(problem, search.retuned)
+    shares = block_shares(search)
+    block = effects[0].id.split(".")[0] if effects else next(iter(shares), max(segments, key=lambda s: segments[s]))
+    wires = tuple(dict.fromkeys(w for e in effects for w in e.wires)) or (() if effects else traced(problem, residuals, "wires"))
+    joints = tuple(dict.fromkeys(j for e in effects for j in e.joints)) or (() if effects else traced(problem, residuals, "joints"))
+    return Where(block, wires, joints, shares, segments, replay, regime(problem, residuals))
+
+
+def split(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
+    """Residuals by trial: name -> (n, columns) [floors]."""
+    found, at = {}, 0
+    for trial in problem.fit:
+        size = trial.measured.size
+        found[trial.name] = fitted.point.residual[at : at + size].reshape(trial.measured.shape)
+        at += size
+    at = 0
+    for trial in problem.holdout:
+        size = trial.measured.size
+        found[trial.name] = fitted.held[at : at + size].reshape(trial.measured.shape)
+        at += size
+    return found
+
+
+def traced(problem: Problem, residuals: dict[str, np.ndarray], kind: str) -> tuple[str, ...]:
+    """Wires or joints whose signals hold most of the residual."""
+    lanes = getattr(problem.robot.machine.lanes, kind)
+    power = {lane: 0.0 for lane in lanes}
+    for rows in residuals.values():
+        for i, column in enumerate(problem.columns):
+            lane = column.rsplit("_", 1)[1]
+            if lane in power:
+                power[lane] += float(rows[:, i] @ rows[:, i])
+    strongest = max(power.values())
+    return tuple(lane for lane, p in power.items() if p >= TRACED * strongest)

@@ -1,0 +1,119 @@
+"""A case as a regression: what was measured, in units of its floor, and what a robot of given numbers would have logged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.case import Case, CaseLog
+from exodrake.diagnosis.floor import KINDS, noise_floor
+from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.late import seen_late
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.simulate import offsets, prepared, state_size, wire_count
+from exodrake.log import Log
+
+SILENT = ("sensor.sigma_F", "mocap.sigma_q")
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One log of a case as arrays: `reference` (n, wires) [N] and `measured` (n, columns) [SI], NaN where missing."""
+
+    name: str
+    role: str
+    reference: np.ndarray
+    measured: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Trials of a case, the columns that are compared, and their floors.
+
+    Attributes:
+        robot: the nominal robot with the case's overrides.
+        columns: (c,) names. floor: (c,) [unit of the column].
+        fit, holdout: trials; repeats of a fitted trial serve the floor only.
+    """
+
+    robot: Robot
+    columns: tuple[str, ...]
+    floor: np.ndarray
+    fit: tuple[Trial, ...]
+    holdout: tuple[Trial, ...]
+
+    @property
+    def wires(self) -> list[int]:
+        """Places of the columns in the flat vector of wires."""
+        machine, at = self.robot.machine, offsets(self.robot.machine)
+        shown = {c.kind: c.wire for c in machine.columns}
+        places = []
+        for column in self.columns:
+            kind, lane = column.rsplit("_", 1)
+            lanes = machine.lanes.of(machine.wire[shown[kind]].over)
+            places.append(at[shown[kind]].start + lanes.index(lane))
+        return places
+
+    def predict(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
+        """Logs (rows, n, columns) [SI], noise-free and unquantised, of robots with the flat numbers `rows` (rows, numbers)."""
+        machine = self.robot.machine
+        module, count = compile_machine(machine), wire_count(machine)
+        n = len(trial.reference)
+        still, never = np.zeros((n, 3)), np.ones((n, 3))
+        records = np.empty((len(rows), n, count))
+        module.batch(
+            np.ascontiguousarray(rows), state_size(machine), trial.reference, still, still, never, machine.slot, 1, records
+        )  # fmt: skip
+        return seen_late(machine, records, self.wires)
+
+    def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
+        """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was measured."""
+        parts = []
+        for trial in trials:
+            difference = (trial.measured[None] - self.predict(rows, trial)) / self.floor
+            parts.append(np.nan_to_num(difference, nan=0.0, posinf=WILD, neginf=-WILD).clip(-WILD, WILD).reshape(len(rows), -1))
+        return np.concatenate(parts, axis=1)
+
+    def silent(self, robot: Robot | None = None) -> np.ndarray:
+        """Flat numbers for prediction: no noise, no rounding."""
+        values = prepared(robot or self.robot, quantisation=False)
+        for name in SILENT:
+            values[self.robot.machine.index[name]] = 0.0
+        return values
+
+
+WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad, not infinite
+
+
+def columns_of(case: Case) -> tuple[str, ...]:
+    """Columns that every log of the case has, of the kinds that can be compared."""
+    first = case.logs[0].log
+    wanted = [c for kind in KINDS for c in first.columns if c.startswith(f"{kind}_") and is_plain(c, kind)]
+    return tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
+
+
+def is_plain(column: str, kind: str) -> bool:
+    """Whether the column is `kind_lane`, and not of a longer kind such as tension_ref."""
+    return "_" not in column[len(kind) + 1 :]
+
+
+def trial_of(item: CaseLog, columns: tuple[str, ...]) -> Trial:
+    """A log as arrays; a missing reference keeps its last value."""
+    log: Log = item.log
+    reference = log.array("tension_ref")
+    for frame in range(1, len(reference)):
+        lost = np.isnan(reference[frame])
+        reference[frame, lost] = reference[frame - 1, lost]
+    return Trial(item.file, item.role, np.nan_to_num(reference), np.column_stack([log[c] for c in columns]))
+
+
+def make_problem(case: Case, robot: Robot) -> Problem:
+    """The regression of a case. Repeats of a trial count for the floor only; without held-out logs the last fitted one is held out."""
+    robot = robot.with_numbers(case.robot, source=case.name) if case.robot else robot
+    columns = columns_of(case)
+    fit = [trial_of(item, columns) for item in case.fit_logs if item.repeats is None]
+    held = [trial_of(item, columns) for item in case.holdout_logs]
+    if not held and len(fit) > 1:
+        held = [fit.pop()]
+    return Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))

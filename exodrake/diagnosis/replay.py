@@ -1,0 +1,185 @@
+"""Replay: each segment between measured wires is fed what was measured, so that it does not inherit an error from upstream.
+
+The measured wires cut the Exo-Index loop into four segments. What lies between two measured wires cannot be told apart by replay:
+
+    controller   tension -> speed command        motor    speed command, tension -> stroke     (bus, drive, encoder)
+    tendon       stroke, angle -> tension (cell) finger   tension -> angle                      (sheath, finger, motion capture)
+
+A segment is *fixed* by putting the measured output in place of the simulated one; the Shapley share of a segment is its average part in the
+fall of the gap over all orders of fixing, exact over all subsets.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import cos, factorial, sin
+
+import numpy as np
+
+from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.regime import filled
+from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.machine import Machine, feedthrough_order
+from exodrake.systems import routers
+from exodrake.systems.tendon_finger import Q, RATE, TAKEN
+
+SEGMENTS = {"motor": "stroke", "tendon": "tension", "finger": "angle"}
+SOFT = 1e-3  # N/m: a wire this soft is a source of force
+WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
+READING = 0.005  # s after the start of a frame: middle of the three bus reads
+
+
+class Loop:
+    """The machine as an interpreted loop over its leaf functions, whose wires can be overruled tick by tick."""
+
+    def __init__(self, machine: Machine, values: np.ndarray) -> None:
+        self.machine, self.module = machine, compile_machine(machine)
+        self.wires = {w.name: np.zeros(machine.width(w.over)) for w in machine.wires}
+        self.parts = {}
+        at = 0
+        for block in machine.blocks:
+            count = sum(e.block == block.name for e in machine.entries)
+            own, extra = machine.part_size(block)
+            self.parts[block.name] = (np.zeros(own), np.zeros(extra), values[at : at + count].copy())
+            at += count
+        self.outputs = [(b, b.outputs[k]) for b, k in feedthrough_order(machine)]
+        start = np.zeros(len(machine.lanes.wires))
+        for block in machine.blocks:
+            getattr(self.module, f"{block.name}__leaf__start")(*self.parts[block.name], start)
+        self.refresh({b.name for b in machine.blocks}, {})
+
+    def call(self, block: str, function: str, *arguments) -> None:
+        """A leaf function on its part."""
+        getattr(self.module, f"{block}__leaf__{function}")(*self.parts[block], *arguments)
+
+    def refresh(self, blocks: set[str], imposed: dict[str, np.ndarray]) -> None:
+        """Outputs of some blocks and of what they feed; imposed wires keep their value."""
+        changed: set[str] = set(imposed)
+        for block, output in self.outputs:
+            if block.name in blocks or changed & set(output.reads):
+                self.call(block.name, output.function, *(self.wires[n] for n in (*output.reads, *output.writes)))
+                changed |= set(output.writes)
+                for name in set(output.writes) & set(imposed):
+                    self.wires[name][:] = imposed[name]
+
+    def tasks(self, slot: int, imposed: dict[str, np.ndarray]) -> None:
+        """The sampled tasks of a slot."""
+        for block in self.machine.blocks:
+            for task in block.tasks:
+                if slot in task.slots:
+                    lane = [task.slots.index(slot)] if task.lanes else []
+                    self.call(block.name, task.function, *lane, *(self.wires[n] for n in task.reads))
+                    self.refresh({block.name}, imposed)
+
+    def tick(self, dt: float, imposed: dict[str, np.ndarray], forced: tuple[np.ndarray, np.ndarray] | None, held: np.ndarray | None) -> None:
+        """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in place of its own."""
+        for block in self.machine.blocks:
+            for task in block.tasks:
+                if task.slots:
+                    continue
+                reads = [self.wires[n] for n in task.reads]
+                if block.name == "finger" and forced is not None:
+                    reads = [forced[0] / SOFT, forced[1] / SOFT]
+                self.call(block.name, task.function, dt, *reads)
+        if held is not None:
+            self.hold(held)
+        self.refresh({b.name for b in self.machine.blocks if any(not t.slots for t in b.tasks)}, imposed)
+
+    def hold(self, angle: np.ndarray) -> None:
+        """Puts the finger into a posture, at rest."""
+        x, _, p = self.parts["finger"]
+        x[Q : Q + 3], x[RATE : RATE + 3] = angle, 0.0
+        x[TAKEN : TAKEN + 3] = taken_in(self.machine, p, angle)
+
+    def soften(self) -> None:
+        """Makes the finger's wires so soft that a stroke is a force."""
+        for place, entry in enumerate(e for e in self.machine.entries if e.block == "finger"):
+            if entry.name.startswith("tendon.k."):
+                self.parts["finger"][2][place] = SOFT
+
+
+def taken_in(machine: Machine, p: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Wire taken in by the finger in a posture (3,) [m]."""
+    names = [e.name for e in machine.entries if e.block == "finger"]
+    number = {name: p[i] for i, name in enumerate(names) if name.startswith("router.")}
+
+    def one(side: str, joint: int) -> float:
+        lane = machine.lanes.joints[joint]
+        a, b, m, n = (number[f"router.{letter}_{side}.{lane}"] for letter in "abmn")
+        sign = routers.FLEXOR if side == "f" else routers.EXTENSOR
+        return routers.path(cos(angle[joint]), sin(angle[joint]), a, b, m, n, sign)[0]
+
+    return np.array([sum(one("f", i) for i in range(3)), one("f", 0), sum(one("e", i) for i in range(3))])
+
+
+def smoothed(rows: np.ndarray) -> np.ndarray:
+    """What is fed into a segment (n, lanes): gaps filled, noise and encoder steps smoothed."""
+    from scipy.signal import savgol_filter
+
+    whole = np.column_stack([filled(rows[:, i]) for i in range(rows.shape[1])])
+    return savgol_filter(whole, WINDOW, ORDER, axis=0) if len(whole) > WINDOW else whole
+
+
+def measured_of(problem: Problem, trial: Trial, kind: str) -> np.ndarray:
+    """Columns of one kind (n, lanes)."""
+    return trial.measured[:, [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == kind]]
+
+
+def replayed(problem: Problem, values: np.ndarray, trial: Trial, fixed: frozenset[str]) -> np.ndarray:
+    """Log columns (n, columns) [SI] with the segments `fixed` overruled by what was measured."""
+    machine = problem.robot.machine
+    loop, feeds = Loop(machine, values), {s: smoothed(measured_of(problem, trial, SEGMENTS[s])) for s in fixed}
+    if "tendon" in fixed:
+        loop.soften()
+    rows, rates = np.zeros_like(trial.measured), {s: np.gradient(f, machine.frame, axis=0) for s, f in feeds.items()}
+    shown = {c.kind: c.wire for c in machine.columns}
+    quiet, never = np.zeros(3), np.ones(3)
+    for frame, reference in enumerate(trial.reference):
+        loop.wires["tension_ref"][:] = reference
+        loop.wires["noise_tension"][:], loop.wires["noise_angle"][:], loop.wires["lottery"][:] = quiet, quiet, never
+        for slot in range(machine.slots):
+            later = (slot + 0.5) * machine.slot - READING
+            now = {s: f[frame] + later * rates[s][frame] for s, f in feeds.items()}
+            imposed = {"stroke": now["motor"], "wire_speed": rates["motor"][frame]} if "motor" in now else {}
+            if "tendon" in now:
+                imposed["tension"] = np.maximum(now["tendon"], 0.0)
+            forced = (imposed["tension"], rates["tendon"][frame]) if "tendon" in now else None
+            loop.tick(machine.slot, imposed, forced, now.get("finger"))
+            loop.tasks(slot, imposed)
+        for i, column in enumerate(problem.columns):
+            kind, lane = column.rsplit("_", 1)
+            lanes = machine.lanes.of(machine.wire[shown[kind]].over)
+            rows[frame, i] = loop.wires[shown[kind]][lanes.index(lane)]
+    return rows
+
+
+def subsets() -> list[frozenset[str]]:
+    """All sets of segments."""
+    return [frozenset(s) for size in range(len(SEGMENTS) + 1) for s in combinations(SEGMENTS, size)]
+
+
+def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[str, float], dict[str, float]]:
+    """Exact Shapley shares of the closed-loop gap, and each segment's replay gap [floors], by segment."""
+    power, alone = {}, {}
+    for fixed in subsets():
+        difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.floor)
+        free = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] not in {SEGMENTS[s] for s in fixed}]
+        power[fixed] = float(np.sum(difference[:, free] ** 2))
+        if len(fixed) == len(SEGMENTS) - 1:
+            (segment,) = set(SEGMENTS) - fixed
+            own = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == SEGMENTS[segment]]
+            alone[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
+    return shapley(power), alone
+
+
+def shapley(power: dict[frozenset[str], float]) -> dict[str, float]:
+    """Shares, summing to 1, of the fall of `power` (set of fixed segments -> value) from none to all fixed."""
+    n, shares = len(SEGMENTS), {}
+    for segment in SEGMENTS:
+        shares[segment] = sum(
+            factorial(len(s)) * factorial(n - len(s) - 1) / factorial(n) * (value - power[s | {segment}])
+            for s, value in power.items()
+            if segment not in s
+        )
+    total = sum(shares.values())
+    return {name: value / total if total else 0.0 for name, value in shares.items()}
