@@ -1,0 +1,69 @@
+"""C3D files, the exchange format of motion capture, through ezc3d.
+
+Labels may carry a subject (`Kim:B1` is read as B1). POINT:UNITS gives the unit, POINT:RATE the frame rate; a point
+whose residual is negative was not seen.
+"""
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.errors import InputError
+from exodrake.files import read_bytes
+from exodrake.identification.kinematics.markers import Recording, checked
+from exodrake.units import si_unit, to_si
+
+
+def read_c3d(path: str | Path) -> Recording:
+    """Read the points of a C3D file. InputError naming the file if it is none, or has no points, rate or unit of
+    length."""
+    import ezc3d
+
+    read_bytes(path)
+    try:
+        content = ezc3d.c3d(os.fspath(path))
+    except Exception as error:  # ezc3d raises bare C++ exceptions of several kinds
+        raise InputError(f"{path}: not a C3D file ({error})") from None
+    settings = content["parameters"]["POINT"]
+    names = tuple(label.rsplit(":", 1)[-1].strip() for label in settings["LABELS"]["value"])
+    points = np.moveaxis(content["data"]["points"][:3], 0, 2).swapaxes(0, 1)
+    rate = float(np.ravel(settings["RATE"]["value"])[0]) if len(np.ravel(settings["RATE"]["value"])) else 0.0
+    if not names or points.shape[0] == 0 or rate <= 0:
+        raise InputError(f"{path}: no points, or no frame rate")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{path}: two points are called {twice}")
+    unit = (list(settings["UNITS"]["value"]) or [""])[0]
+    if si_unit(unit, f"{path}, POINT:UNITS") != "m":
+        raise InputError(f"{path}: POINT:UNITS is [{unit}], not a length")
+    points = np.where(_unseen(content, points), np.nan, points)
+    return checked(Recording(names, np.arange(len(points)) / rate, to_si(points[:, : len(names)], unit), str(path)))
+
+
+def c3d_bytes(recording: Recording) -> bytes:
+    """The recording as a C3D file in mm, single precision as the format has it."""
+    import ezc3d
+
+    content = ezc3d.c3d()
+    frames, count, _ = recording.positions.shape
+    points = np.full((4, count, frames), np.nan)
+    points[:3] = 1e3 * np.transpose(recording.positions, (2, 1, 0))
+    points[3] = 1.0
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["parameters"]["POINT"]["RATE"]["value"] = [float(1 / np.median(np.diff(recording.time)))]
+    content["parameters"]["POINT"]["LABELS"]["value"] = list(recording.names)
+    content["data"]["points"] = points
+    with tempfile.TemporaryDirectory() as folder:
+        name = Path(folder) / "recording.c3d"
+        content.write(str(name))
+        return name.read_bytes()
+
+
+def _unseen(content, points: np.ndarray) -> np.ndarray:
+    """Where the residual is negative (frames, points, 1); ezc3d itself already gives NaN for most of them."""
+    residuals = content["data"]["meta_points"]["residuals"]
+    if residuals.shape[1:] != points.shape[1::-1]:
+        return np.zeros((*points.shape[:2], 1), dtype=bool)
+    return (residuals[0].T < 0)[:, :, None]

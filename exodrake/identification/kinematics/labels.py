@@ -1,0 +1,193 @@
+"""Mislabelled markers: frames in which two markers have each other's name, and frames no exchange explains.
+
+A triad keeps its shape, so a wrong label shows as a jump of the placement's residual, in both triads where the
+exchange is between segments. A frame is called swapped if exchanging one pair brings every triad back to its shape.
+Triads should have three different sides: in an isosceles one an exchange leaves no trace.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from exodrake.errors import InputError
+from exodrake.identification.kinematics.frames import Triad, kabsch, triad_of
+from exodrake.identification.kinematics.layout import SEGMENTS, Layout
+from exodrake.identification.kinematics.markers import Recording
+
+OUTLIER = 4.0  # times the usual residual
+EXACT = 3e-4  # m; residual below which no frame is suspected, however clean the rest
+SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
+LOOSE = 4e-3  # m; one that changes it by this much is no rigid body
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two markers that carry each other's name from `first` through `last` (frames)."""
+
+    names: tuple[str, str]
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class LabelCheck:
+    """What `check_labels` found: triads, swaps, frames spoilt per segment, (4, frames) bool, and remarks for the
+    report."""
+
+    triads: tuple[Triad, ...]
+    swaps: tuple[Swap, ...]
+    spoilt: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
+    """Compare every frame with the triads' shapes. InputError for absent markers, a collinear triad or one that is not
+    rigid."""
+    points = recording.of(layout.finger)
+    triads = tuple(
+        triad_of(points[:, 3 * k : 3 * k + 3], names, recording.source) for k, names in enumerate(layout.segments)
+    )
+    residual = _residuals(triads, points)
+    usual = np.nanmedian(residual, axis=1)
+    _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
+    limit = np.maximum(OUTLIER * usual, EXACT)[:, None]
+    bad = residual > limit
+    suspects = np.flatnonzero(bad.any(axis=0))
+    pairs = np.full(len(points), -1)
+    pairs[suspects] = _exchanges(triads, points[suspects], bad[:, suspects], limit)
+    for pair in np.unique(pairs[pairs >= 0]):
+        pairs = _grown(triads, points, residual, pairs, int(pair))
+    spoilt = bad & (pairs < 0)
+    swaps = _runs(np.flatnonzero(pairs >= 0), pairs[pairs >= 0], layout.finger)
+    return LabelCheck(triads, swaps, spoilt, _remarks(triads, usual, spoilt))
+
+
+def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
+    """InputError naming the markers and the first frame, if any are swapped."""
+    if check.swaps:
+        swap = check.swaps[0]
+        frames = sum(s.last - s.first + 1 for s in check.swaps)
+        a, b = swap.names
+        raise InputError(
+            f"{recording.source}: markers {a} and {b} are swapped from frame {swap.first}"
+            f" ({recording.time[swap.first]:.3f} s) to {swap.last}"
+            f" ({frames} swapped frames in all); mend the labels, or let --repair exchange them"
+        )
+
+
+def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
+    """The recording with the swapped markers exchanged back."""
+    positions = recording.positions.copy()
+    for swap in swaps:
+        a, b = (recording.names.index(name) for name in swap.names)
+        span = slice(swap.first, swap.last + 1)
+        positions[span, a], positions[span, b] = recording.positions[span, b], recording.positions[span, a]
+    return replace(recording, positions=positions)
+
+
+def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
+    """RMS residual (4, frames) [m], NaN where a marker is missing. points (frames, 12, 3)."""
+    residual = np.full((len(triads), len(points)), np.nan)
+    for k, triad in enumerate(triads):
+        three = points[:, 3 * k : 3 * k + 3]
+        whole = np.isfinite(three).all(axis=(1, 2))
+        if whole.any():
+            residual[k, whole] = kabsch(triad.shape, three[whole])[1]
+    return residual
+
+
+def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Per suspect frame the number of the pair whose exchange mends it best, or -1."""
+    best, answer = np.full(len(points), np.inf), np.full(len(points), -1)
+    if not len(points):
+        return answer
+    for number, (a, b) in enumerate(combinations(range(points.shape[1]), 2)):
+        if not bad[[a // 3, b // 3]].any():
+            continue
+        swapped = points.copy()
+        swapped[:, [a, b]] = points[:, [b, a]]
+        residual = np.nan_to_num(_residuals(triads, swapped) / limit)
+        touched = bad[a // 3] | bad[b // 3]
+        worst = np.where(touched, residual.max(axis=0), np.inf)
+        better = (worst < 1 / 2) & (worst < best)
+        best[better], answer[better] = worst[better], number
+    return answer
+
+
+def _grown(
+    triads: tuple[Triad, ...], points: np.ndarray, residual: np.ndarray, pairs: np.ndarray, pair: int
+) -> np.ndarray:
+    """Pair numbers per frame, a swap grown over the neighbours whose shape is better with the exchange than without.
+
+    Noise hides a swap in single frames of a run; the run as a whole is beyond doubt.
+    """
+    swapped = points.copy()
+    a, b = list(combinations(range(points.shape[1]), 2))[pair]
+    swapped[:, [a, b]] = points[:, [b, a]]
+    better = np.nansum(_residuals(triads, swapped), axis=0) < np.nansum(residual, axis=0)
+    better |= pairs == pair
+    bounds = np.flatnonzero(np.diff(np.r_[False, better, False]))
+    for first, stop in bounds.reshape(-1, 2):
+        if np.mean(pairs[first:stop] == pair) > 1 / 4:
+            pairs[first:stop] = pair
+    return pairs
+
+
+def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tuple[Swap, ...]:
+    """Consecutive frames with the same exchange, as swaps."""
+    couples, swaps = list(combinations(names, 2)), []
+    for frame, pair in zip(frames.tolist(), pairs.tolist(), strict=True):
+        if swaps and swaps[-1].names == couples[pair] and swaps[-1].last == frame - 1:
+            swaps[-1] = replace(swaps[-1], last=frame)
+        else:
+            swaps.append(Swap(couples[pair], frame, frame))
+    return tuple(swaps)
+
+
+def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, misfit: np.ndarray) -> None:
+    """InputError if a triad is not rigid, naming the exchange of labels that would make all four rigid if there is one.
+
+    misfit (4,) [m]: residual exceeded in a tenth of the frames.
+    """
+    k = int(np.argmax(misfit))
+    if misfit[k] < SUSPECT:
+        return
+    names = f"markers {', '.join(layout.segments[k])} ({SEGMENTS[k]})"
+    loose = (
+        f"{recording.source}: {names} change their shape, by {1e3 * misfit[k]:.1f} mm or more in a tenth of the frames"
+    )
+    some = points[:: max(1, len(points) // 200)]
+    for a, b in combinations(range(12), 2):
+        if a // 3 == b // 3 or k not in (a // 3, b // 3):
+            continue
+        other = some.copy()
+        other[:, [a, b]] = some[:, [b, a]]
+        if _worst_change(other, layout) < misfit[k] / 2:
+            raise InputError(
+                f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
+            )
+    if misfit[k] > LOOSE:
+        raise InputError(loose)
+
+
+def _worst_change(points: np.ndarray, layout: Layout) -> float:
+    """Change of shape exceeded in a tenth of the frames by the worst triad [m]; infinite if one of them is a line."""
+    try:
+        triads = tuple(triad_of(points[:, 3 * k : 3 * k + 3], names) for k, names in enumerate(layout.segments))
+    except InputError:
+        return np.inf
+    return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())
+
+
+def _remarks(triads: tuple[Triad, ...], usual: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
+    remarks = []
+    for k, triad in enumerate(triads):
+        sides = np.sort(triad.sides)
+        if np.diff(sides).min() < 2 * max(OUTLIER * usual[k], EXACT):
+            near = 1e3 * np.diff(sides).min()
+            remarks.append(f"{SEGMENTS[k]} triad: two sides differ by {near:.1f} mm only, some swaps would not be seen")
+        if spoilt[k].any():
+            count = np.count_nonzero(spoilt[k])
+            remarks.append(f"{SEGMENTS[k]} triad: {count} frames left out, shape off and no exchange mends it")
+    return tuple(remarks)

@@ -1,0 +1,181 @@
+"""What the identification leaves behind: a table like the paper's Table 1 (CSV, Markdown, terminal), a robot file and
+the figure.
+
+Everything is made in memory first and written file by file at the end, each whole or not at all.
+"""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.files import write_bytes
+from exodrake.identification.kinematics.identify import Joint, Kinematics
+from exodrake.identification.kinematics.layout import SEGMENTS
+
+HEAD = (
+    "joint",
+    "axis",
+    "gradient [mm/rad]",
+    "gradient half width",
+    "intercept [mm]",
+    "intercept half width",
+    "RMSE [mm]",
+)
+LENGTHS = ("proximal", "middle", "distal")
+
+
+def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
+    """Rows under HEAD, three per joint: gradient, intercept, their 95 % half widths and the RMSE, in mm and mm/rad."""
+    rows = []
+    for joint in found.joints:
+        line = joint.line
+        columns = (line.gradient, line.gradient_interval, line.intercept, line.intercept_interval, line.rmse)
+        for number, axis in enumerate("XYZ"):
+            rows.append((joint.name, axis, *(f"{1e3 * column[number]:.3f}" for column in columns)))
+    return rows
+
+
+def length_rows(found: Kinematics) -> list[tuple[str, str, str, str]]:
+    """Joint, the phalanx distal to it, its length and 95 % half width [mm]."""
+    numbers = zip(found.joints, LENGTHS, found.lengths, found.intervals, strict=True)
+    return [(joint.name, bone, f"{1e3 * length:.2f}", f"{1e3 * half:.2f}") for joint, bone, length, half in numbers]
+
+
+def table_csv(found: Kinematics) -> str:
+    """The table as CSV; lengths and ranges follow as rows of their own."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(HEAD)
+    writer.writerows(table_rows(found))
+    for joint, bone, length, half in length_rows(found):
+        writer.writerow((joint, f"{bone} length", "", "", length, half, ""))
+    return stream.getvalue()
+
+
+def table_markdown(found: Kinematics) -> str:
+    """The table as Markdown, with lengths, ranges, quality and remarks under it."""
+    lines = [f"# Kinematic identification of {Path(found.source).name}", "", _row(HEAD), _row(["---"] * len(HEAD))]
+    lines += [_row(row) for row in table_rows(found)]
+    lines += [
+        "",
+        "Centre = gradient x angle + intercept, across the joint's axis, in the frame of the segment proximal to it.",
+        "",
+    ]
+    lines += [
+        _row(
+            (
+                "joint",
+                "flexion range [rad]",
+                "frames used",
+                "3-D RMSE [mm]",
+                "phalanx",
+                "length [mm]",
+                "half width [mm]",
+            )
+        )
+    ]
+    lines += [_row(["---"] * 7)]
+    for joint, (_, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
+        low, high = joint.range
+        lines.append(
+            _row(
+                (
+                    joint.name,
+                    f"{low:.3f} .. {high:.3f}",
+                    joint.line.frames,
+                    f"{1e3 * joint.line.rmse_3d:.2f}",
+                    bone,
+                    length,
+                    half,
+                )
+            )
+        )
+    lines += ["", *(f"* {note}" for note in notes(found))]
+    return "\n".join(lines) + "\n"
+
+
+def notes(found: Kinematics) -> list[str]:
+    """Quality of the triads, what the intervals leave out, and the remarks of the label check."""
+    misfit = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
+    return [
+        f"Usual misfit of the triads after smoothing [mm]: {misfit}.",
+        "Half widths (95 %) count the noise of the moving frames; skin that slides with the angle, and the noise of the"
+        " posture at the start, come on top and cannot be seen in the markers alone.",
+        "The distal length runs from the DIP axis to the tip marker, along the straight finger.",
+        *found.remarks,
+    ]
+
+
+def robot_yaml(found: Kinematics) -> str:
+    """A robot file: the nominal robot with the phalanx lengths [m] found, each with its source."""
+    name = Path(found.source).name
+    lines = [f"# source: exodrake identify kinematics {name}, {len(found.time)} frames; lengths in m, 95 % half widths"]
+    lines += ["base: exo_index", "numbers:"]
+    for joint, length, half in zip(found.joints, found.lengths, found.intervals, strict=True):
+        lines.append(f"  finger.length.{joint.name}: {length:.5f}  # +- {half:.5f} m, source: markers, {name}")
+    for joint in found.joints:
+        low, high = joint.range
+        lines.append(f"# seen: {joint.name} {low:.3f} .. {high:.3f} rad, centre moves {1e3 * _speed(joint):.2f} mm/rad")
+    return "\n".join(lines) + "\n"
+
+
+def _speed(joint: Joint) -> float:
+    return float(np.linalg.norm(joint.line.gradient))
+
+
+def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
+    """Write kinematics.csv, .md, .png and robot.yaml into a folder, made if absent. Returns the files. InputError if
+    it cannot."""
+    from exodrake.identification.kinematics.figure import centre_figure
+
+    contents = {
+        "kinematics.csv": table_csv(found).encode(),
+        "kinematics.md": table_markdown(found).encode(),
+        "robot.yaml": robot_yaml(found).encode(),
+        "kinematics.png": centre_figure(found),
+    }
+    return write_all(folder, contents)
+
+
+def write_all(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
+    """Write files into a folder, made if absent, each by rename. InputError if the folder cannot be made or written."""
+    from exodrake.errors import InputError
+
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{target}: cannot make this folder ({error.strerror})") from None
+    for name, data in contents.items():
+        write_bytes(target / name, data)
+    return [target / name for name in contents]
+
+
+def print_table(found: Kinematics) -> None:
+    """The two tables on the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    table = Table(title=f"Joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
+    for column in ("joint", "axis", "gradient [mm/rad]", "intercept [mm]", "RMSE [mm]"):
+        table.add_column(column, justify="left" if column in HEAD[:2] else "right")
+    for joint, axis, gradient, half_gradient, intercept, half_intercept, rmse in table_rows(found):
+        shown = (
+            f"{float(gradient):.2f} ± {float(half_gradient):.2f}",
+            f"{float(intercept):.2f} ± {float(half_intercept):.2f}",
+        )
+        table.add_row(joint if axis == "X" else "", axis, *shown, f"{float(rmse):.2f}", end_section=axis == "Z")
+    console.print(table)
+    lengths = Table(title="Phalanx lengths and range of motion")
+    for column in ("joint", "flexion [rad]", "phalanx", "length [mm]"):
+        lengths.add_column(column)
+    for joint, (name, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
+        lengths.add_row(name, "{:.2f} .. {:.2f}".format(*joint.range), bone, f"{length} ± {half}")
+    console.print(lengths)
+
+
+def _row(cells) -> str:
+    return "| " + " | ".join(str(cell) for cell in cells) + " |"

@@ -1,0 +1,188 @@
+"""Marker recordings with a known truth: a hand that drifts, an index finger with moving joint centres, fourteen
+markers, and faults.
+
+At rest the finger lies along x (distal) with y dorsal and the MCP centre at the origin, so flexion turns about -z and
+abduction about y. Every segment is carried by the product of exponentials of the joints before it. The lengths are the
+paper's and so are the PIP and DIP gradients; the MCP's is small, its printed one being no anatomy (`physics.md`, Table
+1). Nothing here was measured.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from exodrake.errors import InputError
+from exodrake.identification.kinematics.axis import Axis, across
+from exodrake.identification.kinematics.frames import triad_of
+from exodrake.identification.kinematics.labels import Swap
+from exodrake.identification.kinematics.layout import SEGMENTS, Layout
+from exodrake.identification.kinematics.markers import Recording
+from exodrake.identification.kinematics.newton import chain_pose
+from exodrake.identification.kinematics.screws import apply, inverse, motion, rotation
+
+MM = 1e-3
+PLACES = {  # mm from the joint before the segment, at rest
+    "base": ((-20, 14, 12), (-58, 16, -2), (-26, 18, -18)),
+    "proximal": ((10, 11, 5), (32, 10, 0), (14, 16, -6)),
+    "middle": ((4, 9, 5), (17, 8, -1), (3, 17, -2)),
+    "distal": ((4, 7, 5), (18.72, 6, 0), (3, 15, -2)),
+    "thumb": ((5, -40, 30), (22, -48, 20)),
+}
+
+
+@dataclass(frozen=True)
+class Hand:
+    """The planted numbers: lengths (3,) [m]; slopes (3, 3) [m/rad] of the MCP, PIP, DIP centres at rest axes x, y, z;
+    ranges of motion [rad] of flexion (paper Table 2, S.M.) and abduction."""
+
+    lengths: tuple[float, float, float] = (0.04264, 0.02014, 0.01872)
+    slopes: tuple[tuple[float, float, float], ...] = (
+        (-1.0e-3, -1.5e-3, 0),
+        (-2.72e-3, 1.91e-3, 0),
+        (-0.71e-3, 0.26e-3, 0),
+    )
+    flexion: tuple[tuple[float, float], ...] = ((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))
+    abduction: tuple[float, float] = (-0.26, 0.26)
+
+
+@dataclass(frozen=True)
+class Faults:
+    """noise [m RMS per axis]; artefact [m/rad], how far the skin drags each marker in a direction of its own; dropouts
+    per marker and minute, gap [s] their length; swaps."""
+
+    noise: float = 0.0
+    artefact: float = 0.0
+    dropouts: float = 0.0
+    gap: float = 0.05
+    swaps: tuple[Swap, ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class Truth:
+    """angles (frames, 4) [rad]: abduction, MCP, PIP, DIP; axes: abduction, MCP, PIP and DIP flexion, each in the frame
+    of the triad proximal to it, centres across the axis; lengths (3,) [m]."""
+
+    angles: np.ndarray
+    axes: tuple[Axis, Axis, Axis, Axis]
+    lengths: tuple[float, float, float]
+
+
+def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: int) -> tuple[Recording, Truth]:
+    """A recording of `seconds` [s] at `rate` [Hz] and its truth. The finger rests for the first second, then moves
+    over its ranges."""
+    if seconds < 3 or rate < 5:
+        raise InputError(f"synthesise: {seconds:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(seconds * rate)) / rate
+    angles = wanted_angles(time, hand)
+    rest, layout = rest_markers(hand), Layout()
+    axes = _axes_at_rest(hand)
+    places = []
+    for number, name in enumerate((*SEGMENTS, "thumb")):
+        joints = min(number + 1, 4) if 0 < number < 4 else 0
+        carried = chain_pose(axes[:joints], angles) if joints else np.broadcast_to(np.eye(4), (len(time), 4, 4))
+        nearest = angles[:, joints - 1] if joints else np.zeros(len(time))
+        places.append(apply(carried, rest[name] + _dragged(len(rest[name]), nearest, faults.artefact, rng)))
+    positions = apply(_hand_motion(time), np.concatenate(places, axis=1))
+    names = (*layout.finger, *layout.thumb)
+    recording = Recording(names, time, _spoil(positions, names, time, faults, rng), f"synthetic, seed {seed}")
+    return recording, Truth(angles, _in_triads(axes, rest), hand.lengths)
+
+
+def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
+    """Abduction, MCP, PIP, DIP (frames, 4) [rad]: still for 1 s, then slow sines over the ranges, no two in step."""
+    start = np.clip((time - 1.0) / 1.5, 0, 1)
+    rise = start**3 * (10 - 15 * start + 6 * start**2)
+    columns = []
+    for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
+        beat = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
+        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(beat)))
+    return np.stack(columns, axis=1)
+
+
+def rest_markers(hand: Hand) -> dict[str, np.ndarray]:
+    """Markers (k, 3) [m] of each segment at rest, the distal tip marker moved to the finger's end."""
+    joints = {"proximal": 0.0, "middle": hand.lengths[0], "distal": hand.lengths[0] + hand.lengths[1]}
+    rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
+    rest["distal"][1, 0] = hand.lengths[2]
+    return {name: places + np.array([joints.get(name, 0.0), 0, 0]) for name, places in rest.items()}
+
+
+def _axes_at_rest(hand: Hand) -> tuple[Axis, Axis, Axis, Axis]:
+    dorsal, palmar_turn = np.array([0.0, 1, 0]), np.array([0.0, 0, -1])
+    centres = np.cumsum([0.0, hand.lengths[0], hand.lengths[1]])
+    bends = [
+        Axis(palmar_turn, np.array([x, 0, 0]), np.array(g, dtype=float))
+        for x, g in zip(centres, hand.slopes, strict=True)
+    ]
+    return Axis(dorsal, np.zeros(3), np.zeros(3)), *bends  # type: ignore[return-value]
+
+
+def _in_triads(axes: tuple[Axis, ...], rest: dict[str, np.ndarray]) -> tuple[Axis, Axis, Axis, Axis]:
+    """The axes seen from the frame of the triad proximal to each, their centres across them."""
+    seen = []
+    for axis, name in zip(axes, ("base", "base", "proximal", "middle"), strict=True):
+        pose = inverse(triad_pose(rest[name]))
+        w = pose[:3, :3] @ axis.direction
+        seen.append(Axis(w, across(apply(pose, axis.point[None])[0], w), across(pose[:3, :3] @ axis.slope, w)))
+    return tuple(seen)  # type: ignore[return-value]
+
+
+def triad_pose(points: np.ndarray) -> np.ndarray:
+    """Pose (4, 4) of a triad's frame from exact marker places (3, 3) [m]: centroid, x from first to second, z
+    normal."""
+    triad_of(points[None], ("1", "2", "3"))
+    x = points[1] - points[0]
+    z = np.cross(x, points[2] - points[0])
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
+
+
+def _dragged(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:
+    """Shift of each marker on its segment (frames, k, 3) [m], proportional to the angle of the joint before it."""
+    ways = rng.standard_normal((markers, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return artefact * angle[:, None, None] * ways
+
+
+def _hand_motion(time: np.ndarray) -> np.ndarray:
+    """The hand drifts and turns slowly in front of the cameras (frames, 4, 4)."""
+    axis = np.array([0.48, 0.6, 0.64])
+    shift = np.stack(
+        [0.4 + 0.03 * np.sin(0.6 * time), 0.1 + 0.02 * np.sin(0.9 * time), 0.9 + 0.02 * np.cos(0.5 * time)], axis=1
+    )
+    return motion(rotation(axis, 0.7 + 0.25 * np.sin(0.7 * time)), shift)
+
+
+def _spoil(
+    positions: np.ndarray, names: tuple[str, ...], time: np.ndarray, faults: Faults, rng: np.random.Generator
+) -> np.ndarray:
+    """Noise, gaps and swaps, in this order."""
+    seen = positions + faults.noise * rng.standard_normal(positions.shape)
+    step = time[1] - time[0]
+    for marker in range(len(names)):
+        count = rng.poisson(faults.dropouts * time[-1] / 60) if faults.dropouts else 0
+        for first in rng.integers(0, len(time), size=count):
+            seen[first : first + max(1, round(faults.gap / step)), marker] = np.nan
+    for swap in faults.swaps:
+        a, b = (names.index(name) for name in swap.names)
+        span = slice(swap.first, swap.last + 1)
+        seen[span, [a, b]] = seen[span, [b, a]]
+    return seen
+
+
+def truth_yaml(truth: Truth) -> str:
+    """The planted numbers as YAML: lengths, and gradient and intercept of each centre in its triad's frame, in mm."""
+    lines = ["# planted truth of a synthetic recording"]
+    lines += [
+        f"finger.length.{joint}: {length:.5f}"
+        for joint, length in zip(("MCP", "PIP", "DIP"), truth.lengths, strict=True)
+    ]
+    for joint, axis in zip(("MCP", "PIP", "DIP"), truth.axes[1:], strict=True):
+        for word, vector in (
+            ("gradient_mm_rad", axis.slope),
+            ("intercept_mm", axis.point),
+            ("axis", axis.direction / 1e3),
+        ):
+            lines.append(f"{joint}.{word}: [{', '.join(f'{1e3 * value:.4f}' for value in vector)}]")
+    return "\n".join(lines) + "\n"

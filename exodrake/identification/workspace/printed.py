@@ -1,0 +1,80 @@
+"""The paper's Table 2 beside ours: what follows from the printed numbers and what does not (`physics.md` section 2)."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from exodrake.identification.workspace.area import monte_carlo, reach
+from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges
+
+LENGTHS = (0.04264, 0.02014, 0.01872)  # m, Table 1
+SPONTANEOUS = Ranges((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))  # rad, Table 2, S.M.
+ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.
+AREAS = {"K.M.": 8712.30, "S.M.": 5884.10, "A.M.": 3770.80}  # mm2, Table 2
+SHARE = 64.08  # %, A.M. of S.M., text
+FOLLOWS, DOES_NOT, UNKNOWN = "follows", "does not follow", "cannot be checked"
+
+
+class Claim(NamedTuple):
+    """One printed number: what it is, as printed, ours, verdict and reason."""
+
+    what: str
+    printed: str
+    ours: str
+    verdict: str
+    reason: str
+
+
+def table_2(assisted=None) -> list[Claim]:
+    """Rows for every number of Table 2. assisted: an `Assisted` of the simulated actuation, or None to leave its cells
+    empty."""
+    areas = {what: 1e6 * reach(LENGTHS, SPONTANEOUS, what).area for what in (FINGERTIP, DISTAL)}
+    both = f"{areas[FINGERTIP]:.0f} fingertip, {areas[DISTAL]:.0f} distal phalanx"
+    low, high = AREAS["S.M."] / areas[DISTAL], AREAS["K.M."] / areas[FINGERTIP]
+    km = f"Pin joints, Table 1 lengths, S.M. ranges: printed is {high:.2f} times the fingertip's area, "
+    km += f"{AREAS['K.M.'] / areas[DISTAL]:.2f} times what the whole distal phalanx sweeps."
+    sm = (
+        f"The printed area is {low:.2f} times all that its own ranges let the distal phalanx sweep, and measured motion"
+        " lies inside. Our figure is that bound; the motion itself is not printed."
+    )
+    return [
+        Claim("K.M. area [mm2]", f"{AREAS['K.M.']:.2f}", both, DOES_NOT, km),
+        Claim("S.M. area [mm2]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
+        *_assisted_rows(assisted, areas),
+        _share(),
+        _digits(),
+    ]
+
+
+def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
+    ours = ranges = "-"
+    if assisted is not None:
+        tip, bone = (1e6 * assisted.region(LENGTHS, what).area for what in (FINGERTIP, DISTAL))
+        ours = f"{tip:.0f} fingertip, {bone:.0f} distal phalanx"
+        ranges = ", ".join(f"{name} {low:.2f}..{high:.2f}" for name, (low, high) in assisted.ranges._asdict().items())
+    printed = ", ".join(f"{name} {low:g}..{high:g}" for name, (low, high) in zip(Ranges._fields, ASSISTED, strict=True))
+    beyond = int(np.sum(np.array(ASSISTED) > np.max(SPONTANEOUS)))
+    why = f"PIP maximum below its minimum; {beyond} of 6 limits beyond the largest S.M. limit: not radians."
+    area = (
+        "Needs the A.M. motion, which is not printed. Ours is the nominal robot's statics over its tensions, joints"
+        f" coupled by the wires; the full ranges give {areas[FINGERTIP]:.0f} (fingertip)."
+    )
+    return [
+        Claim("A.M. range [rad]", printed, ranges, DOES_NOT, why),
+        Claim("A.M. area [mm2]", f"{AREAS['A.M.']:.2f}", ours, UNKNOWN, area),
+    ]
+
+
+def _share() -> Claim:
+    ratio = 100 * AREAS["A.M."] / AREAS["S.M."]
+    return Claim("A.M. / S.M. [%]", f"{SHARE:.2f}", f"{ratio:.2f}", FOLLOWS, "Quotient of the two printed areas.")
+
+
+def _digits() -> Claim:
+    """How many points the printed two decimals would take."""
+    drawn = monte_carlo(LENGTHS, SPONTANEOUS, samples=10_000)
+    needed = (drawn.error / 0.005e-6) ** 2 * drawn.samples
+    text = f"standard error {1e6 * drawn.error:.0f} for {drawn.samples} points"
+    power = int(np.floor(np.log10(needed)))
+    why = f"Two decimals of a Monte Carlo area take about {needed / 10**power:.0f}e{power} points; N is not stated."
+    return Claim("decimals of the areas [mm2]", "0.01", text, DOES_NOT, why)

@@ -1,0 +1,117 @@
+"""The identification on recordings with a planted truth: noise-free to rounding, with 0.3 mm noise within bounds."""
+
+import numpy as np
+import pytest
+
+from exodrake.identification.kinematics.axis import across
+from exodrake.identification.kinematics.identify import Kinematics, Settings, identify
+from exodrake.identification.kinematics.line import centre_line
+from exodrake.identification.kinematics.report import robot_yaml, table_csv, table_markdown
+from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
+
+NOISE = 3e-4
+
+
+@pytest.fixture(scope="module")
+def clean() -> tuple[Kinematics, Truth]:
+    recording, truth = synthesise(Hand(), Faults(), 12.0, 50.0, 0)
+    return identify(recording, settings=Settings(cutoff=None)), truth
+
+
+@pytest.fixture(scope="module")
+def noisy() -> tuple[Kinematics, Truth]:
+    recording, truth = synthesise(Hand(), Faults(noise=NOISE, dropouts=6), 40.0, 100.0, 5)
+    return identify(recording), truth
+
+
+def _rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(error**2)))
+
+
+def test_noise_free_truth_is_recovered(clean):
+    found, truth = clean
+    np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-9)
+    np.testing.assert_allclose(found.joints[0].abduction, truth.angles[:, 0], atol=1e-9)
+    for number, joint in enumerate(found.joints, start=1):
+        axis = truth.axes[number]
+        np.testing.assert_allclose(joint.angle, truth.angles[:, number], atol=1e-9)
+        np.testing.assert_allclose(joint.axis.direction, axis.direction, atol=1e-9)
+        np.testing.assert_allclose(joint.line.gradient, axis.slope, atol=1e-9)
+        np.testing.assert_allclose(joint.line.intercept, axis.point, atol=1e-9)
+        assert joint.line.rmse_3d < 1e-9
+    np.testing.assert_allclose(found.joints[0].abduction_axis.direction, truth.axes[0].direction, atol=1e-9)
+
+
+def test_smoothing_leaves_slow_motion_alone():
+    recording, truth = synthesise(Hand(), Faults(), 20.0, 100.0, 0)
+    found = identify(recording)
+    np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-6)
+    for number, joint in enumerate(found.joints, start=1):
+        assert _rms(joint.angle - truth.angles[:, number]) < 1e-4
+
+
+def test_centres_beyond_45_degrees_are_within_a_millimetre(noisy):
+    found, truth = noisy
+    for number, joint in enumerate(found.joints, start=1):
+        axis, angle = truth.axes[number], truth.angles[:, number]
+        beyond = np.abs(angle) > np.pi / 4
+        error = np.linalg.norm(across(joint.centre - axis.centre(angle), axis.direction), axis=1)[beyond]
+        assert _rms(error) < 0.3e-3
+        assert np.nanquantile(error, 0.99) < 1e-3
+
+
+def test_lengths_are_within_half_a_millimetre(noisy):
+    found, truth = noisy
+    np.testing.assert_allclose(found.lengths, truth.lengths, atol=0.5e-3)
+
+
+def test_mcp_angles_are_within_half_a_degree(noisy):
+    found, truth = noisy
+    joint = found.joints[0]
+    assert np.rad2deg(_rms(joint.angle - truth.angles[:, 1])) < 0.5
+    assert np.rad2deg(_rms(joint.abduction - truth.angles[:, 0])) < 0.5
+
+
+def test_skin_that_slides_shows_as_bias_beyond_the_intervals():
+    """The intervals count noise only, and the report says so: planted artefact of 1 mm/rad moves a length by more."""
+    recording, truth = synthesise(Hand(), Faults(noise=NOISE, artefact=1e-3), 20.0, 100.0, 0)
+    found = identify(recording)
+    off = np.abs(np.subtract(found.lengths, truth.lengths))
+    assert off.max() > max(found.intervals) and off.max() < 4e-3
+    assert "skin" in table_markdown(found)
+
+
+def test_hand_without_abduction_is_still_identified():
+    recording, truth = synthesise(Hand(abduction=(-0.001, 0.001)), Faults(noise=1e-4), 20.0, 100.0, 2)
+    found = identify(recording)
+    assert np.rad2deg(_rms(found.joints[0].angle - truth.angles[:, 1])) < 0.5
+    np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-3)
+
+
+def test_regression_is_the_weighted_least_squares_of_numpy():
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(0.3, 1.5, 400)
+    centre = np.stack([2e-3 * angle + 0.01, -1e-3 * angle, 0 * angle], axis=1)
+    centre += 1e-3 / angle[:, None] * rng.standard_normal((400, 3))
+    line = centre_line(angle, centre, angle**2, 1)
+    expected = np.polyfit(angle, centre, 1, w=angle)
+    np.testing.assert_allclose([line.gradient, line.intercept], expected, atol=1e-12)
+
+
+def test_intervals_cover_the_truth_in_95_of_100():
+    rng, hits = np.random.default_rng(1), 0
+    for _ in range(300):
+        angle = np.linspace(0.3, 1.5, 300)
+        noise = np.repeat(rng.standard_normal((30, 3)), 10, axis=0)  # alike within ten frames
+        line = centre_line(angle, 2e-3 * angle[:, None] + 1e-3 * noise, np.ones(300), 10)
+        hits += int(np.sum(np.abs(line.gradient - 2e-3) < line.gradient_interval))
+    assert 0.90 < hits / 900 < 0.985
+
+
+def test_tables_and_robot_file_say_what_was_found(clean):
+    found, _ = clean
+    rows = table_csv(found).splitlines()
+    assert rows[0].startswith("joint,axis,gradient [mm/rad]") and len(rows) == 1 + 9 + 3
+    assert "| MCP | X |" in table_markdown(found)
+    assert "finger.length.MCP: 0.04264  # +- " in robot_yaml(found)
+    assert "source:" in robot_yaml(found)

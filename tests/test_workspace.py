@@ -1,0 +1,128 @@
+"""Workspaces against physics.md section 2 (Table 2) and closed forms."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from exodrake.cli import cli
+from exodrake.errors import InputError
+from exodrake.identification.workspace import (
+    DISTAL,
+    FINGERTIP,
+    Ranges,
+    assisted,
+    monte_carlo,
+    reach,
+    table_2,
+    tip,
+    traced,
+)
+from exodrake.identification.workspace.printed import LENGTHS, SPONTANEOUS
+
+MM2 = 1e-6
+
+
+def test_fingertip_area_of_the_paper_s_numbers():
+    assert reach(LENGTHS, SPONTANEOUS).area == pytest.approx(4297 * MM2, rel=0.001)
+
+
+def test_distal_phalanx_area_of_the_paper_s_numbers():
+    assert reach(LENGTHS, SPONTANEOUS, DISTAL, steps=30).area == pytest.approx(5041 * MM2, rel=0.002)
+
+
+def test_area_is_settled_in_the_steps():
+    coarse, fine = (reach(LENGTHS, SPONTANEOUS, steps=steps).area for steps in (30, 120))
+    assert coarse == pytest.approx(fine, rel=1e-4)
+
+
+def test_area_by_rings():
+    """The fingertip's ring at radius r is as wide as the MCP range plus the spread of its direction at MCP 0."""
+    q2, q3 = np.meshgrid(np.linspace(0.08, 1.56, 1500), np.linspace(0.07, 0.92, 1500), indexing="ij")
+    x, y = np.moveaxis(tip(LENGTHS, 0.0, q2, q3), -1, 0)
+    radius, way = np.hypot(x, y).ravel(), np.arctan2(y, x).ravel()
+    edges = np.linspace(radius.min(), radius.max(), 201)
+    ring = np.clip(np.digitize(radius, edges) - 1, 0, 199)
+    low, high = np.full(200, np.inf), np.full(200, -np.inf)
+    np.minimum.at(low, ring, way)
+    np.maximum.at(high, ring, way)
+    area = np.sum((high - low + 1.69) * np.diff(edges**2) / 2)
+    assert reach(LENGTHS, SPONTANEOUS).area == pytest.approx(area, rel=0.005)
+
+
+def test_nearly_stiff_finger_sweeps_a_ring():
+    """One bone that turns and one that bends by 90 deg at most from straight: the sector between the two radii."""
+    lengths, turn = (0.04, 0.03, 1e-9), 1.0
+    near = np.hypot(0.04, 0.03)
+    region = reach(lengths, Ranges((0.0, turn), (0.0, np.pi / 2), (0.0, 1e-6)), steps=4)
+    assert region.area == pytest.approx(turn * (0.07**2 - near**2) / 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("what", [FINGERTIP, DISTAL])
+def test_monte_carlo_agrees_within_its_own_error(what):
+    exact = reach(LENGTHS, SPONTANEOUS, what, steps=30).area
+    draws = [monte_carlo(LENGTHS, SPONTANEOUS, what, 2000, seed) for seed in range(6)]
+    scores = [(draw.value - exact) / draw.error for draw in draws]
+    assert abs(np.mean(scores)) < 3 / np.sqrt(6) and max(np.abs(scores)) < 4
+
+
+def test_monte_carlo_error_of_the_bounding_box():
+    """physics.md: one sigma is 175, 56 mm2 for 1e3, 1e4 points over 11432 mm2."""
+    small, large = (monte_carlo(LENGTHS, SPONTANEOUS, samples=n) for n in (1000, 10_000))
+    assert small.box == pytest.approx(11432 * MM2, rel=0.01)
+    assert small.error == pytest.approx(175 * MM2, rel=0.05) and large.error == pytest.approx(56 * MM2, rel=0.05)
+    assert monte_carlo(LENGTHS, SPONTANEOUS, samples=1000) == small
+
+
+def test_motion_of_one_joint_traces_a_ring():
+    angles = np.zeros((400, 3))
+    angles[:, 0] = np.linspace(0, 1, 400)
+    inner = LENGTHS[0] + LENGTHS[1]
+    assert traced(LENGTHS, angles).area == pytest.approx((sum(LENGTHS) ** 2 - inner**2) / 2, rel=1e-4)
+
+
+def test_table_2_verdicts():
+    rows = {claim.what: claim for claim in table_2()}
+    assert rows["K.M. area [mm2]"].ours.startswith("4297 fingertip")
+    assert rows["A.M. / S.M. [%]"].ours == "64.08" and rows["A.M. / S.M. [%]"].verdict == "follows"
+    assert "4 of 6" in rows["A.M. range [rad]"].reason
+    assert {rows[f"{m} area [mm2]"].verdict for m in ("K.M.", "S.M.")} == {"does not follow"}
+    assert all(all(claim) for claim in rows.values())
+
+
+@pytest.mark.parametrize(
+    ("lengths", "ranges"),
+    [
+        ((0.04, 0.0, 0.02), SPONTANEOUS),
+        (LENGTHS, SPONTANEOUS._replace(PIP=(1.0, 0.5))),
+        ((0.04, np.nan, 0.02), SPONTANEOUS),
+    ],
+)
+def test_impossible_fingers_are_refused(lengths, ranges):
+    with pytest.raises(InputError, match="PIP"):
+        reach(lengths, ranges)
+
+
+def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
+    from exodrake.diagrams.robot import load_robot
+
+    robot = load_robot()
+    wired = assisted(robot, 7)
+    q, t = wired.angles, wired.tensions
+    rho, alpha = np.hypot(5e-3, [3e-3, 5e-3]), np.arctan2([3e-3, 5e-3], 5e-3)
+    flexor, extensor = rho[0] * np.sin(alpha[0] + q / 2), rho[1] * np.sin(alpha[1] - q / 2)
+    pulled = flexor * t[..., :1] - extensor * t[..., 2:]
+    pulled[..., 0] += (flexor * t[..., 1:2])[..., 0]
+    inside = (q > [-0.3, 0, 0]) & (q < [1.3, 1.5, 0.95])
+    passive = robot.lanes("finger.kappa") * (q - robot.lanes("finger.q0"))
+    np.testing.assert_allclose(pulled[inside], passive[inside], atol=1e-9)
+    for (low, high), (least, most) in zip(wired.ranges, SPONTANEOUS, strict=True):
+        assert least - 0.4 < low < high < most + 0.4
+    assert wired.region(LENGTHS).area < reach(LENGTHS, wired.ranges, steps=20).area
+
+
+def test_command_writes_areas_table_and_figure(tmp_path):
+    result = CliRunner().invoke(cli, ["workspace", "--out", str(tmp_path / "w"), "--samples", "500", "--steps", "5"])
+    assert result.exit_code == 0, result.output
+    assert {file.name for file in (tmp_path / "w").iterdir()} == {"workspace.csv", "table_2.md", "workspace.png"}
+    refused = CliRunner().invoke(cli, ["workspace", "--out", str(tmp_path / "v"), "--samples", "5"])
+    assert refused.exit_code == 2 and not (tmp_path / "v").exists()
