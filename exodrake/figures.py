@@ -28,7 +28,7 @@ REFERENCE = {"tension": "tension_ref", "stroke": "stroke_ref", "angle": "angle_r
 WIRE_COLOURS = {"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"}  # Okabe and Ito: told apart by all eyes
 JOINT_COLOURS = {"MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933"}  # Tol's muted scheme
 SPARE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#332288", "#aa4499")
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
     "xtick.major.width": 0.7, "ytick.major.width": 0.7, "axes.axisbelow": True, "axes.labelpad": 4,

@@ -1,6 +1,6 @@
 """A log as a moving finger: a Meshcat recording in one HTML file that plays offline, built from the log afterwards.
 
-html = recording_html(log, robot)        # bones, routers, wires coloured by tension; `#t=1.5` in the address stops there
+    html = recording_html(log, robot)    # wires coloured by their tension; `#t=1.5` in the address stops the film there
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ GROUND, CELL, CELLS = -0.085, 0.01, 12  # height [m], width [m] and half the num
 
 @dataclass(frozen=True)
 class Thing:
-    """An object beside the finger: a sphere, or a cylinder across it (axis y). radius, length [m]; centre (x, z) [m]."""
+    """An object at the finger: a sphere, or a cylinder across it (axis y). radius, length [m]; centre (x, z) [m]."""
 
     centre: tuple[float, float]
     radius: float

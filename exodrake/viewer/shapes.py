@@ -1,7 +1,7 @@
 """What the viewer draws, without Meshcat: bones, routers and pieces of wire, and where they are at a given posture.
 
-World: x along the straight finger, z up on the dorsal side, the MCP joint in the origin; flexion turns about +y, towards
-the palm. Frames are named by the segment they ride on: 0 the hand, i the phalanx distal to joint i.
+World: x along the straight finger, z up on the dorsal side, the MCP joint in the origin; flexion turns about +y, so the
+tip sinks. Frames are named by the segment they ride on: 0 the hand, i the phalanx distal to joint i.
 """
 
 from __future__ import annotations
