@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from exodrake.block import JOINTS, WIRES, Lanes, Wire
+from exodrake.block import JOINTS, ONE, WIRES, Lanes, Wire
 from exodrake.diagrams.machine import Column, Machine
 from exodrake.effects import SHELF
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
@@ -20,7 +20,7 @@ TABLE = (
     Wire("speed_applied", "m/s", WIRES),
     Wire("stroke", "m", WIRES),
     Wire("wire_speed", "m/s", WIRES),
-    Wire("spool", "m", WIRES),
+    Wire("spool_angle", "rad", WIRES),
     Wire("tension", "N", WIRES),
     Wire("tension_finger", "N", WIRES),
     Wire("angle", "rad", JOINTS),
@@ -29,6 +29,7 @@ TABLE = (
     Wire("tension_read", "N", WIRES),
     Wire("stroke_read", "m", WIRES),
     Wire("angle_read", "rad", JOINTS),
+    Wire("mocap_lateness", "s", ONE),
 )
 
 COLUMNS = (

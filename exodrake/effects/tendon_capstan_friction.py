@@ -1,6 +1,6 @@
 """Sheath friction proportional to load, between cell and finger (capstan law).
 
-    T_d = T_c exp(-mu_phi slide)        slide -> +1 while the finger takes wire in, -1 while it gives wire back
+T_d = T_c exp(-mu_phi slide)        slide -> +1 while the finger takes wire in, -1 while it gives wire back
 """
 
 from math import exp
@@ -8,7 +8,7 @@ from math import exp
 from exodrake.block import WIRES, Effect, Number
 
 
-def transmit(tension, slide, speed, mu_phi):
+def transmit(tension, slide, travel, speed, mu_phi):
     """Tension at the finger [N]."""
     return tension * exp(-mu_phi * slide)
 

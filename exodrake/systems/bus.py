@@ -13,10 +13,10 @@ class Numbers(NamedTuple):
 DEPTH = 12  # commands remembered per wire, the newest first
 
 
-def sent(e, z, j, command, history, applied, lottery):
+def sent(e, z, j, command, history, first, applied, lottery):
     """Point: speed [m/s] that reaches drive j.
 
-    Args: command: the newest [m/s]; history: function-free view of all commands, wire j's newest at DEPTH j;
+    Args: command: the newest [m/s]; history: commands of all wires, the newest of this one at `first`, older ones after it;
     applied: speed held so far [m/s]; lottery: uniform number in 0 .. 1 of this frame.
     """
     return command
@@ -27,7 +27,7 @@ def write(x, z, n, e, j, speed_cmd, lottery):
     for k in range(DEPTH - 1, 0, -1):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]
-    x[3 * DEPTH + j] = sent(e, z, j, speed_cmd[j], x, x[3 * DEPTH + j], lottery[j])
+    x[3 * DEPTH + j] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[3 * DEPTH + j], lottery[j])
 
 
 def output(x, z, n, e, speed_applied):

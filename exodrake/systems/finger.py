@@ -9,8 +9,8 @@ A_ij = b_ij cos(phi_i - phi_j) and c_i = sum_j b_ij sin(phi_i - phi_j) phi_j'^2;
 from math import exp
 
 
-def passive(e, z, i, torque, angle, rate, elastic):
-    """Point: passive torque [N m] at joint i that resists flexion; elastic [N m] is kappa (q - q0)."""
+def passive(e, z, i, torque, bend, rate, elastic, clock):
+    """Point: passive torque [N m] at joint i that resists flexion; bend [rad] is q - q0, elastic [N m] is kappa (q - q0)."""
     return torque
 
 
@@ -19,7 +19,7 @@ def external(e, z, torque, angle, rate, bones, clock):
     return torque
 
 
-def relax(e, z, i, dt, angle, rate, elastic):
+def relax(e, z, i, dt, bend, rate, elastic):
     """Point: after a tick, states of the effects at joint i advance by dt [s]."""
 
 
@@ -76,7 +76,8 @@ def end_stop(angle, q_f, q_e, beta, a):
     return 0.0
 
 
-def passive_torque(e, z, i, angle, rate, n):
+def passive_torque(e, z, i, angle, rate, clock, n):
     """Torque at joint i that resists flexion, without damping [N m]."""
-    elastic = n.kappa[i] * (angle - n.q0[i])
-    return passive(e, z, i, elastic + end_stop(angle, n.q_f[i], n.q_e[i], n.beta, n.A), angle, rate, elastic)
+    bend = angle - n.q0[i]
+    elastic = n.kappa[i] * bend
+    return passive(e, z, i, elastic + end_stop(angle, n.q_f[i], n.q_e[i], n.beta, n.A), bend, rate, elastic, clock)

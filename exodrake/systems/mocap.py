@@ -1,15 +1,22 @@
-"""Motion capture: joint angles with white noise, once a frame (`model.md`)."""
+"""Motion capture: joint angles with white noise, once a frame (`model.md`).
+
+Where its clock and the controller's meet, a picture may be late: the log takes it of the angle at t - lateness.
+"""
 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.block import JOINTS, Block, Output, Point, State, Task, Unit
+from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task, Unit
 
 
 class Numbers(NamedTuple):
-    """Noise of an angle."""
+    """Noise of an angle, time between pictures."""
 
     sigma_q: Annotated[float, Unit("rad")]
+    period: Annotated[float, Unit("s")]
+
+
+READING, LATE, PICTURES = 0, 3, 4
 
 
 def seen(e, z, i, angle):
@@ -17,16 +24,28 @@ def seen(e, z, i, angle):
     return angle
 
 
+def late(e, z, delay, clock):
+    """Point: how late the picture is [s]; clock: the controller's time at this picture [s]."""
+    return delay
+
+
 def sample(x, z, n, e, angle, noise_angle):
     """One picture of all joints: wires [rad], standard normal noise."""
     for i in range(3):
-        x[i] = seen(e, z, i, angle[i]) + n.sigma_q * noise_angle[i]
+        x[READING + i] = seen(e, z, i, angle[i]) + n.sigma_q * noise_angle[i]
+    x[LATE] = late(e, z, 0.0, x[PICTURES] * n.period)
+    x[PICTURES] += 1.0
 
 
 def output(x, z, n, e, angle_read):
     """Last picture [rad]."""
     for i in range(3):
-        angle_read[i] = x[i]
+        angle_read[i] = x[READING + i]
+
+
+def output_late(x, z, n, e, mocap_lateness):
+    """How late the last picture is [s]."""
+    mocap_lateness[0] = x[LATE]
 
 
 def start(x, z, n, e, start_stroke):
@@ -38,8 +57,8 @@ BLOCK = Block(
     name="mocap",
     page=sys.modules[__name__],
     numbers=Numbers,
-    states=(State("reading", JOINTS, unit="rad"),),
+    states=(State("reading", JOINTS, unit="rad"), State("lateness", ONE, unit="s"), State("pictures", ONE)),
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
-    outputs=(Output("output", ("angle_read",)),),
-    points=(Point("seen", JOINTS),),
+    outputs=(Output("output", ("angle_read",)), Output("output_late", ("mocap_lateness",))),
+    points=(Point("seen", JOINTS), Point("late", ONE)),
 )

@@ -1,14 +1,14 @@
 """Rotor behind a gear, driven by a current-limited PI speed loop; one per wire.
 
-    w_ref = v_ref N / r      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e   (frozen while i is clipped and e pushes on)
+    w_ref = v_ref N / r_set      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e   (frozen while i is clipped and e pushes on)
     J w' = kM i - b w - r T_c / N               theta' = w / N                          s = r theta
 
+r_set is the spool radius that drive and log were told: nominally r.
 Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`model.md`, Motor).
 """
 
 import sys
 from typing import Annotated, NamedTuple
-
 
 from exodrake.block import WIRES, Block, Output, Point, State, Task, Unit
 
@@ -21,13 +21,14 @@ class Numbers(NamedTuple):
     b: Annotated[float, Unit("N m s/rad")]
     N: Annotated[float, Unit("-")]
     r: Annotated[float, Unit("m")]
+    r_set: Annotated[float, Unit("m")]
     Kp: Annotated[float, Unit("A s/rad")]
     Ki: Annotated[float, Unit("A/rad")]
     i_max: Annotated[float, Unit("A")]
 
 
-def command(e, z, j, speed):
-    """Point: wire speed that the drive follows [m/s], from the one that it was sent."""
+def command(e, z, j, speed, tension):
+    """Point: wire speed that the drive follows [m/s], from the one that it was sent; tension [N]."""
     return speed
 
 
@@ -41,14 +42,28 @@ def current_limit(e, z, j, limit):
     return limit
 
 
-def load(e, z, j, tension, rotor_speed):
-    """Point: wire tension felt by the gear [N]."""
+def load(e, z, j, tension, spool):
+    """Point: wire tension felt by the gear at the spool's nominal radius [N]; spool: r theta [m]."""
     return tension
+
+
+def drag(e, z, j, torque):
+    """Point: torque that the wire's load and losses put on the rotor [N m]."""
+    return torque
 
 
 def wound(e, z, j, stroke):
     """Point: wire on the spool [m], from r theta."""
     return stroke
+
+
+def winding(e, z, j, speed, spool):
+    """Point: speed of the wire [m/s] at the spool, from r theta'; spool: r theta [m]."""
+    return speed
+
+
+def settle(e, z, j, dt, rotor_speed):
+    """Point: after a tick, states of the effects on motor j advance by dt [s]; rotor speed [rad/s]."""
 
 
 def slope(w, integral, w_ref, load_torque, kp, ki, i_max, n):
@@ -77,20 +92,21 @@ def update(x, z, n, e, dt, speed_applied, tension):
     for j in range(3):
         w = x[j]
         gain = loop_gain(e, z, j, 1.0)
-        w_ref = command(e, z, j, speed_applied[j]) * n.N / n.r
-        load_torque = n.r * load(e, z, j, tension[j], w) / n.N
+        w_ref = command(e, z, j, speed_applied[j], tension[j]) * n.N / n.r_set
+        load_torque = drag(e, z, j, n.r * load(e, z, j, tension[j], n.r * x[6 + j]) / n.N)
         limit = current_limit(e, z, j, n.i_max)
         x[j], x[3 + j], x[6 + j] = turn(
             w, x[3 + j], x[6 + j], w_ref, load_torque, n.Kp * gain, n.Ki * gain, limit, dt, n
         )
+        settle(e, z, j, dt, x[j])
 
 
-def output(x, z, n, e, stroke, wire_speed, spool):
-    """Wire wound in [m], its speed [m/s], and the spool's angle times its nominal radius, which the encoder sees [m]."""
+def output(x, z, n, e, stroke, wire_speed, spool_angle):
+    """Wire wound in [m], its speed [m/s], and the spool's angle, which the encoder sees [rad]."""
     for j in range(3):
-        spool[j] = n.r * x[6 + j]
-        stroke[j] = wound(e, z, j, spool[j])
-        wire_speed[j] = n.r * x[j] / n.N
+        spool_angle[j] = x[6 + j]
+        stroke[j] = wound(e, z, j, n.r * x[6 + j])
+        wire_speed[j] = winding(e, z, j, n.r * x[j] / n.N, n.r * x[6 + j])
 
 
 def start(x, z, n, e, start_stroke):
@@ -100,12 +116,14 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r
 
 
+POINTS = ("command", "loop_gain", "current_limit", "load", "drag", "wound", "winding", "settle")
+
 BLOCK = Block(
     name="motor",
     page=sys.modules[__name__],
     numbers=Numbers,
     states=(State("w", WIRES, unit="rad/s"), State("integral", WIRES, unit="A"), State("theta", WIRES, unit="rad")),
     tasks=(Task("update", ("speed_applied", "tension")),),
-    outputs=(Output("output", ("stroke", "wire_speed", "spool")),),
-    points=tuple(Point(p, WIRES) for p in ("command", "loop_gain", "current_limit", "load", "wound")),
+    outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
+    points=tuple(Point(p, WIRES) for p in POINTS),
 )

@@ -34,9 +34,13 @@ def lag(e, z, j, time_constant):
     return time_constant
 
 
-def mixed(e, z, j, load, tensions):
-    """Point: what the amplifier sees [N], from the cell's load and the tensions of all wires [N]."""
+def mixed(e, z, j, load, following):
+    """Point: what the amplifier sees [N], from the cell's load and the tension of the following wire [N]."""
     return load
+
+
+def settle(e, z, j, dt, load):
+    """Point: after a tick, states of the effects on cell j advance by dt [s] under a load [N]."""
 
 
 def reading(e, z, j, tension, clock):
@@ -55,7 +59,7 @@ def followed(cell, before, now, dt, tau):
 
 def load_on(x, z, e, j, tension):
     """Load that the amplifier of wire j sees [N]."""
-    return mixed(e, z, j, felt(e, z, j, tension[j], x[SLIDE + j]), tension)
+    return mixed(e, z, j, felt(e, z, j, tension[j], x[SLIDE + j]), tension[j + 1 if j < 2 else 0])
 
 
 def update(x, z, n, e, dt, tension, wire_speed):
@@ -65,6 +69,7 @@ def update(x, z, n, e, dt, tension, wire_speed):
         x[CELL + j] = followed(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
         x[LOAD + j] = load
         x[SLIDE + j] = min(max(x[SLIDE + j] + wire_speed[j] * dt / PRESLIDING, -1.0), 1.0)
+        settle(e, z, j, dt, load)
     x[CLOCK] += dt
     x[TICK] = dt
 
@@ -115,5 +120,5 @@ BLOCK = Block(
         Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), lanes=True),
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
-    points=tuple(Point(p, WIRES) for p in ("felt", "lag", "mixed", "reading")),
+    points=tuple(Point(p, WIRES) for p in ("felt", "lag", "mixed", "settle", "reading")),
 )

@@ -18,18 +18,24 @@ def elastic(e, z, j, tension, stretch, stiffness):
     return tension
 
 
-def transmit(e, z, j, tension, slide, speed):
-    """Point: tension at the finger [N], from the one at the cell; slide [-1 .. 1] and speed [m/s] > 0 while the finger takes wire in."""
+def transmit(e, z, j, tension, slide, travel, speed):
+    """Point: tension at the finger [N], from the one at the cell; slide [-1 .. 1], travel in this tick [m]
+    and speed [m/s] > 0 while the finger takes wire in.
+    """
     return tension
 
 
-def settle(e, z, j, dt, tension, tension_finger, speed):
-    """Point: after a tick, states of the effects on the wire advance by dt [s]."""
+def settle(e, z, j, dt, stretched, tension, tension_finger, travel):
+    """Point: after a tick, states of the effects on the wire advance by dt [s]; stretched, travel [m], tensions [N]."""
 
 
-def cell_tension(e, z, j, extension, tension_finger, k):
-    """Tension at the cell [N] for s - l = extension [m]; tension_finger [N] is that of the tick before."""
-    stretched = max(0.0, stretch(e, z, j, extension, tension_finger))
+def stretched_by(e, z, j, extension, tension_finger):
+    """Stretch of the wire, 0 or more [m], for s - l = extension [m]; tension_finger [N] is that of the tick before."""
+    return max(0.0, stretch(e, z, j, extension, tension_finger))
+
+
+def cell_tension(e, z, j, stretched, k):
+    """Tension at the cell [N] of a wire stretched by 0 or more [m]."""
     return max(0.0, elastic(e, z, j, k * stretched, stretched, k))
 
 
@@ -38,6 +44,6 @@ def slid(slide, travel, presliding):
     return min(max(slide + travel / presliding, -1.0), 1.0)
 
 
-def finger_tension(e, z, j, tension, slide, speed):
+def finger_tension(e, z, j, tension, slide, travel, speed):
     """Tension at the finger [N], from the one at the cell [N]."""
-    return max(0.0, transmit(e, z, j, tension, slide, speed)) if tension > 0.0 else 0.0
+    return max(0.0, transmit(e, z, j, tension, slide, travel, speed)) if tension > 0.0 else 0.0

@@ -14,7 +14,7 @@ from exodrake.block import JOINTS, ONE, WIRES, Block, Output, Point, State, Task
 from exodrake.systems import finger, tendon
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
 from exodrake.systems.routers import EXTENSOR, FLEXOR, applied_arm, path
-from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid
+from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid, stretched_by
 
 
 class Numbers(NamedTuple):
@@ -43,7 +43,7 @@ class Numbers(NamedTuple):
 
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
-STEPS, CLOSE, NUDGE, NUDGE_WIRE = 6, 1e-10, 1e-6, 1e-7  # Newton steps at most; tolerance [rad]; difference quotients [rad], [m]
+STEPS, CLOSE, NUDGE, NUDGE_WIRE = 6, 1e-6, 1e-6, 1e-7  # Newton steps at most; tolerance [rad]; difference quotients [rad], [m]
 
 
 def router_height(e, z, i, height):
@@ -87,31 +87,31 @@ def paths(e, z, n, cosines, sines, pull):
 def wire(e, z, j, n, x, stroke, taken, dt):
     """Tension at the finger [N] and its fall with wire taken in, -dT_d/dl [N/m], for wire j at the end of a tick."""
     travel = taken - x[TAKEN + j]
-    return pulled(e, z, j, n, x, stroke - taken, travel, dt), (
-        pulled(e, z, j, n, x, stroke - taken, travel, dt)
-        - pulled(e, z, j, n, x, stroke - taken - NUDGE_WIRE, travel + NUDGE_WIRE, dt)
-    ) / NUDGE_WIRE
+    tension = pulled(e, z, j, n, x, stroke - taken, travel, dt)
+    beyond = pulled(e, z, j, n, x, stroke - taken - NUDGE_WIRE, travel + NUDGE_WIRE, dt)
+    return tension, (tension - beyond) / NUDGE_WIRE
 
 
 def pulled(e, z, j, n, x, extension, travel, dt):
     """Tension at the finger [N] of wire j, extended by `extension` [m], after the finger took in `travel` [m] during a tick."""
-    tension = cell_tension(e, z, j, extension, x[PULL + j], n.k[j])
-    return finger_tension(e, z, j, tension, slid(x[SLIDE + j], travel, n.presliding), travel / dt)
+    tension = cell_tension(e, z, j, stretched_by(e, z, j, extension, x[PULL + j]), n.k[j])
+    return finger_tension(e, z, j, tension, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
 
 
-def joint(e, z, i, n, angle, rate):
-    """Passive torque [N m] at joint i and its slope [N m/rad]."""
-    torque = passive_torque(e, z, i, angle, rate, n)
-    return torque, (passive_torque(e, z, i, angle + NUDGE, rate, n) - torque) / NUDGE
+def joint(e, z, i, n, angle, rate, clock, lag):
+    """Passive torque [N m] at joint i and its slope [N m/rad] along angle' = lag rate', as a tick moves both."""
+    torque = passive_torque(e, z, i, angle, rate, clock, n)
+    return torque, (passive_torque(e, z, i, angle + NUDGE, rate + NUDGE / lag, clock, n) - torque) / NUDGE
 
 
-def outside(e, z, n, angle, rate, moments, clock):
-    """External torques [N m] and the columns of their slope by joint angle [N m/rad]."""
-    nothing, bones = (0.0, 0.0, 0.0), (n.length, moments)
+def outside(e, z, n, angle, rate, moments, clock, lag):
+    """External torques [N m] and the columns of their slope by joint angle [N m/rad], the rate moving along as in `joint`."""
+    nothing, bones, quick = (0.0, 0.0, 0.0), (n.length, moments), NUDGE / lag
+    (q0, q1, q2), (w0, w1, w2) = angle, rate
     here = external(e, z, nothing, angle, rate, bones, clock)
-    c0 = external(e, z, nothing, (angle[0] + NUDGE, angle[1], angle[2]), rate, bones, clock)
-    c1 = external(e, z, nothing, (angle[0], angle[1] + NUDGE, angle[2]), rate, bones, clock)
-    c2 = external(e, z, nothing, (angle[0], angle[1], angle[2] + NUDGE), rate, bones, clock)
+    c0 = external(e, z, nothing, (q0 + NUDGE, q1, q2), (w0 + quick, w1, w2), bones, clock)
+    c1 = external(e, z, nothing, (q0, q1 + NUDGE, q2), (w0, w1 + quick, w2), bones, clock)
+    c2 = external(e, z, nothing, (q0, q1, q2 + NUDGE), (w0, w1, w2 + quick), bones, clock)
     return here, (slope(here, c0), slope(here, c1), slope(here, c2))
 
 
@@ -160,10 +160,11 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag):
     t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
     t2, g2 = wire(e, z, 2, n, x, ends[2], taken[2], dt)
     pull, falls = (t0, t1, t2), (g0, g1, g2)
-    p0, k0 = joint(e, z, 0, n, angle[0], rate[0])
-    p1, k1 = joint(e, z, 1, n, angle[1], rate[1])
-    p2, k2 = joint(e, z, 2, n, angle[2], rate[2])
-    push, push_slope = outside(e, z, n, angle, rate, moments, x[CLOCK])
+    now = x[CLOCK] + dt
+    p0, k0 = joint(e, z, 0, n, angle[0], rate[0], now, lag)
+    p1, k1 = joint(e, z, 1, n, angle[1], rate[1], now, lag)
+    p2, k2 = joint(e, z, 2, n, angle[2], rate[2], now, lag)
+    push, push_slope = outside(e, z, n, angle, rate, moments, now, lag)
     m11, m12, m13, m22, m23, m33 = mass_matrix(diagonal, coupling, cosines[1], cosines[2], cos_12)
     spin = coriolis(coupling, sines[1], sines[2], sin_12, rate)
     speed_up = ((rate[0] - rate_from[0]) / lag, (rate[1] - rate_from[1]) / lag, (rate[2] - rate_from[2]) / lag)
@@ -192,7 +193,7 @@ def update(x, z, n, e, dt, stroke, wire_speed):
     ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])
     q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
     rate_from = (behind(x, RATE), behind(x, RATE + 1), behind(x, RATE + 2))
-    rate = (x[RATE], x[RATE + 1], x[RATE + 2])
+    rate = (onward(x, RATE), onward(x, RATE + 1), onward(x, RATE + 2))
     angle = along(q_from, lag, rate)
     for _ in range(STEPS):
         change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag)
@@ -203,13 +204,18 @@ def update(x, z, n, e, dt, stroke, wire_speed):
     for i in range(3):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
-        relax(e, z, i, dt, angle[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
+        relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
     arrive(x, z, n, e, ends, dt)
 
 
 def behind(x, i):
     """Where the two-step formula starts from: (4 y_n - y_(n-1)) / 3."""
     return (4.0 * x[i] - x[i + 6]) / 3.0
+
+
+def onward(x, i):
+    """First guess of a rate: it goes on changing as in the last tick."""
+    return 2.0 * x[i] - x[i + 6]
 
 
 def along(start, step, rate):
@@ -223,11 +229,12 @@ def arrive(x, z, n, e, ends, dt):
     taken, _, _ = paths(e, z, n, cosines, sines, (x[PULL], x[PULL + 1], x[PULL + 2]))
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
-        tension = cell_tension(e, z, j, ends[j] - taken[j], x[PULL + j], n.k[j])
+        stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
+        tension = cell_tension(e, z, j, stretched, n.k[j])
         x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding)
-        x[PULL + j] = finger_tension(e, z, j, tension, x[SLIDE + j], travel / dt)
+        x[PULL + j] = finger_tension(e, z, j, tension, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
-        settle(e, z, j, dt, tension, x[PULL + j], travel / dt)
+        settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
     x[CLOCK] += dt
 
 
@@ -240,7 +247,7 @@ def output(x, z, n, e, angle, rate, tension_finger):
 def output_tension(x, z, n, e, stroke, tension):
     """Tension at the cell [N], directly from the stroke [m]."""
     for j in range(3):
-        tension[j] = cell_tension(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j], n.k[j])
+        tension[j] = cell_tension(e, z, j, stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j]), n.k[j])
 
 
 def start(x, z, n, e, start_stroke):

@@ -1,0 +1,21 @@
+"""Cubic stiffening of the joints.
+
+tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops
+"""
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def passive(torque, bend, rate, elastic, clock, coefficient):
+    """Passive torque [N m]."""
+    return torque + coefficient * bend * bend * bend
+
+
+EFFECT = Effect(
+    id="finger.hardening",
+    summary="cubic stiffening of the joints",
+    signature="angle falls short at large flexion only, without a loop",
+    source="physics.md 4.D, k0 + k1 (q - q0)^2 [A]",
+    at={"finger.passive": passive},
+    numbers=(Number("coefficient", "N m/rad3", neutral=0.0, low=0.003, high=0.2, over=JOINTS, usual=0.04),),
+)

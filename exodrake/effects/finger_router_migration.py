@@ -1,0 +1,33 @@
+"""Garment deforms: router height changes with tension.
+
+    h = h_drawn + migration T_s          T_s: tension at the finger, followed by the garment within SETTLING
+
+An instant h(T) would close an algebraic loop of gain above 1 (more tension, more height, less tension).
+"""
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.relaxation import relaxed
+
+SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed
+
+
+def worn_height(height, tension, migration, settled):
+    """Router height under the wire [m]."""
+    return height + migration * settled
+
+
+def settle(dt, stretched, tension, tension_finger, travel, migration, settled):
+    """Tension that the garment has settled under [N]."""
+    return relaxed(settled, tension_finger, dt, SETTLING)
+
+
+EFFECT = Effect(
+    id="finger.router_migration",
+    summary="garment deforms: router height changes with tension",
+    signature="moment arm depends on tension at the same angle; extra stroke proportional to tension and growing with flexion",
+    source="physics.md 4.D; 0.05-0.3 mm/N",
+    at={"tendon_finger.worn_height": worn_height, "tendon.settle": settle},
+    numbers=(Number("migration", "m/N", neutral=0.0, low=1e-5, high=3e-4, over=WIRES, usual=1e-4),),
+    states=(State("settled", WIRES, unit="N"),),
+    advances=("tendon.settle",),
+)

@@ -1,0 +1,32 @@
+"""Joint tissue relaxes (standard linear solid).
+
+tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' = elastic - w          elastic = kappa (q - q0)
+"""
+
+from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.effects.relaxation import relaxed
+
+
+def passive(torque, bend, rate, elastic, clock, fraction, time_constant, relaxed_torque):
+    """Passive torque [N m]."""
+    return torque + fraction * (elastic - relaxed_torque)
+
+
+def relax(dt, bend, rate, elastic, fraction, time_constant, relaxed_torque):
+    """Elastic torque that has relaxed [N m]."""
+    return relaxed(relaxed_torque, elastic, dt, time_constant)
+
+
+EFFECT = Effect(
+    id="finger.viscoelasticity",
+    summary="joint tissue relaxes (standard linear solid)",
+    signature="angle creeps on at held tension; loop of angle against tension that depends on rate and fades when slow",
+    source="physics.md 4.D; 10-30 %, 0.5-10 s",
+    at={"finger.passive": passive, "finger.relax": relax},
+    numbers=(
+        Number("fraction", "-", neutral=0.0, low=0.03, high=0.8, over=JOINTS, usual=0.3),
+        Number("time_constant", "s", neutral=2.0, low=0.2, high=20.0, over=JOINTS, usual=2.0, scale="log"),
+    ),
+    states=(State("relaxed_torque", JOINTS, unit="N m"),),
+    advances=("finger.relax",),
+)

@@ -1,0 +1,21 @@
+"""Marker frames misaligned.
+
+q as seen = q + offset
+"""
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def seen(angle, offset):
+    """Angle as the markers show it [rad]."""
+    return angle + offset
+
+
+EFFECT = Effect(
+    id="mocap.offset",
+    summary="marker frames misaligned",
+    signature="constant angle error; tension and stroke untouched",
+    source="physics.md 4.G; 1-5 deg",
+    at={"mocap.seen": seen},
+    numbers=(Number("offset", "rad", neutral=0.0, low=-0.2, high=0.2, over=JOINTS, usual=0.05),),
+)

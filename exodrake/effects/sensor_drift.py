@@ -1,0 +1,21 @@
+"""Zero of a load cell wanders with time.
+
+F = T + rate t          t from the start of the log
+"""
+
+from exodrake.block import WIRES, Effect, Number
+
+
+def reading(tension, clock, rate):
+    """Tension as read [N]."""
+    return tension + rate * clock
+
+
+EFFECT = Effect(
+    id="sensor.drift",
+    summary="zero of the load cell wanders with time",
+    signature="reading error grows with time, not with tension or stroke",
+    source="physics.md 4.C; temperature and creep, 0.05 % of full scale per 10 K",
+    at={"sensor.reading": reading},
+    numbers=(Number("rate", "N/s", neutral=0.0, low=-0.03, high=0.03, over=WIRES, usual=0.005),),
+)

@@ -1,0 +1,21 @@
+"""Scale error of a load cell.
+
+F = (1 + gain) T
+"""
+
+from exodrake.block import WIRES, Effect, Number
+
+
+def reading(tension, clock, gain):
+    """Tension as read [N]."""
+    return tension * (1.0 + gain)
+
+
+EFFECT = Effect(
+    id="sensor.gain",
+    summary="scale error of the load cell",
+    signature="reading off in proportion to tension, without a loop",
+    source="physics.md 4.C; 1-5 %",
+    at={"sensor.reading": reading},
+    numbers=(Number("gain", "-", neutral=0.0, low=-0.2, high=0.2, over=WIRES, usual=0.05),),
+)

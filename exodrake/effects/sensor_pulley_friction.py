@@ -1,0 +1,23 @@
+"""Friction at the sensing pulley, where the wire turns round by pi: the reading depends on direction.
+
+F = T (1 + exp(-mu pi slide)) / 2        slide -> +1 while the spool takes wire in, -1 while it gives wire back
+"""
+
+from math import exp, pi
+
+from exodrake.block import WIRES, Effect, Number
+
+
+def felt(tension, slide, mu):
+    """Load on the cell, as tension [N]."""
+    return 0.5 * tension * (1.0 + exp(-mu * pi * slide))
+
+
+EFFECT = Effect(
+    id="sensor.pulley_friction",
+    summary="friction at the sensing pulley: the reading depends on direction",
+    signature="reading jumps in proportion to tension where the spool reverses; rate-free",
+    source="physics.md 4.C; 1-5 %",
+    at={"sensor.felt": felt},
+    numbers=(Number("mu", "-", neutral=0.0, low=0.003, high=0.15, over=WIRES, usual=0.04),),
+)

@@ -1,0 +1,25 @@
+"""Garment or anchor yields at the finger, in series with the wire.
+
+T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness
+"""
+
+from math import inf
+
+from exodrake.block import WIRES, Effect, Number
+
+
+def elastic(tension, stretch, wire_stiffness, stiffness):
+    """Tension [N] of wire and garment in series."""
+    return tension * stiffness / (wire_stiffness + stiffness)
+
+
+EFFECT = Effect(
+    id="tendon.compliance",
+    summary="garment or anchor yields at the finger, in series with the wire",
+    signature="stroke offset proportional to tension, without a loop and at every rate; no change of angle against tension",
+    source="physics.md 4.B; 0.5-10 N/mm [A]",
+    at={"tendon.elastic": elastic},
+    numbers=(
+        Number("stiffness", "N/m", neutral=inf, low=500.0, high=2e4, over=WIRES, usual=3000.0, scale="reciprocal"),
+    ),
+)

@@ -1,0 +1,46 @@
+"""Coulomb friction with a higher level near standstill.
+
+    T_d = T_c - level(v) slide          level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))
+
+The level follows the speed with a short frictional memory: a level that fell at once with speed would be a negative damper that no
+fixed step survives (frictional lag: Armstrong-Helouvry et al., Automatica 30(7), 1994).
+"""
+
+from math import exp
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.grip import gripped
+from exodrake.effects.relaxation import relaxed
+
+MEMORY = 4e-3  # time constant of the frictional memory [s]; assumed
+
+
+def level(speed, force, ratio, stribeck_speed):
+    """Friction force while sliding at this speed [N]."""
+    return force * (1.0 + (ratio - 1.0) * exp(-(speed / stribeck_speed) * (speed / stribeck_speed)))
+
+
+def transmit(tension, slide, travel, speed, force, ratio, stribeck_speed, remembered):
+    """Tension at the finger [N]."""
+    return tension - gripped(level(remembered, force, ratio, stribeck_speed), tension) * slide
+
+
+def settle(dt, stretched, tension, tension_finger, travel, force, ratio, stribeck_speed, remembered):
+    """Remembered speed [m/s]."""
+    return relaxed(remembered, travel / dt, dt, MEMORY)
+
+
+EFFECT = Effect(
+    id="tendon.stribeck_friction",
+    summary="Coulomb friction with a higher level near standstill",
+    signature="as Coulomb friction, but the loop is wider at slow motion; break-away peaks, stick-slip",
+    source="physics.md 4.B; static over sliding 1-1.5, 1-5 mm/s",
+    at={"tendon.transmit": transmit, "tendon.settle": settle},
+    numbers=(
+        Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.3),
+        Number("ratio", "-", neutral=1.0, low=1.1, high=3.0, over=WIRES, usual=2.0),
+        Number("speed", "m/s", neutral=0.005, low=0.001, high=0.03, over=WIRES, usual=0.005, scale="log"),
+    ),
+    states=(State("remembered", WIRES, unit="m/s"),),
+    advances=("tendon.settle",),
+)

@@ -1,0 +1,26 @@
+"""Commands reach the motor whole frames late.
+
+v(n) = v_cmd(n - frames)          between whole frames the two neighbours are mixed, so that a fit can move through them
+"""
+
+from exodrake.block import Effect, Number
+
+REMEMBERED = 12  # commands that the bus remembers [-]
+
+
+def sent(command, history, first, applied, lottery, frames):
+    """Speed that reaches the drive [m/s]."""
+    late = min(max(frames, 0.0), REMEMBERED - 2.0)
+    whole = int(late)
+    part = late - whole
+    return (1.0 - part) * history[first + whole] + part * history[first + whole + 1]
+
+
+EFFECT = Effect(
+    id="timing.command_latency",
+    summary="commands reach the motor whole frames late",
+    signature="stroke follows the speed command late by a fixed time: phase without loss of magnitude; the tension loop overshoots",
+    source="physics.md 4.E; 0-20 ms and more on a shared bus",
+    at={"bus.sent": sent},
+    numbers=(Number("frames", "-", neutral=0.0, low=0.25, high=6.0, usual=2.0),),
+)

@@ -1,0 +1,21 @@
+"""Some command frames are lost; the drive keeps the speed held so far.
+
+v(n) = v(n - 1) where lottery < probability, else v_cmd(n)
+"""
+
+from exodrake.block import Effect, Number
+
+
+def sent(command, history, first, applied, lottery, probability):
+    """Speed that reaches the drive [m/s]."""
+    return applied if lottery < probability else command
+
+
+EFFECT = Effect(
+    id="timing.dropped_commands",
+    summary="some command frames are lost",
+    signature="stroke goes on at the old speed for a frame or more at random instants; on average a small delay",
+    source="physics.md 4.E; 1e-4-1e-2, worse on a faulty bus",
+    at={"bus.sent": sent},
+    numbers=(Number("probability", "-", neutral=0.0, low=0.005, high=0.6, usual=0.15),),
+)

@@ -1,0 +1,21 @@
+"""Motion capture lags the controller's clock.
+
+angle(t) as logged = angle at t - delay
+"""
+
+from exodrake.block import Effect, Number
+
+
+def late(lateness, clock, delay):
+    """How late the picture is [s]."""
+    return lateness + delay
+
+
+EFFECT = Effect(
+    id="timing.mocap_delay",
+    summary="motion capture lags the controller's clock",
+    signature="angle error proportional to joint rate; tension and stroke untouched",
+    source="physics.md 4.E; 0-20 ms",
+    at={"mocap.late": late},
+    numbers=(Number("delay", "s", neutral=0.0, low=-0.05, high=0.1, usual=0.02),),
+)
