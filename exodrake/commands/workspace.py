@@ -14,7 +14,7 @@ import click
     show_default=True,
     help="Folder for the results.",
 )
-@click.option("--samples", type=int, default=20_000, show_default=True, help="Points of the Monte Carlo areas.")
+@click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per wire in the assisted workspace.")
 @click.option("--seed", type=int, default=0, show_default=True)
 def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:

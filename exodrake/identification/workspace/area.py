@@ -50,7 +50,7 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
     return shapely.union_all(shapely.make_valid(patches))  # chords of thin patches may cross by less than a micrometre
 
 
-def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 20_000, seed: int = 0) -> Area:
+def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
     """Area by points drawn in the bounding box. Arguments as in `reach`; InputError as there, or for fewer than 100
     samples."""
     from exodrake.errors import InputError
