@@ -225,6 +225,14 @@ _compiled: dict[str, ModuleType] = {}
 
 def compile_machine(machine: Machine) -> ModuleType:
     """The machine's printed module, imported; machine code comes from numba's cache when this text was compiled before."""
+    if "printed" in machine.__dict__:
+        return machine.__dict__["printed"]
+    module = machine.__dict__["printed"] = load_module(machine)  # as functools.cached_property does on a frozen dataclass
+    return module
+
+
+def load_module(machine: Machine) -> ModuleType:
+    """Prints and imports a machine."""
     text = print_module(machine)
     name = f"{machine.name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if name not in _compiled:

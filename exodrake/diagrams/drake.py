@@ -1,23 +1,26 @@
-"""The closed loop as a Drake Diagram, from the same table and schedule as the compiled twin, and to the last bit the same numbers.
+"""The closed loop as a Drake Diagram: the table and the schedule of the compiled twin, and to the last bit its numbers.
 
     diagram = build_diagram(load_robot(), Reference(tension), seed=1)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(60.0)
-    rows = logged(diagram, simulator.get_context())            # (frames, wires of the machine side by side)
+    rows = logged(robot.machine, diagram, simulator.get_context())         # (frames, wires of the table side by side)
 
-Every wire is an exported output port, `motor.stroke`. Without a reference the wires given from outside are exported input ports.
+Every wire is an exported output port, `motor.stroke`. Without a reference the wires given from outside are input ports.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPort, OutputPort
-from pydrake.systems.primitives import Demultiplexer, Multiplexer, TrajectorySource, VectorLogSink, ZeroOrderHold
+from pydrake.systems.primitives import Demultiplexer, Multiplexer, TrajectorySource, VectorLogSink
 from pydrake.trajectories import PiecewisePolynomial
 
-from exodrake.diagrams.drake_plans import fusible, held_at_start, numbers_of, part_plan, plant_plan, start_state, state_of
-from exodrake.diagrams.fused import GROUP
+from exodrake.diagrams.drake_parts import part_class
+from exodrake.diagrams.drake_plans import fusible, part_plan, plant_plan
+from exodrake.diagrams.fused import GROUP, state_size
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Chance, Reference, prepared
@@ -40,15 +43,15 @@ def build_diagram(
 
     Args:
         reference: what it shall follow; None leaves the wires from outside (tension_ref, noise...) as input ports.
-        seed: of the noise; None runs without. quantisation: whether readings are rounded. substeps: plant ticks per 2 ms slot.
+        seed: of the noise; None runs without. quantisation: whether readings are rounded.
+        substeps: plant ticks per 2 ms slot.
         fused: all parts in front of the bus as one leaf, for speed; else a leaf for each part.
         fine_log: also log all wires every slot (2 ms).
     """
-    given = None
+    robot, given = replace(robot, values=prepared(robot, quantisation)), None
     if reference is not None:
-        chance = Chance.draw(len(reference.tension), seed, robot.machine)
-        given = given_rows(robot.machine, reference, chance)
-    return assemble(robot.machine, prepared(robot, quantisation), given, substeps, fused, fine_log)
+        given = given_rows(robot.machine, reference, Chance.draw(len(reference.tension), seed, robot.machine))
+    return assemble(robot, given, substeps, fused, fine_log)
 
 
 def run_diagram(
@@ -56,10 +59,11 @@ def run_diagram(
 ) -> np.ndarray:
     """All wires (frames, wires) at each frame's end; to the last bit those of the compiled twin."""
     machine = robot.machine
-    diagram = assemble(machine, values, given_rows(machine, reference, chance), substeps, fused, False)
+    given = given_rows(machine, reference, chance)
+    diagram = assemble(replace(robot, values=values), given, substeps, fused, fine_log=False)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(machine.frame * len(reference.tension))
-    return logged(diagram, simulator.get_context())
+    return logged(machine, diagram, simulator.get_context())
 
 
 def given_rows(machine: Machine, reference: Reference, chance: Chance) -> dict[str, np.ndarray]:
@@ -67,95 +71,112 @@ def given_rows(machine: Machine, reference: Reference, chance: Chance) -> dict[s
     return dict(zip(machine.given, (reference.tension, chance.tension, chance.angle, chance.lottery), strict=True))
 
 
-def assemble(
-    machine: Machine, values: np.ndarray, given: dict[str, np.ndarray] | None, substeps: int, fused: bool, fine_log: bool
-) -> Diagram:
-    """The Diagram of a machine with these numbers [SI]."""
-    builder = DiagramBuilder()
+def assemble(robot: Robot, given: dict[str, np.ndarray] | None, substeps: int, fused: bool, fine_log: bool) -> Diagram:
+    """The Diagram of a robot; `given`: rows of the wires from outside, exported as input ports if None."""
+    machine, builder = robot.machine, DiagramBuilder()
     outputs: dict[str, OutputPort] = {}
     inputs: list[tuple[str, InputPort]] = []
-    for leaf in leaves(machine, values, substeps, fused):
+    for leaf in leaves(robot, substeps, fused):
         builder.AddNamedSystem(leaf.plan.name, leaf)
         inputs += [(wire, leaf.GetInputPort(wire)) for wire in leaf.plan.inputs]
         outputs |= output_ports(machine, builder, leaf)
     if given is not None:
         outputs |= {name: source(machine, builder, name, rows) for name, rows in given.items()}
-    for wire, port in inputs:
-        if wire in outputs:
-            builder.Connect(outputs[wire], port)
-        else:
-            builder.ConnectInput(wire, port) if builder.IsInputExported(wire) else builder.ExportInput(port, wire)
+    join_wires(builder, outputs, inputs)
     writer = {wire: block.name for block in machine.blocks for output in block.outputs for wire in output.writes}
-    for wire, port in outputs.items():
-        builder.ExportOutput(port, f"{writer.get(wire, OUTSIDE)}.{wire}")
-    add_logs(machine, builder, outputs, fine_log)
+    for wire in (wire.name for wire in machine.wires if wire.name in outputs):
+        builder.ExportOutput(outputs[wire], f"{writer.get(wire, OUTSIDE)}.{wire}")
+    add_logs(machine, builder, outputs, fused, fine_log)
     diagram = builder.Build()
     diagram.set_name(machine.name)
     return diagram
 
 
-def leaves(machine: Machine, values: np.ndarray, substeps: int, fused: bool) -> list[Leaf]:
-    """The leaves of a machine, in the table's order."""
-    if not fused:
-        return [Leaf(part_plan(machine, block, values, substeps)) for block in machine.blocks]
-    rest = machine.blocks[len(fusible(machine).blocks) :]
-    return [Leaf(plant_plan(machine, values, substeps)), *(Leaf(part_plan(machine, b, values, substeps)) for b in rest)]
+def leaves(robot: Robot, substeps: int, fused: bool) -> list[Leaf]:
+    """The leaves of a robot, in the table's order."""
+    blocks = robot.machine.blocks
+    first = [Leaf(plant_plan(robot.machine, robot.values, substeps))] if fused else []
+    rest = blocks[len(fusible(robot.machine).blocks) :] if fused else blocks
+    return [*first, *(part_class(robot.machine, block.name)(robot, substeps) for block in rest)]
 
 
 def output_ports(machine: Machine, builder: DiagramBuilder, leaf: Leaf) -> dict[str, OutputPort]:
-    """The ports of the wires that a leaf writes; those of the fused plant come out of a demultiplexer."""
+    """The ports of the wires that a leaf writes; the fused plant's come out of a demultiplexer, beside its memory."""
     if leaf.plan.name != GROUP:
         return {port.get_name(): port for port in (leaf.get_output_port(i) for i in range(leaf.num_output_ports()))}
-    wires = fusible(machine).wires
-    split = builder.AddNamedSystem(f"{GROUP}_wires", Demultiplexer([machine.width(wire.over) for wire in wires]))
-    builder.Connect(leaf.get_output_port(), split.get_input_port())
-    return {wire.name: split.get_output_port(i) for i, wire in enumerate(wires)}
+    plant, memory = fusible(machine), leaf.get_output_port()
+    split = Demultiplexer([state_size(plant), *(machine.width(wire.over) for wire in plant.wires)])
+    builder.AddNamedSystem(f"{GROUP}_wires", split)
+    builder.Connect(memory, split.get_input_port())
+    return {GROUP: memory, **{wire.name: split.get_output_port(1 + i) for i, wire in enumerate(plant.wires)}}
+
+
+def join_wires(builder: DiagramBuilder, outputs: dict[str, OutputPort], inputs: list[tuple[str, InputPort]]) -> None:
+    """Connects each input to the wire of its name; a wire that nothing writes becomes an input port of the Diagram."""
+    exported = set()
+    for wire, port in inputs:
+        if wire in outputs:
+            builder.Connect(outputs[wire], port)
+        elif wire in exported:
+            builder.ConnectInput(wire, port)
+        else:
+            builder.ExportInput(port, wire)
+            exported.add(wire)
 
 
 def source(machine: Machine, builder: DiagramBuilder, name: str, rows: np.ndarray) -> OutputPort:
-    """Rows (frames, lanes) as a wire, each held for a frame."""
-    breaks = machine.frame * np.arange(len(rows) + 1)
-    held = PiecewisePolynomial.ZeroOrderHold(breaks, np.vstack([rows, rows[-1:]]).T)
+    """Rows (frames, lanes) as a wire, held for a frame; a quarter slot late, so that a frame's end shows its own."""
+    breaks = machine.frame * np.arange(len(rows) + 1) + 0.25 * machine.slot
+    held = PiecewisePolynomial.ZeroOrderHold(breaks, np.vstack([rows, rows[-1:]]).T)  # pyright: ignore
     return builder.AddNamedSystem(name, TrajectorySource(held)).get_output_port()
 
 
-def add_logs(machine: Machine, builder: DiagramBuilder, outputs: dict[str, OutputPort], fine_log: bool) -> None:
-    """Logs of all wires in the table's order: a sample late in the last slot of a frame (or in every slot), written at its end.
+def logged_ports(machine: Machine, fused: bool) -> list[tuple[str, list[tuple[str, int]]]]:
+    """What a log shows, in order: (wire, or the fused plant's memory; the wires in it with their widths)."""
+    width = {wire.name: machine.width(wire.over) for wire in machine.wires}
+    plant = fusible(machine) if fused else None
+    inside = [wire.name for wire in plant.wires] if plant else []
+    ports = [(name, [(name, width[name])]) for name in width if name not in inside]
+    if plant:  # straight from the memory: fewer ports that hear of each tick
+        ports.append((GROUP, [("", state_size(plant)), *((name, width[name]) for name in inside)]))
+    return ports
 
-    Two periodic events at "the same" time may differ by a rounding error, so a log on the tick could show either side of it; the hold
-    samples three quarters into the slot, where nothing else happens.
+
+def add_logs(
+    machine: Machine, builder: DiagramBuilder, outputs: dict[str, OutputPort], fused: bool, fine_log: bool
+) -> None:
+    """Logs of all wires at the end of each frame (or slot), where nothing else happens."""
+    ports = [(outputs[name], parts) for name, parts in logged_ports(machine, fused) if name in outputs]
+    join = builder.AddNamedSystem("wires", Multiplexer([port.size() for port, _ in ports]))
+    for i, (port, _) in enumerate(ports):
+        builder.Connect(port, join.get_input_port(i))
+    for name, period in [(LOG, machine.frame), (FINE_LOG, machine.slot)] if fine_log else [(LOG, machine.frame)]:
+        sink = builder.AddNamedSystem(name, VectorLogSink(join.get_output_port().size(), period))
+        builder.Connect(join.get_output_port(), sink.get_input_port())
+
+
+def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:
+    """Rows (frames, wires of the table side by side) of a log, one a frame that has ended; `FINE_LOG`: one a slot.
+
+    Wires from outside are left out if the Diagram was built without a reference.
     """
-    wires = [wire for wire in machine.wires if wire.name in outputs]
-    join = builder.AddNamedSystem("wires", Multiplexer([machine.width(wire.over) for wire in wires]))
-    for i, wire in enumerate(wires):
-        builder.Connect(outputs[wire.name], join.get_input_port(i))
-    size, late = join.get_output_port().size(), 0.75 * machine.slot
-    logs = [(LOG, machine.frame, machine.frame - machine.slot + late)]
-    for name, period, offset in [*logs, (FINE_LOG, machine.slot, late)] if fine_log else logs:
-        hold = builder.AddNamedSystem(f"{name}_hold", ZeroOrderHold(period, size, offset))
-        sink = builder.AddNamedSystem(name, VectorLogSink(size, period))
-        builder.Connect(join.get_output_port(), hold.get_input_port())
-        builder.Connect(hold.get_output_port(), sink.get_input_port())
-
-
-def logged(diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:
-    """Rows (frames, wires) of a log so far, one for each frame that has ended; `FINE_LOG`: one for each slot."""
     sink = diagram.GetSubsystemByName(log)
     assert isinstance(sink, VectorLogSink)
-    return np.ascontiguousarray(sink.FindLog(context).data()[:, 1:].T)
+    data, at, found = sink.FindLog(context).data(), 0, {}
+    for _, parts in logged_ports(machine, diagram.HasSubsystemNamed(GROUP)):
+        for name, width in parts:
+            if name in machine.given and not diagram.HasSubsystemNamed(name):
+                continue
+            found[name], at = data[at : at + width, 1:], at + width
+    return np.ascontiguousarray(np.vstack([found[wire.name] for wire in machine.wires if wire.name in found]).T)
 
 
-def set_numbers(diagram: Diagram, context: Context, machine: Machine, values: np.ndarray) -> None:
-    """Puts other numbers [SI] into a Context of the Diagram and starts all parts anew, so that one Diagram serves many runs."""
-    state = start_state(machine, values)
+def set_numbers(robot: Robot, diagram: Diagram, context: Context) -> None:
+    """Puts a robot's numbers into a Context of its machine's Diagram and starts anew: one Diagram serves many runs."""
+    blocks = {block.name: block for block in robot.machine.blocks}
     for leaf in diagram.GetSystems():
-        if not isinstance(leaf, Leaf):
-            continue
-        own = leaf.GetMyMutableContextFromRoot(context)
-        if leaf.plan.name == GROUP:
-            plan = plant_plan(machine, values)
-            leaf.set_part(own, plan.numbers, plan.state, plan.held)
-        else:
-            block = next(b for b in machine.blocks if b.name == leaf.plan.name)
-            numbers, part = values[numbers_of(machine, block)], state[state_of(machine, block)]
-            leaf.set_part(own, numbers, part, held_at_start(machine, block, numbers, part))
+        if isinstance(leaf, Leaf):
+            fused = leaf.plan.name == GROUP
+            machine, values = robot.machine, robot.values
+            plan = plant_plan(machine, values) if fused else part_plan(machine, blocks[leaf.plan.name], values)
+            leaf.set_part(leaf.GetMyMutableContextFromRoot(context), plan)

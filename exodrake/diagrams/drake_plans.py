@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.block import Block, Task
 from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.fused import GROUP, outside, plant_machine, plant_tasks, sampled, slot_function
+from exodrake.diagrams.fused import GROUP, outside, plant_machine, plant_tasks, sampled, slot_function, state_size
 from exodrake.diagrams.leaves import held_wires, outer_reads
 from exodrake.diagrams.machine import Machine
 from exodrake.errors import InputError
@@ -32,7 +32,7 @@ def state_of(machine: Machine, block: Block) -> slice:
 
 def start_state(machine: Machine, values: np.ndarray) -> np.ndarray:
     """The flat state of all parts at the start, for these numbers [SI]."""
-    state = np.zeros(sum(sum(machine.part_size(block)) for block in machine.blocks))
+    state = np.zeros(state_size(machine))
     compile_machine(machine).begin(values, state)
     return state
 
@@ -40,15 +40,16 @@ def start_state(machine: Machine, values: np.ndarray) -> np.ndarray:
 def times(machine: Machine, task: Task, substeps: int) -> list[tuple[tuple, float, float]]:
     """(constants, period [s], offset [s]) of the beats of a task.
 
-    A sampled task runs in the middle of its slot. Sub-tick i of the plant runs at i / substeps of the half slot before it: after the
-    last slot's task and before this one's, never at the same time as either.
+    A sampled task runs in the middle of its slot, all sub-ticks of the plant in the half slot before it, a log at the
+    slot's end: no two of them ever at the same time, where a rounding error would decide which comes first.
     """
     if task.slots:
         return [
-            ((k,) if task.lanes else (), machine.frame, (slot + 0.5) * machine.slot) for k, slot in enumerate(task.slots)
+            ((k,) if task.lanes else (), machine.frame, (slot + 0.5) * machine.slot)
+            for k, slot in enumerate(task.slots)
         ]
     dt, half = machine.slot / substeps, 0.5 * machine.slot
-    return [((dt,), machine.slot, half * i / substeps) for i in range(substeps)]
+    return [((dt,), machine.slot, half * (i + 0.5) / substeps) for i in range(substeps)]
 
 
 def held_at_start(machine: Machine, block: Block, numbers: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
@@ -67,7 +68,9 @@ def part_plan(machine: Machine, block: Block, values: np.ndarray, substeps: int 
         function, reads = getattr(module, f"{block.name}__leaf__{task.function}"), outer_reads(block, task.reads)
         beats += [Beat(function, own, reads, period, offset) for own, period, offset in times(machine, task, substeps)]
     through = [
-        Through(getattr(module, f"{block.name}__leaf__{o.function}"), o.reads, o.writes) for o in block.outputs if o.reads
+        Through(getattr(module, f"{block.name}__leaf__{o.function}"), o.reads, o.writes)
+        for o in block.outputs
+        if o.reads
     ]
     widths = {wire.name: machine.width(wire.over) for wire in machine.wires}
     read = dict.fromkeys(wire for item in (*beats, *through) for wire in item.reads)
@@ -77,25 +80,28 @@ def part_plan(machine: Machine, block: Block, values: np.ndarray, substeps: int 
 
 
 def plant_plan(machine: Machine, values: np.ndarray, substeps: int = 1) -> Plan:
-    """The plan of all parts in front of the bus as one leaf, whose single output port `wires` holds `plant_machine(machine).wires`."""
-    plant = fusible(machine)
-    module = compile_machine(machine)
+    """The plan of all parts in front of the bus as one leaf; its port shows states and wires of `plant_machine`."""
+    plant, module = fusible(machine), compile_machine(machine)
     last = plant.blocks[-1]
-    numbers, state = values[: numbers_of(machine, last).stop], start_state(machine, values)[: state_of(machine, last).stop]
-    wires = np.zeros(sum(machine.width(wire.over) for wire in plant.wires))
-    getattr(module, f"{GROUP}__leaf__hold")(state, wires, numbers)
-    reads = outside(plant, plant_tasks(plant))
-    beats = [Beat(getattr(module, f"{GROUP}__leaf__tick"), (machine.slot / substeps, substeps), reads, machine.slot, 0.0)]
-    for slots, tasks in sampled(plant).items():
-        function = getattr(module, f"{GROUP}__leaf__{slot_function(slots)}")
-        beats += [Beat(function, own, outside(plant, tasks), period, at) for own, period, at in times(machine, tasks[0], 1)]
+    numbers, size = values[: numbers_of(machine, last).stop], state_size(plant)
+    memory = np.zeros(size + sum(machine.width(wire.over) for wire in plant.wires))
+    memory[:size] = start_state(machine, values)[:size]
+    getattr(module, f"{GROUP}__leaf__hold")(memory, numbers)
+    beats = []
+    for slots, tasks in {(): plant_tasks(plant), **sampled(plant)}.items():
+        function, reads = getattr(module, f"{GROUP}__leaf__{slot_function(slots)}"), outside(plant, tasks)
+        for own, period, offset in times(machine, tasks[0], 1):
+            constants = own if slots else (machine.slot / substeps, substeps)
+            beats.append(Beat(function, constants, reads, period, offset))
     inputs = {name: machine.width(machine.wire[name].over) for name in plant.given}
-    return Plan(GROUP, inputs, numbers, state, {"wires": wires}, tuple(beats))
+    return Plan(GROUP, inputs, numbers, memory, {}, tuple(beats), show="memory")
 
 
 def fusible(machine: Machine) -> Machine:
     """The group of parts in front of the bus; InputError if this machine has none."""
     plant = plant_machine(machine)
     if plant is None:
-        raise InputError(f"{machine.name}: the parts that tick with the plant do not stand first, or feed through; cannot fuse them")
+        raise InputError(
+            f"{machine.name}: the parts that tick with the plant do not stand first, or feed through; cannot fuse them"
+        )
     return plant

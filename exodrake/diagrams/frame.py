@@ -54,7 +54,7 @@ def tick(machine: Machine) -> list[str]:
 
 
 def task_lines(machine: Machine, slot: int, lane: str = "") -> list[str]:
-    """The tasks in one slot and the outputs that follow; `lane` is the lane's index as source, where it is not the slot's own."""
+    """The tasks in one slot and the outputs that follow; `lane`: source of the lane's index, if not the slot's own."""
     here: list[tuple[Block, Task]] = [(b, t) for b in machine.blocks for t in b.tasks if slot in t.slots]
     lines = [call(b, t.function, [*([lane or str(t.slots.index(slot))] if t.lanes else []), *t.reads]) for b, t in here]
     return lines + (outputs(machine, {b.name for b, _ in here}) if here else [])

@@ -1,7 +1,7 @@
-"""Prints the parts in front of the bus as one leaf, for speed: fewer Python events, the same arithmetic in the same order.
+"""Prints the parts in front of the bus as one leaf: fewer Python events, the same arithmetic in the same order.
 
-The parts that tick with the plant, and those that share a slot with them, stand first in a machine's table, so their numbers and
-states lie first in the flat vectors. The group is a machine of its own, given what it reads from outside.
+The parts that tick with the plant, and those that share a slot with them, stand first in a machine's table, so their
+numbers and states lie first in the flat vectors. The group is a machine of its own, given what it reads from outside.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def plant_blocks(machine: Machine) -> tuple[Block, ...]:
 
 
 def plant_machine(machine: Machine) -> Machine | None:
-    """The group as a machine; None where fusing would leave out a ticking part or hide direct feedthrough from outside."""
+    """The group as a machine; None where fusing would leave out a ticking part or hide direct feedthrough."""
     members = plant_blocks(machine)
     written = {w for b in members for o in b.outputs for w in o.writes}
     read = {w for b in members for t in b.tasks for w in t.reads} - written
@@ -61,12 +61,12 @@ def plant_tasks(plant: Machine) -> list[Task]:
 
 
 def slot_function(slots: tuple[int, ...]) -> str:
-    """Name of the function that runs in some slots."""
-    return "slot_" + "_".join(str(s) for s in slots)
+    """Name of the function that runs in some slots; without slots, at the plant's tick."""
+    return "_".join(["slot", *(str(s) for s in slots)]) if slots else "tick"
 
 
 def print_fused(machine: Machine) -> list[str]:
-    """`plant__leaf__hold`, `__tick` and one function per set of slots, each over (state, wires, p, ...)."""
+    """`plant__leaf__hold`, `__tick` and one function a set of slots, over (memory, p, ...): states, then wires."""
     plant = plant_machine(machine)
     if plant is None:
         return []
@@ -81,6 +81,12 @@ def print_fused(machine: Machine) -> list[str]:
 
 
 def function(plant: Machine, name: str, given: list[str], body: list[str]) -> str:
-    """One function over the group's vectors."""
-    head = f"@njit(cache=True)\ndef {GROUP}__leaf__{name}({', '.join(['state', 'w', 'p', *given])}):\n"
-    return head + indent([*views(plant), *body])
+    """One function over the group's memory."""
+    size = state_size(plant)
+    head = f"@njit(cache=True)\ndef {GROUP}__leaf__{name}({', '.join(['memory', 'p', *given])}):\n"
+    return head + indent([f"state, w = memory[:{size}], memory[{size}:]", *views(plant), *body])
+
+
+def state_size(machine: Machine) -> int:
+    """Length of the flat state of all parts."""
+    return sum(sum(machine.part_size(block)) for block in machine.blocks)

@@ -1,4 +1,4 @@
-"""Prints, for each part, its numbers as named tuples taken from the flat vector, and the functions that a Drake leaf calls."""
+"""Prints, for each part, its numbers as named tuples taken from the flat vector, and what its Drake leaf calls."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def outer_reads(block: Block, reads: tuple[str, ...]) -> tuple[str, ...]:
 def print_entries(machine: Machine, block: Block) -> list[str]:
     """What a Drake leaf calls, one function per task and output, compiled and cached.
 
-    `block__leaf__task(state, held wires..., p, [dt or lane,] wires read...)` runs a task, then the outputs that it changes;
-    `block__leaf__hold(state, held wires..., p)` fills these for a state; `block__leaf__output(state, p, reads..., writes...)`
-    computes wires of direct feedthrough.
+    `block__leaf__task(state, held wires..., p, [dt or lane,] wires read...)` runs a task, then the outputs that it
+    changes; `block__leaf__hold(state, held wires..., p)` fills these for a state; and
+    `block__leaf__output(state, p, reads..., writes...)` computes wires of direct feedthrough.
     """
     held = held_wires(block)
     follow = [(o.function, o.writes) for o in block.outputs if not o.reads]

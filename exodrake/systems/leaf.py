@@ -1,12 +1,12 @@
-"""Turns a part into a Drake system: vector ports named like wires, numbers as a parameter in the Context, one discrete update a task.
+"""Turns a part into a Drake system: ports named like wires, numbers as a parameter, one discrete update a task.
 
-What a part is made of arrives as a `Plan` of plain functions and vectors, so that this file knows Drake and nothing of tables or robots.
+What a part is made of arrives as a `Plan` of plain functions and vectors: this file knows Drake, not tables or robots.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from weakref import ref
 
 import numpy as np
@@ -15,10 +15,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, 
 
 @dataclass(frozen=True)
 class Beat:
-    """A periodic task: `function(state, held..., numbers, *constants, *reads)`, which changes state and held wires in place.
+    """A periodic task: `function(state, held..., numbers, *constants, *reads)`, which changes state and held wires.
 
     Attributes:
-        constants: arguments before the wires, such as the tick's length [s] or the lane's index. reads: wires, by port name.
+        constants: arguments before the wires, such as the tick's length [s] or the lane's index.
+        reads: wires, by port name.
         period, offset: when it runs [s].
     """
 
@@ -45,9 +46,10 @@ class Plan:
     Attributes:
         name: of the system. inputs: wire -> width.
         numbers: (n,) parameters [SI]. state: (m,) at the start.
-        held: wire -> (width,) value at the start, of the wires that follow from the state alone; they are kept as discrete state, so
-            that their ports never ask for an input and cost no call.
+        held: wire -> (width,) value at the start, of the wires that follow from the state alone; they are kept as
+            discrete state, so that their ports never ask for an input and cost no call.
         through: wires that answer their input at once, with `widths`.
+        show: name of a port for the state itself; none if empty.
     """
 
     name: str
@@ -57,7 +59,8 @@ class Plan:
     held: dict[str, np.ndarray]
     beats: tuple[Beat, ...]
     through: tuple[Through, ...] = ()
-    widths: dict[str, int] | None = None
+    widths: dict[str, int] = field(default_factory=dict)
+    show: str = ""
 
 
 class Leaf(LeafSystem):
@@ -73,9 +76,9 @@ class Leaf(LeafSystem):
         - a wire that the part writes
         - ...
 
-    The ports are the part's wires, by name. Numeric parameter 0 holds the part's numbers, discrete state 0 its state, and discrete
-    states 1, 2, ... the wires that it holds. A wire of direct feedthrough is calculated from the inputs that it reads, and its
-    port says so.
+    The ports are the part's wires, by name. Numeric parameter 0 holds the part's numbers, discrete state 0 its state,
+    and discrete states 1, 2, ... the wires that it holds. A wire of direct feedthrough is calculated from the inputs
+    that it reads, and its port says so.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -84,10 +87,12 @@ class Leaf(LeafSystem):
         self.plan = plan
         for wire, width in plan.inputs.items():
             self.DeclareVectorInputPort(wire, width)
-        self.numbers_index = self.DeclareNumericParameter(BasicVector(plan.numbers))
-        self.DeclareDiscreteState(plan.state)
+        self.DeclareNumericParameter(BasicVector(plan.numbers))
+        state = DiscreteStateIndex(int(self.DeclareDiscreteState(plan.state)))
+        if plan.show:
+            self.DeclareStateOutputPort(plan.show, state)
         for wire, value in plan.held.items():
-            self.DeclareStateOutputPort(wire, DiscreteStateIndex(self.DeclareDiscreteState(value)))
+            self.DeclareStateOutputPort(wire, DiscreteStateIndex(int(self.DeclareDiscreteState(value))))
         for beat in plan.beats:
             self.DeclarePeriodicDiscreteUpdateEvent(beat.period, beat.offset, self._update(beat))
         for item in plan.through:
@@ -95,37 +100,39 @@ class Leaf(LeafSystem):
                 self._declare_through(item, wire)
 
     def _update(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
-        """The handler of a task. It knows the leaf weakly: Drake holds the handler, and a circle through C++ is never freed."""
+        """The handler of a task. It knows the leaf weakly: Drake holds it, and a circle through C++ is never freed."""
         here, function, constants = ref(self), beat.function, beat.constants
         ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in beat.reads)
-        groups = range(1 + len(self.plan.held))
+        groups = tuple(range(1 + len(self.plan.held)))
 
         def update(context: Context, discrete: DiscreteValues) -> None:
-            leaf = here()
-            vectors = map(discrete.get_mutable_value, groups)
+            read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
+            vectors = [discrete.get_mutable_value(i) for i in groups]
             numbers = context.get_numeric_parameter(0).value()
-            function(*vectors, numbers, *constants, *[leaf.EvalVectorInput(context, i).value() for i in ports])
+            function(*vectors, numbers, *constants, *[read(context, i).value() for i in ports])
 
         return update
 
     def _declare_through(self, item: Through, wire: str) -> None:
         """A port of direct feedthrough; other wires of the same function go to scratch memory."""
-        here, function, widths = ref(self), item.function, self.plan.widths or {}
+        here, function, widths = ref(self), item.function, self.plan.widths
         ports = tuple(int(self.GetInputPort(read).get_index()) for read in item.reads)
         scratch = [None if write == wire else np.zeros(widths[write]) for write in item.writes]
 
         def calculate(context: Context, out: BasicVector) -> None:
-            leaf = here()
+            read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
             state, numbers = context.get_discrete_state(0).value(), context.get_numeric_parameter(0).value()
-            reads = [leaf.EvalVectorInput(context, i).value() for i in ports]
+            reads = [read(context, i).value() for i in ports]
             writes = [out.get_mutable_value() if vector is None else vector for vector in scratch]
             function(state, numbers, *reads, *writes)
 
         needs = {self.input_port_ticket(self.GetInputPort(read).get_index()) for read in item.reads}
-        self.DeclareVectorOutputPort(wire, widths[wire], calculate, needs | {self.xd_ticket(), self.all_parameters_ticket()})
+        self.DeclareVectorOutputPort(
+            wire, widths[wire], calculate, needs | {self.xd_ticket(), self.all_parameters_ticket()}
+        )
 
-    def set_part(self, context: Context, numbers: np.ndarray, state: np.ndarray, held: dict[str, np.ndarray]) -> None:
-        """Puts numbers [SI], state and held wires into the leaf's own Context."""
-        context.get_mutable_numeric_parameter(0).SetFromVector(numbers)
-        for i, vector in enumerate((state, *(held[wire] for wire in self.plan.held))):
+    def set_part(self, context: Context, plan: Plan) -> None:
+        """Puts the numbers, the state and the held wires of a plan for the same part into the leaf's own Context."""
+        context.get_mutable_numeric_parameter(0).SetFromVector(plan.numbers)
+        for i, vector in enumerate((plan.state, *plan.held.values())):
             context.SetDiscreteState(i, vector)
