@@ -116,7 +116,7 @@ def draw_seat(rng, seat):
 def draw_effect(effect_id, rng):
     """One effect with parameters and seat drawn from its catalogue line."""
     entry = ENTRIES[effect_id]
-    parameters = {name: draw_value(rng, *limits, name in entry.signed) for name, limits in entry.ranges.items()}
+    parameters = {name: draw_value(rng, low, high, name in entry.signed) for name, (low, high) in entry.ranges.items()}
     if effect_id == "finger.gravity" and rng.random() < 0.5:
         parameters["pitch"] += float(np.pi)
     if effect_id == "timing.command_latency":

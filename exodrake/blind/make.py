@@ -67,14 +67,12 @@ def visible_case(plan):
     """Draw until every effect leaves a visible gap on the held-out motion, or the attempts run out: case, gaps per
     effect, gaps per signal.
     """
-    best = None
-    for attempt in range(ATTEMPTS):
+    best = draw_case(plan), [], {}
+    for attempt in range(ATTEMPTS if plan.ids else 0):
         case = draw_case(plan, attempt)
-        if not plan.ids:
-            return case, [], {}
         each, whole = parts_gaps(case, [*plan.seed, 4])
-        if best is None or min(each) > min(best[1]):
-            best = (case, each, whole)
+        if not best[1] or min(each) > min(best[1]):
+            best = case, each, whole
         if min(each) >= VISIBLE:
             break
     return best
@@ -163,7 +161,7 @@ def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
     plans = plan(seed, cases, mix)
     found = {}
     work = (delayed(_named)(item, os.fspath(folder)) for item in plans)
-    for name, label in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
+    for name, label in Parallel(n_jobs=jobs, return_as="generator_unordered")(work) or ():
         found[name] = label
         if progress:
             progress(len(found))

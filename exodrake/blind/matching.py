@@ -40,9 +40,9 @@ def found_ids(diagnosis):
 def covered(truth, diagnosis, exact):
     """Whether each interval of the first effect holds the true value: list of bools.
 
-    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Where the diagnosis
-    gives an interval per lane, those of the lanes that the truth sits on count, one by one. Nothing if the first effect
-    has another id than the truth.
+    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Where the
+    diagnosis gives an interval per lane, those of the lanes that the truth sits on count, one by one. Nothing if the
+    first effect has another id than the truth.
     """
     if top_id(diagnosis) != truth["id"] or bool(truth["exact"]) != exact:
         return []

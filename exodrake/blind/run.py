@@ -77,9 +77,8 @@ def run(folder, jobs=1, cluster=None, progress=None):
     if not waiting:
         return failed
     with backend(jobs, cluster):
-        for name, text, reason in Parallel(return_as="generator_unordered")(
-            delayed(diagnose_one)(str(case)) for case in waiting
-        ):
+        work = (delayed(diagnose_one)(str(case)) for case in waiting)
+        for name, text, reason in Parallel(return_as="generator_unordered")(work) or ():
             if text is None:
                 failed[name] = reason
             else:
