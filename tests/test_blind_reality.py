@@ -116,3 +116,10 @@ def test_plan_follows_the_mix_and_the_seed():
     assert plans == plan(3, 40, CaseMix())
     assert draw_case(plans[0], 1).spec.effects == draw_case(plans[0], 1).spec.effects
     assert len(LIBRARY) >= 37 and len(OUTSIDE) >= 8
+
+
+def test_parameters_bear_the_librarys_names():
+    shelf = pytest.importorskip("exodrake.effects").SHELF
+    theirs = {effect.id: {number.name for number in effect.numbers} for effect in shelf}
+    for effect_id in set(LIBRARY) & set(theirs):
+        assert set(LIBRARY[effect_id].ranges) <= theirs[effect_id], effect_id

@@ -4,6 +4,7 @@ import hashlib
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -161,7 +162,8 @@ def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
     plans = plan(seed, cases, mix)
     found = {}
     work = (delayed(_named)(item, os.fspath(folder)) for item in plans)
-    for name, label in Parallel(n_jobs=jobs, return_as="generator_unordered")(work) or ():
+    results: Any = Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
+    for name, label in results:
         found[name] = label
         if progress:
             progress(len(found))

@@ -3,8 +3,6 @@ sides.
 """
 
 SOFTER_WIRE = ("tendon.stiffness", "tendon.wire_stiffness", "tendon.softness")
-# this reality's parameter names -> what a diagnosis may call them
-ALIASES = {}
 
 
 def accepted_ids(truth):
@@ -48,20 +46,18 @@ def covered(truth, diagnosis, exact):
         return []
     hits = []
     for name, value in truth["parameters"].items():
-        for interval in intervals_of((name, *ALIASES.get((truth["id"], name), ())), truth, diagnosis["effects"][0]):
+        for interval in intervals_of(name, truth, diagnosis["effects"][0]):
             low, high = interval.get("low"), interval.get("high")
             if low is not None and high is not None:
                 hits.append(low <= value <= high)
     return hits
 
 
-def intervals_of(names, truth, stated):
+def intervals_of(name, truth, stated):
     """Intervals of one parameter: per lane if given, else the overall one."""
     seat = (*truth["wires"], *truth["joints"])
-    for name in names:
-        lanes = (stated.get("lanes") or {}).get(name) or {}
-        if lanes:
-            return [interval for lane, interval in lanes.items() if not seat or lane in seat]
-        if name in (stated.get("parameters") or {}):
-            return [stated["parameters"][name]]
-    return []
+    lanes = (stated.get("lanes") or {}).get(name) or {}
+    if lanes:
+        return [interval for lane, interval in lanes.items() if not seat or lane in seat]
+    overall = (stated.get("parameters") or {}).get(name)
+    return [overall] if overall else []

@@ -19,6 +19,7 @@ from exodrake.blind.layout import (
 )  # fmt: skip
 
 FULL_TURN = 6.283185307179586
+USUAL_LOAD, LIGHTEST = 4.0, 0.2  # N; a polymer sheath's friction coefficient falls slowly with load [A]
 
 
 @njit(cache=True)
@@ -57,14 +58,14 @@ def wound(p, wire, theta):
 
 @njit(cache=True)
 def elastic(p, wire, stretch):
-    """Tension [N] of a stretched wire: straight line, toe (hyperbola) or exponential stiffening."""
+    """Tension [N] of a stretched wire: straight line, toe (hyperbola) or parabola."""
     stiffness = p.wire_stiffness[wire]
     if p.toe[wire] > 0.0:
         return stiffness * 0.5 * (stretch + sqrt(stretch * stretch + p.toe[wire] ** 2))
     if stretch <= 0.0:
         return 0.0
     if p.stiffening[wire] > 0.0:
-        return stiffness * (exp(p.stiffening[wire] * stretch) - 1.0) / p.stiffening[wire]
+        return stiffness * stretch * (1.0 + 0.5 * p.stiffening[wire] * stretch)
     return stiffness * stretch
 
 
@@ -105,8 +106,9 @@ def rise_of_routers(p, y, u, wire):
 
 @njit(cache=True)
 def bristle_rate(z, speed, travel):
-    """Dahl bristle in [-1, 1] that yields over a travel [m] (or [rad])."""
-    return (speed - abs(speed) * z) / travel
+    """Ductile Dahl bristle (exponent 3/2) in [-1, 1] that yields over a travel [m]."""
+    left = 1.0 - z if speed > 0.0 else 1.0 + z
+    return speed / travel * left * sqrt(left) if left > 0.0 else 0.0
 
 
 @njit(cache=True)
@@ -116,7 +118,8 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
     """
     if p.capstan[wire] > 0.0:
         dy[CAPSTAN + wire] = bristle_rate(y[CAPSTAN + wire], speed, p.capstan_travel)
-        tension *= exp(-p.capstan[wire] * y[CAPSTAN + wire])
+        lighter = (max(tension, LIGHTEST) / USUAL_LOAD) ** -0.1
+        tension *= exp(-p.capstan[wire] * lighter * y[CAPSTAN + wire])
     loss = 0.0
     if p.coulomb[wire] > 0.0:
         z = y[BRISTLE + wire]

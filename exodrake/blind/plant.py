@@ -51,7 +51,7 @@ def slow_loop(build, effect, rng):
     record = build.record
     bandwidth = record["loop_p"] * record["torque_constant"] / record["inertia"]
     where = wires_of(effect)
-    record["command_lag"][where] = (1.0 / effect.parameters["bandwidth_factor"] - 1.0) / bandwidth[where]
+    record["command_lag"][where] = (1.0 / effect.parameters["factor"] - 1.0) / bandwidth[where]
 
 
 def stribeck(build, effect, rng):
@@ -73,12 +73,10 @@ def slack(build, effect, rng):
 
 
 def stiffening(build, effect, rng):
-    """k (exp(a e) - 1) / a; a is twice the stated stiffening, so that the curvature at e = 0 is that of k e (1 +
-    stiffening e).
-    """
+    """Parabola k e (1 + stiffening e / 2): the start of an exponential k (exp(stiffening e) - 1) / stiffening."""
     where = wires_of(effect)
-    build.record["wire_stiffness"][where] = effect.parameters["stiffness"]
-    build.record["stiffening"][where] = 2.0 * effect.parameters["stiffening"]
+    build.record["wire_stiffness"][where] = effect.parameters["soft_stiffness"]
+    build.record["stiffening"][where] = effect.parameters["stiffening"]
 
 
 def drift(build, effect, rng):
@@ -166,7 +164,7 @@ LIBRARY_PLANTERS = {
     "sensor.pulley_friction": set_wires(pulley="mu"),
     "sensor.crosstalk": set_wires(crosstalk="coefficient"),
     "finger.stiffness": set_joints(factor="factor"),
-    "finger.hardening": set_joints(hardening="hardening"),
+    "finger.hardening": set_joints(hardening="coefficient"),
     "finger.viscoelasticity": set_joints(relaxing="fraction", relaxing_time="time_constant"),
     "finger.hysteresis": set_joints(loss="torque", loss_width="width"),
     "finger.coupling": coupling,

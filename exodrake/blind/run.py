@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from exodrake.errors import InputError
 
@@ -78,7 +79,8 @@ def run(folder, jobs=1, cluster=None, progress=None):
         return failed
     with backend(jobs, cluster):
         work = (delayed(diagnose_one)(str(case)) for case in waiting)
-        for name, text, reason in Parallel(return_as="generator_unordered")(work) or ():
+        results: Any = Parallel(return_as="generator_unordered")(work)
+        for name, text, reason in results:
             if text is None:
                 failed[name] = reason
             else:
