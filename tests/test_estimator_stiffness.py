@@ -5,6 +5,7 @@ import pytest
 from estimator_sweeps import (
     KAPPA,
     REST,
+    Wearer,
     arms,
     as_sweeps,
     passive,
@@ -19,6 +20,7 @@ from exodrake.identification import statics, stiffness
 from exodrake.identification.estimator.compare import compare
 from exodrake.systems.tendon_finger import Numbers
 
+EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)
 N = Numbers(
     k=(2700.0,) * 3, presliding=5e-5, a_f=TRIPLE, b_f=TRIPLE, m_f=(3e-3,) * 3, n_f=(3e-3,) * 3, a_e=TRIPLE, b_e=TRIPLE,
@@ -101,13 +103,21 @@ def test_planted_stiffness_is_recovered_within_its_errors():
         [reference(w, lv, 40) for w, lv in ((0, (0, 0)), (0, (0.6, 0.3)), (1, (0.3, 0)), (2, (0.6, 0)))]
     )
     angle = posture(tension, kappa, rest)
-    exact = stiffness.fit_stiffness(tension, angle, N)
+    exact = stiffness.fit_stiffness(tension, angle, N, statics.posture)
     np.testing.assert_allclose(exact.kappa, kappa, rtol=1e-6)
     np.testing.assert_allclose(exact.q0, rest, atol=1e-6)
-    noisy = stiffness.fit_stiffness(tension, angle + rng.normal(0, 0.005, angle.shape), N)
+    noisy = stiffness.fit_stiffness(tension, angle + rng.normal(0, 0.005, angle.shape), N, statics.posture)
     assert np.all(np.abs(np.array(noisy.kappa) - kappa) < 4 * np.array(noisy.kappa_error))
     np.testing.assert_allclose(noisy.kappa, kappa, rtol=0.02)
     np.testing.assert_allclose(noisy.rmse, 0.005, rtol=0.3)
+
+
+def test_following_a_log_keeps_to_its_branch_and_agrees_where_there_is_only_one():
+    data = worn_sweeps(1, seed=0, wearer=EXACT)
+    angle = statics.follow(data["tension_ref"], N)
+    np.testing.assert_allclose(angle, data["angle"], atol=0.01)  # marker noise is 0.002 rad
+    weak = reference(0, (0.2, 0.0), 50)
+    np.testing.assert_allclose(statics.follow(weak, N), statics.posture(weak, N), atol=1e-9)
 
 
 def test_a_joint_that_did_not_move_is_refused():

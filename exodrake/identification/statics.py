@@ -34,6 +34,11 @@ def posture(tension: np.ndarray, n: Numbers) -> np.ndarray:
     return _postures(np.ascontiguousarray(tension, dtype=float), n)
 
 
+def follow(tension: np.ndarray, n: Numbers) -> np.ndarray:
+    """As `posture`, but each row starts where the row before ended: a joint with two equilibria keeps its own."""
+    return _followed(np.ascontiguousarray(tension, dtype=float), n)
+
+
 def arms(angle: np.ndarray, n: Numbers) -> np.ndarray:
     """P = dl/dq at joint angles (rows, 3) rad: (rows, 3 wires, 3 joints) m, extensors negative."""
     return _arms(np.ascontiguousarray(angle, dtype=float), n)
@@ -59,9 +64,8 @@ def excess(i, angle, tension, n):
 
 
 @compiled
-def settle(i, tension, n):
-    """Angle of joint i at rest [rad]: along the torque from q0 until it turns, then halved down to the last bits."""
-    here = n.q0[i]
+def settle(i, here, tension, n):
+    """Angle of joint i at rest [rad]: along the torque from `here` until it turns, then halved to the last bits."""
     way = np.sign(excess(i, here, tension, n))
     for _ in range(STEPS):
         there = here + way * STEP
@@ -82,7 +86,18 @@ def _postures(tension, n):
     angle = np.empty_like(tension)
     for row in range(len(tension)):
         for i in range(3):
-            angle[row, i] = settle(i, tension[row], n)
+            angle[row, i] = settle(i, n.q0[i], tension[row], n)
+    return angle
+
+
+@compiled
+def _followed(tension, n):
+    angle = np.empty_like(tension)
+    for i in range(3):
+        here = n.q0[i]
+        for row in range(len(tension)):
+            angle[row, i] = settle(i, here, tension[row], n)
+            here = angle[row, i] if np.isfinite(angle[row, i]) else n.q0[i]
     return angle
 
 

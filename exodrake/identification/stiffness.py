@@ -9,19 +9,24 @@ columns AF, MF, AE,
     T = J^-1 (q - q0)    D = R21 R33 - R23 R31     entry (2,1) of J^-1 is k1 / R12 (Eq. 22; printed k1)
 
 (`physics.md` 1.21; "as printed" means in our copy of the paper.) J depends on q, so angles come from
-`statics.posture`. `linear` takes the end stops out of the numbers: the paper's model with constant stiffness.
+`statics.follow`,
+along a log, or `statics.posture`, each row from rest. `linear` takes the end stops out of the numbers: the paper's
+model with constant stiffness.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from exodrake.errors import InputError
-from exodrake.identification.statics import arms, posture
+from exodrake.identification.statics import arms, follow
 from exodrake.systems.tendon_finger import Numbers
 
 ROWS = 400  # rows of a log a fit looks at, equispaced: neighbours 20 ms apart say the same
 MIN_SPAN = 0.05  # rad, a joint that moved less says nothing about its stiffness
+
+Statics = Callable[[np.ndarray, Numbers], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -81,11 +86,12 @@ def tension_map_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     return _printed_map(r, kappa, kappa[0])
 
 
-def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Numbers) -> Stiffness:
+def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Numbers, statics: Statics = follow) -> Stiffness:
     """Least squares in angle for kappa and q0 of each joint; the rest of `n` (routers, end stops) is taken as known.
 
-    tension (rows, 3) N, angle (rows, 3) rad, slow enough to be quasi-static. Starts from `n`. InputError if samples
-    are missing, fewer than ten rows remain, or a joint hardly moved.
+    tension (rows, 3) N, angle (rows, 3) rad, slow enough to be quasi-static. statics: `follow` for rows of a log in
+    order, `posture` for rows that each start from rest. Starts from the line through torque against angle. Rows with
+    missing samples are left out. InputError if fewer than ten rows remain, or a joint hardly moved.
     """
     whole = np.isfinite(tension).all(axis=1) & np.isfinite(angle).all(axis=1)
     kept = np.flatnonzero(whole)
@@ -93,12 +99,12 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Numbers) -> Stiffne
         raise InputError(f"stiffness: {len(kept)} rows with tension and angle, at least 10 are needed")
     kept = kept[np.linspace(0, len(kept) - 1, min(ROWS, len(kept))).round().astype(int)]
     tension, angle = tension[kept], angle[kept]
-    fits = [_fit_joint(joint, tension, angle[:, joint], n) for joint in range(3)]
+    fits = [_fit_joint(joint, tension, angle[:, joint], n, statics) for joint in range(3)]
     kappa, q0, kappa_error, q0_error, rmse = (tuple(float(fit[i]) for fit in fits) for i in range(5))
     return Stiffness(kappa, q0, kappa_error, q0_error, rmse)
 
 
-def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers) -> tuple[float, ...]:
+def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers, statics: Statics) -> tuple[float, ...]:
     """kappa, q0, their standard errors and the RMSE of one joint. Fitted in (log kappa, q0): stiffness stays
     positive."""
     from scipy.optimize import least_squares
@@ -111,10 +117,10 @@ def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers) -
     def residual(x: np.ndarray) -> np.ndarray:
         kappa, q0 = list(n.kappa), list(n.q0)
         kappa[joint], q0[joint] = float(np.exp(x[0])), float(x[1])
-        found = posture(tension, n._replace(kappa=tuple(kappa), q0=tuple(q0)))[:, joint]
+        found = statics(tension, n._replace(kappa=tuple(kappa), q0=tuple(q0)))[:, joint]
         return np.where(np.isfinite(found), found - angle, 1.0)
 
-    start = np.array([np.log(n.kappa[joint]), n.q0[joint]])
+    start = _start(joint, tension, angle, n)
     # beyond the fold the posture jumps to the end stop; a bounded loss keeps such rows from ruling
     best = least_squares(residual, start, loss="soft_l1", f_scale=0.1)
     error = residual(best.x)
@@ -122,6 +128,19 @@ def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers) -
     spread = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)) * variance)
     kappa = float(np.exp(best.x[0]))
     return kappa, float(best.x[1]), kappa * spread[0], spread[1], float(np.sqrt(np.mean(error**2)))
+
+
+def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers) -> np.ndarray:
+    """(log kappa, q0) of the line through torque against angle between the end stops; those of `n` if it falls."""
+    inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
+    if inside.sum() >= 10:
+        at = np.zeros((int(inside.sum()), 3))
+        at[:, joint] = angle[inside]
+        torque = np.sum(arms(at, n)[:, :, joint] * tension[inside], axis=1)
+        slope, level = np.polyfit(angle[inside], torque, 1)
+        if slope > 0:
+            return np.array([np.log(slope), -level / slope])
+    return np.array([np.log(n.kappa[joint]), n.q0[joint]])
 
 
 def _mf_first(r: np.ndarray) -> np.ndarray:

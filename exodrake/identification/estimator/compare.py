@@ -9,7 +9,7 @@ from exodrake.errors import InputError
 from exodrake.identification.estimator.dataset import Sweeps
 from exodrake.identification.estimator.gp import POINTS, fit
 from exodrake.identification.estimator.ridge import fit_ridge
-from exodrake.identification.statics import posture
+from exodrake.identification.statics import follow, posture
 from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
 from exodrake.systems.tendon_finger import Numbers
 
@@ -40,14 +40,14 @@ def compare(training: Sweeps, held_out: Sweeps, n: Numbers, points: int = POINTS
     if (training.wires, training.joints) != (held_out.wires, held_out.joints):
         raise InputError("training and held-out sweeps differ in wires or joints")
     process = fit(training, points).predict(held_out.tension, held_out.stroke)[0]
-    constant = fit_stiffness(training.tension, training.angle, linear(n))
+    constant = fit_stiffness(training.tension, training.angle, linear(n), posture)
     stopped = fit_stiffness(training.tension, training.angle, n)
     guesses = {
         "Gaussian process": process,
         "quadratic ridge": fit_ridge(training)(held_out)[0],
         "constant stiffness": posture(held_out.tension, constant.numbers(linear(n))),
-        "end stops": posture(held_out.tension, stopped.numbers(n)),
-        "nominal": posture(held_out.tension, n),
+        "end stops": follow(held_out.tension, stopped.numbers(n)),
+        "nominal": follow(held_out.tension, n),
     }
     solved = np.isfinite(guesses["constant stiffness"]).all(axis=1)
     rmse = {name: np.sqrt(np.nanmean((guess - held_out.angle) ** 2, axis=0)) for name, guess in guesses.items()}
