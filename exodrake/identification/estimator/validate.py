@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from exodrake.errors import InputError
 from exodrake.identification.estimator.dataset import Sweeps, inputs_of
@@ -54,11 +55,12 @@ def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) 
         "nearest row": fit_nearest,
     }
     splits = {RANDOM: random_folds(sweeps, seed), HELD_OUT: sweep_folds(sweeps, seed)}
-    return tuple(
-        score(method, split, sweeps.angle, *out_of_fold(fit, sweeps, folds))
-        for method, fit in methods.items()
-        for split, folds in splits.items()
-    )
+    with threadpool_limits(1):  # many small products: a second thread only waits
+        return tuple(
+            score(method, split, sweeps.angle, *out_of_fold(fit, sweeps, folds))
+            for method, fit in methods.items()
+            for split, folds in splits.items()
+        )
 
 
 def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
