@@ -16,7 +16,7 @@ FULL_SCALE = 20.0  # N, where the cell's bow returns to zero (effects.md)
 
 @njit(cache=True)
 def cell_reading(p, y, wire, drift, noise, before):
-    """What the bus delivers [N]: neighbour's load, scale, bow (skewed half sine), zero, drift, noise, sticking, rounding."""
+    """What the bus delivers [N]: neighbour, scale, bow (skewed half sine), zero, drift, noise, sticking, rounding."""
     load = y[CELL + wire] + p.crosstalk[wire] * y[CELL + (wire + 1) % 3]
     reading = (1.0 + p.cell_gain[wire]) * load + p.cell_offset[wire] + drift + noise
     reading += p.cell_bow[wire] * np.sin(np.pi * (max(load, 0.0) / FULL_SCALE) ** 0.8)
