@@ -12,18 +12,19 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
-import math
 import os
 import sys
 from pathlib import Path
 from types import ModuleType
 
-from exodrake.block import ONE, Block, Effect, Point
+from exodrake.diagrams.flat import Flatten
 from exodrake.diagrams.frame import print_frame
 from exodrake.diagrams.fused import print_fused
 from exodrake.diagrams.leaves import print_leaves
 from exodrake.diagrams.machine import Machine, block_pages, page_name
+from exodrake.diagrams.splice import compose_point
 
+INLINED = "@njit(forceinline=True)\n"  # an array costs a call some ten nanoseconds, more than many a function
 HEADER = '"""Printed by exodrake.diagrams.compose from the table of {name}; do not edit."""\n\n'
 
 
@@ -86,15 +87,17 @@ class Rename(ast.NodeTransformer):
         return node
 
 
-def copy_function(function: ast.FunctionDef, table: dict[str, str], name: str) -> str:
-    """A page's function under its new name, decorated for numba."""
+def copy_function(function: ast.FunctionDef, table: dict[str, str], name: str, flatten: Flatten | None = None, plain: bool = False) -> str:
+    """A page's function under its new name, decorated for numba; `flatten` for the pages of a block with numbers, `plain` for its tasks."""
     node = ast.parse(ast.unparse(function)).body[0]
     assert isinstance(node, ast.FunctionDef)
     stored = {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
     local = stored | {a.arg for a in node.args.args}
     Rename(table, local).visit(node)
+    if flatten is not None:
+        flatten.visit(node)
     node.name, node.returns = name, None
-    return "@njit\n" + ast.unparse(node)
+    return ("@njit\n" if plain else INLINED) + ast.unparse(ast.fix_missing_locations(node))
 
 
 def all_pages(machine: Machine) -> dict[str, Page]:
@@ -123,6 +126,8 @@ def all_pages(machine: Machine) -> dict[str, Page]:
 def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
     """Constants and functions of all pages, points composed with their effects."""
     points = {f"{page_name(p.page or b.page)}.{p.name}": (b, p) for b in machine.blocks for p in b.points}
+    tasks = {f"{page_name(b.page)}.{t.function}" for b in machine.blocks for t in (*b.tasks, *b.outputs)}
+    owners = {page_name(p): Flatten(machine, b) for b in machine.blocks for p in block_pages(b)}
     lines = []
     for page in pages.values():
         table = page.renames()
@@ -137,64 +142,10 @@ def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
                 lines.append(copy_function(home.functions[other.__name__], home.renames(), f"{page.name}__{name}"))
             elif key in points and (spliced := [e for e in machine.shelf if key in e.at]):
                 block, point = points[key]
-                lines.append(compose_point(machine, block, point, key, function, spliced))
+                lines.append(compose_point(machine, block, point, function, spliced))
             else:
-                lines.append(copy_function(function, table, f"{page.name}__{name}"))
+                lines.append(copy_function(function, table, f"{page.name}__{name}", owners.get(page.name), key in tasks))
     return lines
-
-
-def compose_point(machine: Machine, block: Block, point: Point, key: str, function: ast.FunctionDef, effects: list[Effect]) -> str:
-    """The function of a point: the value passes through each effect that is not neutral, in the shelf's order."""
-    names = [a.arg for a in function.args.args]
-    lane = names[2] if point.over != ONE else None
-    value, context = names[3 if lane else 2], names[4 if lane else 3 :]
-    body = [f'    """{ast.get_docstring(function)}"""']
-    advances = False
-    for effect in effects:
-        name, effect_lane = effect.at[key].__name__, lane if effect.over == point.over or effect.over == ONE else None
-        states = state_places(machine, block, effect, effect_lane)
-        numbers = [indexed(f"e.{effect.slug}__{n.name}", n.over, effect_lane) for n in effect.numbers]
-        page = page_name(sys.modules[effect.at[key].__module__])
-        call = f"{page}__{name}({', '.join([value, *context, *numbers, *states])})"
-        target = value if key not in effect.advances else ", ".join(states)
-        advances = advances or key in effect.advances
-        body += [f"    if {guard(machine, effect, effect_lane)}:", f"        {target} = {call}"]
-    if not advances:
-        body.append(f"    return {value}")
-    return "@njit\ndef " + key.replace(".", "__") + f"({', '.join(names)}):\n" + "\n".join(body)
-
-
-def indexed(name: str, over: str, lane: str | None) -> str:
-    """A number of a lane, or all of them where the point has no lane."""
-    return f"{name}[{lane}]" if over != ONE and lane else name
-
-
-def literal(value: float) -> str:
-    """A neutral value as source."""
-    return "inf" if math.isinf(value) else repr(float(value))
-
-
-def guard(machine: Machine, effect: Effect, lane: str | None) -> str:
-    """Condition under which the effect is present."""
-    first = effect.numbers[0]
-    name, neutral = f"e.{effect.slug}__{first.name}", literal(first.neutral)
-    if first.over == ONE or lane:
-        return f"{indexed(name, first.over, lane)} != {neutral}"
-    return " or ".join(f"{name}[{i}] != {neutral}" for i in range(machine.width(first.over)))
-
-
-def state_places(machine: Machine, block: Block, effect: Effect, lane: str | None) -> list[str]:
-    """Where the effect's own states lie in the block's vector z, as source."""
-    offset, places = 0, []
-    for other in machine.effects_on(block):
-        for state in other.states:
-            width = machine.width(state.over)
-            if other.id == effect.id:
-                for k in range(state.width):
-                    at = offset + k * width
-                    places += [f"z[{at} + {lane}]"] if lane and state.over != ONE else [f"z[{at + i}]" for i in range(width)]
-            offset += width * state.width
-    return places
 
 
 def print_module(machine: Machine) -> str:

@@ -69,14 +69,19 @@ def print_begin(machine: Machine) -> str:
 
 
 def print_run(machine: Machine) -> str:
-    """`run(p, state, w, given..., dt, substeps, record, fine)`: frames in order; record and fine take the wires at each frame's and tick's end."""
+    """`run(p, state, w, given..., dt, substeps, record, fine)`: frames in order; record and fine take the wires at each frame's and slot's end.
+
+    The plant's tick stands in one place, so that it is inlined once.
+    """
     given = [f"{name}_rows" for name in machine.given]
     body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
     inner = [f"{name}[:] = {name}_rows[frame]" for name in machine.given]
+    inner += [f"for slot in range({machine.slots}):"]
+    inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine))]
     for slot in range(machine.slots):
-        inner += [f"# slot {slot}", "for _ in range(substeps):", *("    " + line for line in tick(machine))]
-        inner += task_lines(machine, slot)
-        inner += ["if fine.shape[0] > 0:", f"    fine[{machine.slots} * frame + {slot}, :] = w"]
+        if lines := task_lines(machine, slot):
+            inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
+    inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
     inner.append("record[frame, :] = w")
     header = f"@njit(cache=True)\ndef run(p, state, w, {', '.join(given)}, dt, substeps, record, fine):\n"
     return header + indent(body + ["    " + line for line in inner])

@@ -1,40 +1,24 @@
-"""Prints, for each part, its numbers as named tuples taken from the flat vector, and what its Drake leaf calls."""
+"""Prints, for each part, where its numbers lie in the flat vector, and what its Drake leaf calls."""
 
 from __future__ import annotations
 
-from exodrake.block import ONE, Block
+from exodrake.block import Block
 from exodrake.diagrams.machine import Machine, page_name
+from exodrake.diagrams.splice import print_effects
 
 
 def print_leaves(machine: Machine) -> list[str]:
-    """Named tuples, their unpacking, and one entry function per task and output of each block."""
+    """Views of the numbers, and one entry function per task and output of each block."""
     lines = []
     for block in machine.blocks:
         lines += [print_numbers(machine, block), print_effects(machine, block), *print_entries(machine, block)]
     return lines
 
 
-def print_tuple(machine: Machine, name: str, fields: list[tuple[str, str]], start: int) -> tuple[str, int]:
-    """A named tuple and the function that fills it from p[start:], with the place after its last number."""
-    items, at = [], start
-    for _, over in fields:
-        width = machine.width(over)
-        items.append(f"p[{at}]" if over == ONE else "(" + "".join(f"p[{at + i}], " for i in range(width)) + ")")
-        at += width
-    text = f"{name} = namedtuple({name!r}, {[f for f, _ in fields]!r})\n\n\n@njit\ndef fill_{name}(p):\n"
-    return text + f"    return {name}({', '.join(items)})", at
-
-
 def print_numbers(machine: Machine, block: Block) -> str:
-    """The block's own numbers, from the start of its own vector."""
-    return print_tuple(machine, f"{block.name}_n", [(f.name, f.over) for f in block.fields], 0)[0]
-
-
-def print_effects(machine: Machine, block: Block) -> str:
-    """The numbers of the effects on the block, after its own."""
-    start = sum(machine.width(f.over) for f in block.fields)
-    fields = [(f"{e.slug}__{n.name}", n.over) for e in machine.effects_on(block) for n in e.numbers]
-    return print_tuple(machine, f"{block.name}_e", fields, start)[0]
+    """`fill_block_n(p)`: the block's own numbers, the start of its own vector."""
+    count = sum(machine.width(f.over) for f in block.fields)
+    return f"@njit\ndef fill_{block.name}_n(p):\n    return p[:{count}]"
 
 
 def held_wires(block: Block) -> tuple[str, ...]:

@@ -19,9 +19,9 @@ def homed(e, z, j, stroke):
     return stroke
 
 
-def read(x, z, n, e, j, spool):
-    """The bus reads encoder j; wire [m]."""
-    x[j] = rounded(homed(e, z, j, spool[j]), n.q_theta * n.radius)
+def read(x, z, n, e, j, spool_angle):
+    """The bus reads encoder j; wire [rad]."""
+    x[j] = rounded(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
 
 
 def output(x, z, n, e, stroke_read):
@@ -41,7 +41,7 @@ BLOCK = Block(
     page=sys.modules[__name__],
     numbers=Numbers,
     states=(State("reading", WIRES, unit="m"),),
-    tasks=(Task("read", ("spool",), slots=(1, 2, 3), lanes=True),),
+    tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), lanes=True),),
     outputs=(Output("output", ("stroke_read",)),),
     points=(Point("homed", WIRES),),
 )
