@@ -59,7 +59,7 @@ class MotorDynamics(Part):
         output_ports:
         - stroke
         - wire_speed
-        - spool
+        - spool_angle
     """
 
     part = "motor"
@@ -92,7 +92,7 @@ class Encoder(Part):
 
         name: Encoder
         input_ports:
-        - spool
+        - spool_angle
         output_ports:
         - stroke_read
     """
@@ -111,6 +111,7 @@ class MotionCapture(Part):
         - noise_angle
         output_ports:
         - angle_read
+        - mocap_lateness
     """
 
     part = "mocap"

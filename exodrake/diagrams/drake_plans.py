@@ -73,7 +73,8 @@ def part_plan(machine: Machine, block: Block, values: np.ndarray, substeps: int 
         if o.reads
     ]
     widths = {wire.name: machine.width(wire.over) for wire in machine.wires}
-    read = dict.fromkeys(wire for item in (*beats, *through) for wire in item.reads)
+    own = {wire for item in through for wire in item.writes}
+    read = dict.fromkeys(wire for item in (*beats, *through) for wire in item.reads if wire not in own)
     inputs = {wire: widths[wire] for wire in read}
     held = held_at_start(machine, block, numbers, state)
     return Plan(block.name, inputs, numbers, state, held, tuple(beats), tuple(through), widths)

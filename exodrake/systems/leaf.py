@@ -19,7 +19,7 @@ class Beat:
 
     Attributes:
         constants: arguments before the wires, such as the tick's length [s] or the lane's index.
-        reads: wires, by port name.
+        reads: wires, by the name of an input port or of an output port of direct feedthrough.
         period, offset: when it runs [s].
     """
 
@@ -93,15 +93,17 @@ class Leaf(LeafSystem):
             self.DeclareStateOutputPort(plan.show, state)
         for wire, value in plan.held.items():
             self.DeclareStateOutputPort(wire, DiscreteStateIndex(int(self.DeclareDiscreteState(value))))
-        for beat in plan.beats:
-            self.DeclarePeriodicDiscreteUpdateEvent(beat.period, beat.offset, self._update(beat))
         for item in plan.through:
             for wire in item.writes:
                 self._declare_through(item, wire)
+        for beat in plan.beats:
+            self.DeclarePeriodicDiscreteUpdateEvent(beat.period, beat.offset, self._update(beat))
 
     def _update(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
         """The handler of a task. It knows the leaf weakly: Drake holds it, and a circle through C++ is never freed."""
         here, function, constants = ref(self), beat.function, beat.constants
+        if any(wire not in self.plan.inputs for wire in beat.reads):
+            return self._update_from_own(beat)
         ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in beat.reads)
         groups = tuple(range(1 + len(self.plan.held)))
 
@@ -110,6 +112,19 @@ class Leaf(LeafSystem):
             vectors = [discrete.get_mutable_value(i) for i in groups]
             numbers = context.get_numeric_parameter(0).value()
             function(*vectors, numbers, *constants, *[read(context, i).value() for i in ports])
+
+        return update
+
+    def _update_from_own(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
+        """The handler of a task that also reads wires of direct feedthrough of its own leaf."""
+        here, inputs, held = ref(self), self.plan.inputs, len(self.plan.held)
+
+        def update(context: Context, discrete: DiscreteValues) -> None:
+            leaf = here()
+            assert leaf is not None
+            reads = [(leaf.GetInputPort if w in inputs else leaf.GetOutputPort)(w).Eval(context) for w in beat.reads]
+            vectors = [discrete.get_mutable_value(i) for i in range(1 + held)]
+            beat.function(*vectors, context.get_numeric_parameter(0).value(), *beat.constants, *reads)
 
         return update
 

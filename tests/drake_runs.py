@@ -1,0 +1,45 @@
+"""What the tests of Drake and of the parts share: reference data, short references, runs by both engines."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.simulate import Chance, Reference, prepared, run_compiled
+from exodrake.log import read_log
+
+
+@cache
+def nominal():
+    return load_robot()
+
+
+@cache
+def reference_log(name):
+    """A log of data/reference: below EXODRAKE_DATA, or beside or above the checkout; else the test skips."""
+    bases = [Path(os.environ["EXODRAKE_DATA"])] if "EXODRAKE_DATA" in os.environ else []
+    for parent in Path(__file__).resolve().parents:
+        bases += [parent / "data", parent / "shared" / "data"]
+    for base in bases:
+        if (base / "reference" / f"{name}.csv").is_file():
+            return read_log(base / "reference" / f"{name}.csv")
+    pytest.skip("no data/reference here")
+
+
+def wavy(seconds):
+    """Tension references [N] that keep all wires busy, slack now and then on the extensor."""
+    time = 0.02 * np.arange(round(seconds / 0.02))[:, None]
+    centre, swing, rate = np.array([5.0, 3.5, 2.0]), np.array([4.0, 3.0, 1.9]), np.array([0.4, 0.7, 1.1])
+    return Reference(centre + swing * np.sin(2 * np.pi * rate * time), "wavy")
+
+
+def both(robot, reference, seed=1, substeps=1, **options):
+    """Rows of all wires by the compiled twin and by the Diagram, for the same draws."""
+    from exodrake.diagrams.drake import run_diagram
+
+    values, chance = prepared(robot), Chance.draw(len(reference.tension), seed, robot.machine)
+    compiled = run_compiled(robot.machine, values, reference, chance, substeps)
+    return compiled, run_diagram(robot, values, reference, chance, substeps, **options)

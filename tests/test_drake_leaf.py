@@ -1,0 +1,149 @@
+"""The robot's parts as Drake systems: ports, feedthrough, logs, numbers in the Context, events, memory."""
+
+import gc
+import weakref
+from collections import Counter
+
+import numpy as np
+import pytest
+import yaml
+from drake_runs import nominal, wavy
+from pydrake.systems.analysis import Simulator
+
+from exodrake.diagrams.drake import FINE_LOG, assemble, build_diagram, logged, set_numbers
+from exodrake.diagrams.drake_parts import NAMED, MotorDynamics, part_class
+from exodrake.diagrams.simulate import Reference, record
+from exodrake.errors import InputError
+from exodrake.systems.leaf import Leaf
+
+THROUGH = {"finger": {("stroke", "tension")}, "sensor": {("tension", "cell")}}  # every other output is state
+
+
+def through(system):
+    """Pairs of ports by name between which the system feeds directly through."""
+    return {
+        (system.get_input_port(i).get_name(), system.get_output_port(o).get_name())
+        for i in range(system.num_input_ports())
+        for o in range(system.num_output_ports())
+        if system.HasDirectFeedthrough(i, o)
+    }
+
+
+@pytest.mark.parametrize("cls", NAMED.values(), ids=lambda cls: cls.__name__)
+def test_a_part_on_its_own(cls):
+    leaf = cls()
+    figure = yaml.safe_load(cls.__doc__.split(".. pydrake_system::")[1].split("\n\n")[1])
+    assert figure["name"] == cls.__name__
+    assert figure["input_ports"] == [leaf.get_input_port(i).get_name() for i in range(leaf.num_input_ports())]
+    assert figure["output_ports"] == [leaf.get_output_port(i).get_name() for i in range(leaf.num_output_ports())]
+    assert through(leaf) == THROUGH.get(cls.part, set())
+    leaf.ValidateContext(leaf.CreateDefaultContext())
+
+
+def test_every_part_of_the_machine_has_its_class():
+    assert set(NAMED) <= {block.name for block in nominal().machine.blocks}
+    with pytest.raises(InputError, match=r"motr.*did you mean motor"):
+        part_class(nominal().machine, "motr")()
+
+
+def test_a_motor_alone_reaches_its_speed():
+    """Without load, the PI loop follows 20 mm/s without error."""
+    motor = MotorDynamics()
+    simulator = Simulator(motor)
+    context = simulator.get_mutable_context()
+    motor.GetInputPort("speed_applied").FixValue(context, [0.02, 0.0, -0.02])
+    motor.GetInputPort("tension").FixValue(context, np.zeros(3))
+    before = motor.GetOutputPort("stroke").Eval(context).copy()
+    simulator.AdvanceTo(2.0)
+    np.testing.assert_allclose(motor.GetOutputPort("wire_speed").Eval(context), [0.02, 0.0, -0.02], atol=1e-9)
+    assert motor.GetOutputPort("stroke").Eval(context)[0] - before[0] == pytest.approx(0.04, rel=0.05)
+
+
+def test_no_loop_of_feedthrough_from_outside():
+    diagram = build_diagram(nominal())
+    assert set(nominal().machine.given) == {
+        diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())
+    }
+    assert not {pair for pair in through(diagram) if not pair[1].startswith("outside")}
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_the_ports_are_named_by_part_and_wire(fused):
+    machine = nominal().machine
+    diagram = build_diagram(nominal(), wavy(0.1), fused=fused)
+    names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    assert {"motor.stroke", "finger.angle", "sensor.tension_read", "outside.tension_ref"} <= set(names)
+    assert sorted(name.split(".")[1] for name in names) == sorted(wire.name for wire in machine.wires)
+    context = diagram.CreateDefaultContext()
+    angle = diagram.GetOutputPort("finger.angle").Eval(context)
+    np.testing.assert_array_equal(angle, nominal().lanes("finger.q0"))
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_the_fine_log_holds_the_frames(fused):
+    robot, reference = nominal(), wavy(1.0)
+    diagram = build_diagram(robot, reference, seed=2, fused=fused, fine_log=True)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(1.0)
+    rows = logged(robot.machine, diagram, simulator.get_context())
+    fine = logged(robot.machine, diagram, simulator.get_context(), FINE_LOG)
+    assert rows.shape[0] == 50 and fine.shape[0] == 500
+    np.testing.assert_array_equal(fine[9::10], rows)
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_one_diagram_serves_many_robots(fused):
+    reference = wavy(1.0)
+    diagram = build_diagram(nominal(), reference, seed=3, fused=fused)
+    simulator = Simulator(diagram)
+    other = nominal().with_numbers({"finger.kappa": 0.09, "finger.q0.PIP": 0.4}).splice("tendon.capstan_friction")
+    for robot in (other, nominal()):
+        context = diagram.CreateDefaultContext()
+        set_numbers(robot, diagram, context)
+        simulator.reset_context(context)
+        simulator.AdvanceTo(1.0)
+        rows = logged(robot.machine, diagram, context)
+        wanted = record(robot, reference, seed=3).wires
+        np.testing.assert_array_equal(rows, np.hstack([wanted[wire.name] for wire in robot.machine.wires]))
+
+
+def test_nine_hundred_python_events_a_second(monkeypatch):
+    calls, plain = Counter(), Leaf._update
+
+    def counted(self, beat):
+        update = plain(self, beat)
+
+        def handler(context, discrete):
+            calls[self_name] += 1
+            return update(context, discrete)
+
+        self_name = self.plan.name
+        return handler
+
+    monkeypatch.setattr(Leaf, "_update", counted)
+    simulator = Simulator(build_diagram(nominal(), wavy(2.0), fused=True))
+    simulator.AdvanceTo(2.0)
+    assert calls == {"plant": 2 * (500 + 150), "mocap": 2 * 50, "controller": 2 * 50, "bus": 2 * 150}
+
+
+def test_rebuilt_diagrams_leave_nothing_behind():
+    alive = []
+    for i in range(50):
+        diagram = build_diagram(nominal(), wavy(0.1), fused=bool(i % 2))
+        simulator = Simulator(diagram)
+        simulator.AdvanceTo(0.1)
+        alive += [weakref.ref(diagram), *(weakref.ref(s) for s in diagram.GetSystems() if isinstance(s, Leaf))]
+    del diagram, simulator
+    gc.collect()
+    assert not [item for item in alive if item() is not None]
+
+
+def test_the_seed_decides_and_the_given_wires_can_be_ones_own():
+    robot, tension = nominal(), wavy(0.5).tension
+    given = dict(zip(robot.machine.given, (tension, *np.zeros((2, 25, 3)), np.ones((25, 3)))))
+    diagram = assemble(robot, given, 1, False, False)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.5)
+    quiet = record(robot, Reference(tension), seed=None).wires
+    rows = logged(robot.machine, diagram, simulator.get_context())
+    np.testing.assert_array_equal(rows, np.hstack([quiet[wire.name] for wire in robot.machine.wires]))

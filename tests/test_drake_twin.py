@@ -1,0 +1,71 @@
+"""The Drake Diagram and the compiled twin are the same to the last bit; both reproduce data/reference."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from drake_runs import both, nominal, reference_log, wavy
+
+from exodrake.diagrams.simulate import Reference, record
+from exodrake.effects import SHELF
+
+FORMS = pytest.mark.parametrize("fused", [True, False], ids=["fused", "leaf per part"])
+TIGHT = {"tension_read": 1e-3, "stroke_read": 0.5e-6, "angle_read": 5e-5}  # RMS [N], [m], [rad]
+COLUMN = {"tension_read": "tension", "stroke_read": "stroke", "angle_read": "angle"}
+
+
+@FORMS
+def test_a_minute_of_sweeps_with_noise_and_rounding(fused):
+    compiled, drake = both(nominal(), Reference(reference_log("sweeps").array("tension_ref")), fused=fused)
+    assert len(compiled) == 3000
+    np.testing.assert_array_equal(compiled, drake)
+
+
+@FORMS
+def test_sub_steps(fused):
+    compiled, drake = both(nominal(), wavy(2.0), substeps=3, fused=fused)
+    np.testing.assert_array_equal(compiled, drake)
+
+
+@pytest.mark.parametrize("effect", SHELF, ids=lambda effect: effect.id)
+def test_an_effect_at_typical_values(effect):
+    robot = nominal().splice(effect.id)
+    reference = wavy(3.0)
+    compiled, drake = both(robot, reference)
+    assert np.isfinite(compiled).all()
+    np.testing.assert_array_equal(compiled, drake)
+    short = Reference(reference.tension[:50])
+    np.testing.assert_array_equal(*both(robot, short, fused=False))
+
+
+def test_parts_as_printed():
+    robot = nominal().with_part("controller_as_printed").with_part("routers_as_printed")
+    compiled, drake = both(robot, wavy(3.0))
+    plain, _ = both(nominal(), wavy(3.0))
+    assert np.abs(compiled - plain).max() > 0.1
+    np.testing.assert_array_equal(compiled, drake)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "drake"])
+@pytest.mark.parametrize("name", ["sweeps", "chirp", "holds", "grasps"])
+def test_reproduces_the_reference(name, engine):
+    log = reference_log(name)
+    run = record(nominal(), Reference(log.array("tension_ref")), seed=None, quantisation=False, engine=engine)
+    for wire, bound in TIGHT.items():
+        error = run.wires[wire] - log.array(COLUMN[wire])
+        assert np.sqrt((error**2).mean()) < bound, wire
+
+
+def test_the_truth_wires_come_out_of_record():
+    compiled, drake = (record(nominal(), wavy(1.0), engine=engine) for engine in ("compiled", "drake"))
+    assert list(compiled.wires) == list(drake.wires)
+    for name in ("tension", "tension_finger", "rate", "cell", "wire_speed"):
+        np.testing.assert_array_equal(compiled.wires[name], drake.wires[name])
+
+
+def test_first_order_in_the_sub_step():
+    """The spool moves on at its speed during a tick and the motor sees the tension before it: first order."""
+    runs = [record(nominal(), wavy(4.0), None, False, substeps=n).wires for n in (1, 2, 4, 8)]
+    for name in ("angle", "tension"):
+        steps = [np.sqrt(((a[name] - b[name]) ** 2).mean()) for a, b in pairwise(runs)]
+        assert 1.6 < steps[0] / steps[1] < 2.6 and 1.6 < steps[1] / steps[2] < 2.6, (name, steps)

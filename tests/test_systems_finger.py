@@ -1,0 +1,113 @@
+"""The finger's equations against Drake's MultibodyPlant, closed forms and the power balance."""
+
+import math
+
+import numpy as np
+import pytest
+from drake_runs import nominal
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+
+from exodrake.systems.finger import coriolis, inertia, mass_matrix
+from exodrake.systems.routers import EXTENSOR, FLEXOR, path
+from exodrake.systems.tendon_finger import BLOCK, Numbers, paths
+
+RNG = np.random.default_rng(7)
+SAMPLES = [(RNG.uniform(-0.3, 1.5, 3), RNG.uniform(-15, 15, 3)) for _ in range(40)]
+
+
+def finger_numbers():
+    """The nominal finger block's own numbers as its NamedTuple."""
+    robot = nominal()
+    groups = {field.name: robot.lanes(f"{field.group}.{field.name}") for field in BLOCK.fields}
+    return Numbers(**{name: tuple(v) if len(v) > 1 else float(v[0]) for name, v in groups.items()})
+
+
+def chain():
+    """The finger as bodies and joints of a MultibodyPlant, without gravity."""
+    numbers, plant = finger_numbers(), MultibodyPlant(0.0)
+    plant.mutable_gravity_field().set_gravity_vector([0, 0, 0])
+    parent, offset = plant.world_frame(), 0.0
+    for i, (length, mass, radius) in enumerate(zip(numbers.length, numbers.mass, numbers.radius)):
+        centred = SpatialInertia.SolidCylinderWithMass(mass, radius, length, [1, 0, 0])
+        body = plant.AddRigidBody(f"bone_{i}", centred.Shift([-length / 2, 0, 0]))
+        hinge = plant.AddFrame(fixed_frame(parent, i, offset))
+        plant.AddJoint(RevoluteJoint(f"joint_{i}", hinge, body.body_frame(), [0, 0, 1]))
+        parent, offset = body.body_frame(), length
+    plant.Finalize()
+    return plant
+
+
+def fixed_frame(parent, i, offset):
+    from pydrake.multibody.tree import FixedOffsetFrame
+
+    return FixedOffsetFrame(f"hinge_{i}", parent, RigidTransform([offset, 0, 0]))
+
+
+def test_mass_matrix_and_coriolis_terms_against_multibody_plant():
+    numbers, plant = finger_numbers(), chain()
+    context = plant.CreateDefaultContext()
+    diagonal, coupling, _ = inertia(numbers.length, numbers.mass, numbers.radius)
+    for q, rate in SAMPLES:
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, rate)
+        m11, m12, m13, m22, m23, m33 = mass_matrix(diagonal, coupling, *map(math.cos, (q[1], q[2], q[1] + q[2])))
+        ours = np.array([[m11, m12, m13], [m12, m22, m23], [m13, m23, m33]])
+        spin = coriolis(coupling, *map(math.sin, (q[1], q[2], q[1] + q[2])), tuple(rate))
+        np.testing.assert_allclose(ours, plant.CalcMassMatrix(context), rtol=1e-10, atol=1e-18)
+        np.testing.assert_allclose(spin, plant.CalcBiasTerm(context), rtol=1e-10, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "flexor", "extensor"),
+    [(0, 3.000, 5.000), (30, 4.192, 3.536), (60, 5.098, 1.830), (90, 5.657, 0.0)],
+)
+def test_moment_arms_of_the_paper(degrees, flexor, extensor):
+    """Flexor over h = 3 mm and long extensor over h = 5 mm routers, a = 5 mm [mm]."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    assert 1e3 * path(c, s, 0.005, 0.005, 0.003, 0.003, FLEXOR)[1] == pytest.approx(flexor, abs=5e-4)
+    assert -1e3 * path(c, s, 0.005, 0.005, 0.005, 0.005, EXTENSOR)[1] == pytest.approx(extensor, abs=5e-4)
+
+
+def test_short_extensor_loses_its_arm_at_61_93_degrees():
+    q = 2 * math.atan(3 / 5)  # alpha - q / 2 = 0
+    assert math.degrees(q) == pytest.approx(61.93, abs=5e-3)
+    arm = path(math.cos(q), math.sin(q), 0.005, 0.005, 0.003, 0.003, EXTENSOR)[1]
+    assert arm == pytest.approx(0.0, abs=1e-17)
+
+
+@pytest.mark.parametrize("side", [FLEXOR, EXTENSOR])
+def test_closed_form_of_equal_routers(side):
+    """l = 2 rho (cos alpha - cos(alpha +- q / 2)), dl/dq = +-rho sin(alpha +- q / 2), and its slope."""
+    a, h = 0.005, 0.003
+    rho, alpha = math.hypot(a, h), math.atan2(h, a)
+    for q in np.linspace(-0.5, 1.0, 31):
+        taken, arm, bend = path(math.cos(q), math.sin(q), a, a, h, h, side)
+        turned = alpha + side * q / 2
+        assert taken == pytest.approx(2 * rho * (math.cos(alpha) - math.cos(turned)), abs=1e-16)
+        assert arm == pytest.approx(side * rho * math.sin(turned), abs=1e-16)
+        assert bend == pytest.approx(rho * math.cos(turned) / 2, abs=1e-16)
+
+
+def test_general_routers_keep_arm_and_slope_consistent():
+    a, b, m, n, step = 0.0043, 0.0061, 0.0035, 0.0022, 1e-5
+    for q in np.linspace(-0.3, 1.4, 18):
+        low, here, high = (path(math.cos(x), math.sin(x), a, b, m, n, FLEXOR) for x in (q - step, q, q + step))
+        assert here[1] == pytest.approx((high[0] - low[0]) / (2 * step), abs=1e-11)
+        assert here[2] == pytest.approx((high[1] - low[1]) / (2 * step), abs=1e-10)
+
+
+def test_power_balance():
+    """T dl/dt = (P^T T) q': what the wires do is what the joints get."""
+    numbers, step, none = finger_numbers(), 1e-5, None
+
+    def taken(q):
+        return np.array(paths(none, none, numbers, tuple(np.cos(q)), tuple(np.sin(q)), (0.0, 0.0, 0.0))[0])
+
+    for q, rate in SAMPLES:
+        tension = RNG.uniform(0, 10, 3)
+        wires = paths(none, none, numbers, tuple(np.cos(q)), tuple(np.sin(q)), (0.0, 0.0, 0.0))
+        unit = rate / np.linalg.norm(rate)
+        flow = tension @ (taken(q + step * unit) - taken(q - step * unit)) / (2 * step)
+        assert (np.array(wires[1]).T @ tension) @ unit == pytest.approx(flow, rel=1e-7)
