@@ -24,7 +24,7 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
     from exodrake.viewer import recording_html
 
     kind = "angle_est" if estimated else "angle"
-    page = recording_html(read_log(log, required=("tension", kind)), load_robot(robot), log.name, angles=kind)
+    page = recording_html(read_log(log, required=("tension",)), load_robot(robot), log.name, angles=kind)
     target = out or log.with_name(log.name.split(".")[0] + ".html")
     write_text(target, page)
     click.echo(f"{target}: {len(page) / 1e6:.1f} MB")

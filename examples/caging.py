@@ -1,0 +1,28 @@
+"""Caging: the nominal robot and one with sheath friction close round an object.
+
+Run: python examples/caging.py [FOLDER]
+"""
+
+import sys
+from pathlib import Path
+
+import exodrake as exo
+from exodrake.figures import save_png
+from exodrake.viewer import Thing, recording_html
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+robot = exo.load_robot()
+rough = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
+reference = exo.grasp("caging", robot)
+nominal, with_friction = exo.simulate(robot, reference), exo.simulate(rough, reference)
+
+hold = slice(150, 195)  # frames of 20 ms near the end of the hold
+print("joint   nominal   with sheath friction [rad]")
+for joint in ("MCP", "PIP", "DIP"):
+    column = f"angle_{joint}"
+    print(f"{joint}     {nominal[column][hold].mean():.3f}     {with_friction[column][hold].mean():.3f}")
+
+save_png(nominal.plot("Caging", with_friction, ("nominal", "sheath friction")), folder / "caging.png")
+glue = Thing(centre=(0.018, -0.036), radius=0.011, length=0.06)  # a glue stick, where the curled finger touches it [m]
+(folder / "caging.html").write_text(recording_html(nominal, robot, "Caging", glue))
+print(f"caging.png and caging.html are in {folder.resolve().name}/")

@@ -1,0 +1,137 @@
+"""`exodrake simulate` and `exodrake effects`: files, repeatability, messages."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import exodrake as exo
+from exodrake.cli import cli
+from exodrake.effects import SHELF
+from exodrake.scenario import Scenario, read_scenario, scenario_text
+
+SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    options = ["--effect", "tendon.capstan_friction:mu_phi=0.3@AF,AE", "--set", "finger.kappa.MCP=0.09"]
+    result = run("simulate", SHORT, *options, "--seed", 3, "--out", folder / "out")
+    assert result.exit_code == 0, result.output
+    return folder / "out", result.output
+
+
+def test_files_and_summary(made):
+    folder, output = made
+    names = {"log.csv", "scenario.yaml", "figure.png", "recording.html"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert all(word in output for word in (*names, "tendon.capstan_friction", "AF", "MCP", "RMS error"))
+    assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_log_is_lossless(made):
+    robot = exo.load_robot().with_numbers({"finger.kappa.MCP": 0.09})
+    robot = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3}, ["AF", "AE"])
+    assert exo.read_log(made[0] / "log.csv").equals(exo.simulate(robot, exo.protocol(SHORT), seed=3))
+
+
+def test_the_scenario_makes_the_same_log_again(made, tmp_path):
+    assert run("simulate", "--scenario", made[0] / "scenario.yaml", "--out", tmp_path).exit_code == 0
+    for name in ("log.csv", "scenario.yaml"):
+        assert (tmp_path / name).read_bytes() == (made[0] / name).read_bytes()
+
+
+def test_references_of_a_log_and_options_over_a_scenario(made, tmp_path):
+    result = run("simulate", "--reference", made[0] / "log.csv", "--no-noise", "--no-quantisation", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    again = read_scenario(tmp_path / "scenario.yaml")
+    assert again.seed is None and not again.quantisation
+    assert again.run()[1].equals(exo.read_log(tmp_path / "log.csv"))
+
+
+def test_a_robot_file_is_embedded(tmp_path):
+    exo.write_robot(exo.load_robot().with_numbers({"tendon.k": 2000.0}), tmp_path / "soft.yaml")
+    assert run("simulate", SHORT, "--robot", tmp_path / "soft.yaml", "--out", tmp_path / "out").exit_code == 0
+    (tmp_path / "soft.yaml").unlink()
+    robot, log = read_scenario(tmp_path / "out" / "scenario.yaml").run()
+    assert robot["tendon.k.AF"] == 2000.0 and log.equals(exo.read_log(tmp_path / "out" / "log.csv"))
+
+
+@pytest.mark.parametrize(
+    "arguments, word",
+    [
+        (["cagin"], "did you mean caging"), ([], "nothing to follow"),
+        ([SHORT, "--set", "finger.kapa.MCP=1"], "finger.kapa"),
+        ([SHORT, "--set", "finger.kappa.XX=1"], "finger.kappa.XX"), ([SHORT, "--set", "tendon.k=nan"], "NaN"),
+        ([SHORT, "--set", "tendon.k=2.7 N/furlong"], "N/furlong"), ([SHORT, "--set", "tendon.k=2 mm"], "[mm]"),
+        ([SHORT, "--set", "tendon.k"], "name=number"), ([SHORT, "--effect", "tendon.capstan"], "tendon.capstan"),
+        ([SHORT, "--effect", "tendon.capstan_friction:mu=1"], "'mu'"), ([SHORT, "--engine", "fast"], "'fast'"),
+        ([SHORT, "--effect", "tendon.capstan_friction@XX"], "'XX'"), ([SHORT, "--effect", "tendon.slack@"], "after @"),
+        ([SHORT, "--effect", "tendon.capstan_friction:mu_phi=nan"], "NaN"), ([SHORT, "--part", "nothing"], "'nothing'"),
+        ([SHORT, "--robot", "absent.yaml"], "absent.yaml"), (["--reference", "absent.csv"], "absent.csv"),
+        ([SHORT, "--reference", "x.csv"], "one of them"), (["--scenario", "absent.yaml"], "absent.yaml"),
+        ([SHORT, "--seed", "-1"], "seed is -1"), ([SHORT, "--set", "finger.mass=-1"], "diverges"),
+    ],
+)  # fmt: skip
+def test_wrong_input_ends_in_a_line_and_leaves_nothing(arguments, word, tmp_path):
+    result = run("simulate", *arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2 and "Traceback" not in result.output
+    assert word in result.output.replace("\n", " ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_negative_limits_are_refused(tmp_path):
+    (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: -1, MF: 8, AE: 8}}\n")
+    result = run("simulate", SHORT, "--robot", tmp_path / "robot.yaml", "--out", tmp_path / "out")
+    assert result.exit_code == 2 and "F_max.AF is -1" in result.output
+
+
+def test_out_may_not_be_a_file(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    assert run("simulate", SHORT, "--out", tmp_path / "out").exit_code == 2
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["- 1", "a: b", "protocol: 3", "protocol: caging\nseed: x", "protocol: caging\neffects: {tendon.slack: 1}", "{"],
+)
+def test_wrong_scenarios(text, tmp_path):
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(exo.InputError, match=r"bad\.yaml"):
+        read_scenario(tmp_path / "bad.yaml")
+
+
+def test_scenario_text_reads_back(tmp_path):
+    scenario = Scenario("chirp:high=1.5", numbers={"tendon.k": 1 / 3}, parts=["controller_as_printed"], seed=None)
+    (tmp_path / "s.yaml").write_text(scenario_text(scenario))
+    assert read_scenario(tmp_path / "s.yaml") == scenario
+
+
+def test_the_shelf_is_printed():
+    output = run("effects").output
+    assert all(effect.id in output for effect in SHELF)
+    described = json.loads(run("effects", "--json").output)
+    assert [item["id"] for item in described] == [effect.id for effect in SHELF]
+
+
+@pytest.mark.parametrize("effect", SHELF, ids=lambda effect: effect.id)
+def test_each_effect_has_a_page_and_an_example_that_parses(effect):
+    from exodrake.scenario import parse_effect
+
+    page = json.loads(run("effects", effect.id, "--json").output)
+    assert page["equation"] and page["parameters"] and page["signature"] and page["source"]
+    identity, given = parse_effect(page["example"].split("--effect ")[1], exo.load_robot())
+    assert identity == effect.id and np.size(list(given)) == len(effect.numbers)
+    assert effect.id in run("effects", effect.id).output
+
+
+def test_unknown_effect():
+    result = run("effects", "tendon.capstan_frictin")
+    assert result.exit_code == 2 and "did you mean tendon.capstan_friction" in result.output

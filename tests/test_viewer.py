@@ -1,0 +1,72 @@
+"""The viewer: where wires run, and a page that stands alone."""
+
+import re
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.viewer import Thing, frames_of, recording_html
+from exodrake.viewer.page import STOPS, colours
+from exodrake.viewer.shapes import along, skeleton, span, tip
+
+ROBOT = exo.load_robot()
+
+
+@pytest.fixture(scope="module")
+def log():
+    return exo.simulate(ROBOT, exo.grasp("caging", ROBOT))
+
+
+def drawn_length(wire, angle):
+    """Length of a wire as drawn [m]."""
+    bones = skeleton(ROBOT)
+    return sum(along(*span(bones, p, angle))[2] for p in bones.pieces if p.wire == wire)
+
+
+@pytest.mark.parametrize("wire, joints, side", [("AF", 3, 1), ("MF", 1, 1), ("AE", 3, -1)])
+def test_drawn_wires_shorten_as_the_model_says(wire, joints, side):
+    a, h = 0.005, 0.003 if side > 0 else 0.005
+    rho, alpha = np.hypot(a, h), np.arctan2(h, a)
+    angle = np.array([0.4, 0.7, 0.3])
+    taken = 2 * rho * (np.cos(alpha) - np.cos(alpha + side * angle[:joints] / 2))
+    assert drawn_length(wire, np.zeros(3)) - drawn_length(wire, angle) == pytest.approx(taken.sum(), abs=1e-12)
+
+
+def test_tip():
+    assert tip(ROBOT, np.zeros(3)) == pytest.approx([0.0815, 0.0, 0.0])
+    assert tip(ROBOT, np.array([np.pi / 2, 0, 0])) == pytest.approx([0.0, 0.0, -0.0815])
+
+
+def test_colours_run_from_grey_to_red():
+    ends = colours(np.array([-1.0, 0.0, 1.0, 2.0]))
+    assert ends[0] == pytest.approx(ends[1]) and ends[2] == pytest.approx(ends[3])
+    assert ends[2, 0] > 5 * ends[2, 1] and ends[1] == pytest.approx(((np.array(STOPS[0][1]) + 0.055) / 1.055) ** 2.4)
+
+
+def test_page_stands_alone(log):
+    page = recording_html(log, ROBOT, "caging <test>", Thing((0.02, -0.04), 0.01, 0.05))
+    assert len(page) < 5e6
+    assert "caging &lt;test&gt;" in page and "caging <test>" not in page
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=.https?://", page)
+    assert "localhost" not in page.split("</script>")[-2]
+
+
+def test_long_logs_stay_small():
+    log = exo.simulate(ROBOT, exo.sweeps(ROBOT))
+    assert len(frames_of(log, ROBOT, "angle")[0]) <= 500
+    assert len(recording_html(log, ROBOT)) < 5e6
+
+
+def test_gaps_are_bridged_and_empty_columns_refused(log):
+    gap = log["angle_PIP"].copy()
+    gap[20:40] = np.nan
+    assert np.isfinite(frames_of(log.with_signals({"angle_PIP": gap}), ROBOT, "angle")[1]).all()
+    with pytest.raises(exo.InputError, match="empty"):
+        recording_html(log.with_signals({"angle_PIP": np.full(len(log), np.nan)}), ROBOT)
+    with pytest.raises(exo.InputError, match="angle_est"):
+        recording_html(log, ROBOT, angles="angle_est")
+
+
+def test_one_row(log):
+    assert "caging" in recording_html(log.rows(slice(0, 1)), ROBOT)
