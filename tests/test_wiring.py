@@ -1,10 +1,14 @@
 """Bad wiring is refused with the name of the thing; good wiring is drawn."""
 
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import pytest
+from click.testing import CliRunner
 
 from exodrake.block import Output, Task
+from exodrake.cli import cli
+from exodrake.diagrams.draw import part_shares, stream_order, wiring_svg
 from exodrake.diagrams.exo_index import exo_index
 from exodrake.errors import InputError
 
@@ -48,3 +52,36 @@ def test_algebraic_loop():
     first = block("finger").outputs[0]
     with pytest.raises(InputError, match=r"algebraic loop through finger, sensor"):
         with_block("finger", outputs=(first, Output("output_tension", ("tension",), reads=("cell",))))
+
+
+def texts(svg):
+    """All texts of a drawing that parses."""
+    return ["".join(item.itertext()) for item in ElementTree.fromstring(svg).iter("{http://www.w3.org/2000/svg}text")]
+
+
+def test_the_drawing_shows_every_part_and_task():
+    machine = exo_index()
+    found = texts(wiring_svg(machine))
+    for part in machine.blocks:
+        assert part.name in found
+    assert {"speed_applied m/s", "stroke_read m", "bus write AE", "controller control"} <= set(found)
+    assert sum(text.startswith("slot ") for text in found) >= machine.slots
+
+
+def test_the_signal_runs_down_the_diagonal():
+    order = stream_order(exo_index())
+    assert order.index("controller") < order.index("bus") < order.index("motor") < order.index("finger")
+
+
+def test_shares_colour_the_parts():
+    svg = wiring_svg(exo_index(), {"finger": 0.5, "tendon": 0.12, "motor": 0.2})
+    assert {"62 %", "20 %", "0 %"} <= set(texts(svg))
+    timing = part_shares(exo_index(), {"timing": 0.3})
+    assert timing["bus"] > 0 and sum(timing.values()) == pytest.approx(0.3)
+
+
+def test_draw_writes_an_svg(tmp_path):
+    out = tmp_path / "wiring.svg"
+    assert CliRunner().invoke(cli, ["draw", "--out", str(out)]).exit_code == 0
+    ElementTree.parse(out)
+    assert CliRunner().invoke(cli, ["draw", "--out", str(tmp_path / "wiring.png")]).exit_code == 2

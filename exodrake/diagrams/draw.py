@@ -59,7 +59,9 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
 
     Args:
         shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
+            The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
     """
+    shares = None if shares is None else part_shares(machine, shares)
     order = [OUTSIDE, *stream_order(machine), LOG]
     hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}
     width = 2 * MARGIN + CELL * len(order)
@@ -79,6 +81,16 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
     markers = "".join(arrow(colour) for colour in sorted(set(hue.values())))
     paper = f'<rect width="{width}" height="{height}" fill="{PAPER}"/>'
     return "\n".join([head, f"<style>{STYLE}</style>", f"<defs>{markers}</defs>", paper, *body, "</svg>"]) + "\n"
+
+
+def part_shares(machine: Machine, shares: Mapping[str, float]) -> dict[str, float]:
+    """Shares by part: a name that is no part's is the prefix of effects, and is split over the parts that carry them."""
+    parts = {block.name: shares.get(block.name, 0.0) for block in machine.blocks}
+    for name in set(shares) - set(parts):
+        carried = {b.name: sum(e.block == name for e in machine.effects_on(b)) for b in machine.blocks}
+        for part, count in carried.items():
+            parts[part] += shares[name] * count / max(sum(carried.values()), 1)
+    return parts
 
 
 def arrow(colour: str) -> str:
@@ -138,11 +150,12 @@ def draw_part(
         f'stroke="{hue[name]}" stroke-width="2"{dash}/>'
     )
     under = when(machine, block) if block else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
+    tone = "when" if shares is not None else "when unit"
     if shares is not None and block:
         under = f"{100 * share:.0f} %"
     return (
         f'{box}\n<text class="part" x="{x}" y="{y - 2}">{escape(name)}</text>'
-        f'<text class="when unit" x="{x}" y="{y + 16}">{escape(under)}</text>'
+        f'<text class="{tone}" x="{x}" y="{y + 16}">{escape(under)}</text>'
     )
 
 
