@@ -84,7 +84,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
 
 
 def part_shares(machine: Machine, shares: Mapping[str, float]) -> dict[str, float]:
-    """Shares by part: a name that is no part's is the prefix of effects, and is split over the parts that carry them."""
+    """Shares by part: a name that is no part's is a prefix of effects and is split over the parts that carry them."""
     parts = {block.name: shares.get(block.name, 0.0) for block in machine.blocks}
     for name in set(shares) - set(parts):
         carried = {b.name: sum(e.block == name for e in machine.effects_on(b)) for b in machine.blocks}
