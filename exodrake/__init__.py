@@ -38,6 +38,15 @@ PUBLIC = {
     "random_motion": "exodrake.identification.protocols",
     "protocol": "exodrake.identification.asked",
     "from_log": "exodrake.identification.asked",
+    "build_diagram": "exodrake.diagrams.drake",
+    "TendonFinger": "exodrake.diagrams.drake_parts",
+    "MotorDynamics": "exodrake.diagrams.drake_parts",
+    "TensionSensor": "exodrake.diagrams.drake_parts",
+    "Encoder": "exodrake.diagrams.drake_parts",
+    "MotionCapture": "exodrake.diagrams.drake_parts",
+    "AdmittanceController": "exodrake.diagrams.drake_parts",
+    "MotorBus": "exodrake.diagrams.drake_parts",
+    "wiring_svg": "exodrake.diagrams.draw",
 }
 
 

@@ -10,7 +10,9 @@ import yaml
 from drake_runs import nominal, wavy
 from pydrake.systems.analysis import Simulator
 
+from exodrake.bench import Row, as_row
 from exodrake.diagrams.drake import FINE_LOG, assemble, build_diagram, logged, set_numbers
+from exodrake.diagrams.drake_bench import multibody_speed
 from exodrake.diagrams.drake_parts import NAMED, MotorDynamics, part_class
 from exodrake.diagrams.simulate import Reference, record
 from exodrake.errors import InputError
@@ -147,3 +149,17 @@ def test_the_seed_decides_and_the_given_wires_can_be_ones_own():
     quiet = record(robot, Reference(tension), seed=None).wires
     rows = logged(robot.machine, diagram, simulator.get_context())
     np.testing.assert_array_equal(rows, np.hstack([quiet[wire.name] for wire in robot.machine.wires]))
+
+
+@pytest.mark.parametrize("step", [0.002, 0.0])
+def test_a_multibody_finger_moves_like_ours(step):
+    """Another derivation and another integrator, on the strokes of our own run: angles within 0.3 mrad."""
+    speed, apart = multibody_speed(nominal(), wavy(2.0), step, 1.5, 1)
+    assert speed > 0 and apart < 3e-4
+
+
+def test_bench_rows():
+    row = as_row(("frame", 2.5, "s"))
+    assert row.met and row.target == ""
+    assert not as_row({"name": "x", "value": 0.5, "unit": "s", "most": 0.4}).met
+    assert as_row(Row("ratio", 21.0, "-", least=20)).target == "≥ 20"

@@ -97,7 +97,7 @@ def torque_law(robot: Robot) -> Callable[[np.ndarray, np.ndarray, np.ndarray], N
 
 
 def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
-    """The finger as three solid cylinders on damped hinges, without gravity; step of the discrete plant [s]."""
+    """The finger as three solid cylinders on damped hinges, without gravity; step [s], 0 continuous."""
     plant = MultibodyPlant(step)
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     along, about = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -116,8 +116,13 @@ def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
     return plant
 
 
-def multibody_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> tuple[float, float]:
-    """Speed of a MultibodyPlant finger stepped at 2 ms, pulled by a Python leaf with our own run's strokes.
+def multibody_speed(
+    robot: Robot, reference: Reference, step: float, seconds: float, pieces: int = 5
+) -> tuple[float, float]:
+    """Speed of a MultibodyPlant finger alone, pulled by a Python leaf with our own run's strokes; no motor, no sensors.
+
+    Args:
+        step: of the discrete plant [s]; 0 for a continuous one, integrated with Drake's default error control.
 
     Returns: simulated seconds per wall second; and the RMS difference of its angles from ours [rad].
     """
@@ -125,7 +130,7 @@ def multibody_speed(robot: Robot, reference: Reference, seconds: float, pieces: 
     run = record(robot, reference, seed=None, quantisation=False).wires
     breaks = machine.frame * np.arange(1, len(run["stroke"]) + 1)
     held = PiecewisePolynomial.FirstOrderHold(breaks, run["stroke"].T)  # pyright: ignore
-    plant, wires = multibody_finger(robot, machine.slot), WireTorques(robot)
+    plant, wires = multibody_finger(robot, step), WireTorques(robot)
     stroke, sink = TrajectorySource(held), VectorLogSink(6, machine.frame)
     for system in (plant, wires, stroke, sink):
         builder.AddSystem(system)
