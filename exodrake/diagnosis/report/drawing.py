@@ -1,0 +1,64 @@
+"""Matplotlib figures as SVG that fits into a page: its fonts, no ids that clash, no reference to the outside."""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INK, SOFT, RULE, BAND = "#1c2430", "#667085", "#e4e7ec", "#dfe5ec"
+MEASURED, BEFORE, TUNED, AFTER = "#30363f", "#e07b39", "#8a94a6", "#1d5fd1"
+STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "axes.linewidth": 0.6,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#98a2b3", "axes.labelcolor": INK,
+    "text.color": INK, "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.minor.size": 0, "ytick.minor.size": 0,
+    "axes.titlesize": 9, "axes.titleweight": "bold",
+    "axes.titlelocation": "left", "axes.labelsize": 8.5, "legend.frameon": False, "axes.axisbelow": True,
+    "lines.solid_joinstyle": "round", "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
+}  # fmt: skip
+DPI = 220  # of what is drawn as pixels inside an SVG
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure [inch], laid out by constraint, without a display."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def house_style() -> Any:
+    """Context in which figures of the page are drawn."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def svg_of(figure: Figure, name: str, label: str) -> str:
+    """The figure as inline SVG. name: unique on the page; label: what it shows, for screen readers."""
+    import matplotlib
+
+    stream = StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, **STYLE}):
+        figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+    return inline(stream.getvalue(), label)
+
+
+def inline(svg: str, label: str) -> str:
+    """An SVG file as an element of a page: without prologue, metadata, name spaces and unused ids."""
+    from html import escape
+
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href", "href")
+    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', svg))
+    svg = re.sub(r'\sid="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    return re.sub(
+        r'<svg[^>]*viewBox="([^"]*)"[^>]*>',
+        rf'<svg viewBox="\1" role="img" aria-label="{escape(label)}">',
+        svg,
+        count=1,
+    )

@@ -1,0 +1,129 @@
+"""`exodrake diagnose` and `exodrake demo`: files, exit status, what is printed. No diagnosis is run."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from report_synthetic import UNKNOWN, VERDICTS, diagnosis
+
+import exodrake.diagnosis.pipeline as pipeline
+from exodrake.cli import cli
+from exodrake.commands.diagnose import STEPS, advance, robot_text
+from exodrake.diagnosis.result import NAMED
+from exodrake.diagrams.robot import load_robot
+from exodrake.log import Log, write_log
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def case(tmp_path):
+    """A folder with one short log."""
+    folder, time = tmp_path / "case", 0.02 * np.arange(20)
+    folder.mkdir()
+    kinds = ("tension_ref", "tension", "stroke")
+    write_log(Log(time, {f"{k}_{w}": np.zeros(20) for k in kinds for w in ("AF", "MF", "AE")}), folder / "a.csv")
+    return folder
+
+
+@pytest.fixture
+def answered(monkeypatch):
+    """Puts a ready answer in place of the diagnosis."""
+
+    def put(verdict):
+        def ready(case, robot=None, progress=lambda _: None):
+            for step in STEPS:
+                progress(step)
+            return diagnosis(verdict)
+
+        monkeypatch.setattr(pipeline, "diagnose", ready)
+
+    return put
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_exit_status_is_0_whatever_the_verdict(case, answered, verdict):
+    answered(verdict)
+    result = run("diagnose", case)
+    assert result.exit_code == 0, result.output
+    assert verdict in result.output
+
+
+def test_files_are_written(case, answered, tmp_path):
+    answered(NAMED)
+    result = run("diagnose", case, "--json", tmp_path / "a.json", "--out-robot", tmp_path / "r.yaml", "--jobs", 1)
+    assert result.exit_code == 0, result.output
+    answer = json.loads((tmp_path / "a.json").read_text())
+    assert answer["verdict"] == "NAMED" and answer["effects"][0]["parameters"]["mu_phi"]["unit"] == "-"
+    robot = load_robot(tmp_path / "r.yaml")
+    assert robot["finger.kappa.MCP"] == pytest.approx(0.0712)
+    assert robot["tendon.capstan_friction.mu_phi.AF"] == pytest.approx(0.3)
+    assert robot["tendon.capstan_friction.mu_phi.AE"] == 0.0
+
+
+def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):
+    (tmp_path / "r.yaml").write_text(robot_text(diagnosis(UNKNOWN)))
+    robot = load_robot(tmp_path / "r.yaml")
+    assert not robot.effects() and robot["tendon.k.AF"] == pytest.approx(2600.0)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--json", "gone/a.json"), ("--report", "."), ("--out-robot", "gone/r.yaml"), ("--robot", "no_such_robot.yaml")],
+)
+def test_bad_option_ends_with_2_before_the_work_and_writes_nothing(case, monkeypatch, tmp_path, option, value):
+    monkeypatch.setattr(pipeline, "diagnose", lambda *a, **k: pytest.fail("worked"))
+    target = value if option == "--robot" else tmp_path / value
+    result = run("diagnose", case, "--json", tmp_path / "answer.json", option, target)
+    assert result.exit_code == 2 and value.split("/")[0].rstrip(".") in result.output
+    assert len(result.output.strip().splitlines()) == 1
+    assert not (tmp_path / "answer.json").exists()
+
+
+def test_bad_case_ends_with_2_and_names_it(tmp_path):
+    result = run("diagnose", tmp_path / "nothing")
+    assert result.exit_code == 2 and "nothing" in result.output and "Traceback" not in result.output
+
+
+def test_bad_log_names_file_and_column(case):
+    text = (case / "a.csv").read_text().replace("stroke_MF", "strike_MF")
+    (case / "a.csv").write_text(text)
+    result = run("diagnose", case)
+    assert result.exit_code == 2 and "a.csv" in result.output and "MF" in result.output
+
+
+def test_a_report_that_fails_leaves_no_file(case, answered, tmp_path, monkeypatch):
+    import exodrake.diagnosis.report.html as html
+
+    def fails(*_):
+        raise RuntimeError("ink is out")
+
+    answered(NAMED)
+    monkeypatch.setattr(html, "report_html", fails)
+    result = run("diagnose", case, "--json", tmp_path / "a.json", "--report", tmp_path / "r.html")
+    assert isinstance(result.exception, RuntimeError)
+    assert {path.name for path in tmp_path.iterdir()} == {"case"}
+
+
+def test_bar_only_goes_forward():
+    done, seen = 0.0, []
+    for step in [*STEPS, *("candidate",) * 30]:
+        done = advance(done, step)
+        seen.append(done)
+    assert seen == sorted(seen) and seen[-1] < 100
+
+
+def test_demo_refuses_a_folder_with_an_earlier_demo(tmp_path):
+    (tmp_path / "case").mkdir()
+    result = run("demo", "--out", tmp_path)
+    assert result.exit_code == 2 and "earlier demo" in result.output
+
+
+def test_demo_draws_a_fault_by_its_seed():
+    from exodrake.commands.demo import planned
+
+    assert planned(3) == planned(3)
+    assert len({planned(seed).ids for seed in range(20)}) > 8
