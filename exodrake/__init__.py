@@ -26,6 +26,8 @@ PUBLIC = {
     "Recording": "exodrake.diagrams.simulate",
     "record": "exodrake.diagrams.simulate",
     "simulate": "exodrake.diagrams.simulate",
+    "analyse": "exodrake.analysis.closed_loop",
+    "ClosedLoop": "exodrake.analysis.closed_loop",
     "diagnose": "exodrake.diagnosis.pipeline",
     "Diagnosis": "exodrake.diagnosis.result",
     "grasp": "exodrake.identification.protocols",
@@ -46,6 +48,7 @@ PUBLIC = {
     "MotionCapture": "exodrake.diagrams.drake_parts",
     "AdmittanceController": "exodrake.diagrams.drake_parts",
     "MotorBus": "exodrake.diagrams.drake_parts",
+    "GPEstimator": "exodrake.diagrams.drake_estimator",
     "wiring_svg": "exodrake.diagrams.draw",
 }
 

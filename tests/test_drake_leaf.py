@@ -16,6 +16,7 @@ from exodrake.diagrams.drake_bench import multibody_speed
 from exodrake.diagrams.drake_parts import NAMED, MotorDynamics, part_class
 from exodrake.diagrams.simulate import Reference, record
 from exodrake.errors import InputError
+from exodrake.systems.estimator_kernel import Weights, predict_rows
 from exodrake.systems.leaf import Leaf
 
 THROUGH = {"finger": {("stroke", "tension")}, "sensor": {("tension", "cell")}}  # every other output is state
@@ -156,6 +157,39 @@ def test_a_multibody_finger_moves_like_ours(step):
     """Another derivation and another integrator, on the strokes of our own run: angles within 0.3 mrad."""
     speed, apart = multibody_speed(nominal(), wavy(2.0), step, 1.5, 1)
     assert speed > 0 and apart < 3e-4
+
+
+def made_up_weights(points=30):
+    """An estimator of random numbers: its arithmetic, not its sense, is at stake."""
+    rng = np.random.default_rng(4)
+    return Weights(
+        center=rng.normal(size=6),
+        rotation=rng.normal(size=(6, 6)),
+        points=rng.normal(size=(6, points)),
+        shrink=rng.uniform(0.1, 0.5, 6),
+        variances=np.array([0.1, 1.0, 1e-3]),
+        alpha=rng.normal(size=(points, 3)),
+        factor=1e-3 * rng.normal(size=points * (points + 1) // 2),
+        offset=rng.normal(size=3),
+        gain=rng.normal(size=3),
+        spread=rng.uniform(0.1, 1.0, 3),
+    )
+
+
+@pytest.mark.parametrize("fused", [True, False])
+def test_the_estimator_listens(fused):
+    """In the Diagram, slot 8 shows to the last bit what a pass over the log gives."""
+    robot, reference, weights = nominal(), wavy(0.5), made_up_weights()
+    diagram = build_diagram(robot, reference, seed=5, fused=fused, estimator=weights)
+    simulator = Simulator(diagram)
+    wires = record(robot, reference, seed=5).wires
+    mean, std, _ = predict_rows(wires["tension_read"], wires["stroke_read"], weights)
+    assert np.isfinite(std).any()
+    for frame in range(25):
+        simulator.AdvanceTo(0.02 * frame + 0.0195)
+        context = simulator.get_context()
+        np.testing.assert_array_equal(diagram.GetOutputPort("estimator.angle_est").Eval(context), mean[frame])
+        np.testing.assert_array_equal(diagram.GetOutputPort("estimator.angle_std").Eval(context), std[frame])
 
 
 def test_bench_rows():

@@ -18,12 +18,14 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, InputPor
 from pydrake.systems.primitives import Demultiplexer, Multiplexer, TrajectorySource, VectorLogSink
 from pydrake.trajectories import PiecewisePolynomial
 
+from exodrake.diagrams.drake_estimator import GPEstimator
 from exodrake.diagrams.drake_parts import part_class
 from exodrake.diagrams.drake_plans import fusible, part_plan, plant_plan
 from exodrake.diagrams.fused import GROUP, state_size
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Chance, Reference, prepared
+from exodrake.systems.estimator_kernel import Weights
 from exodrake.systems.leaf import Leaf
 
 OUTSIDE = "outside"
@@ -38,6 +40,7 @@ def build_diagram(
     substeps: int = 1,
     fused: bool = False,
     fine_log: bool = False,
+    estimator: Weights | None = None,
 ) -> Diagram:
     """The closed loop of a robot.
 
@@ -47,11 +50,12 @@ def build_diagram(
         substeps: plant ticks per 2 ms slot.
         fused: all parts in front of the bus as one leaf, for speed; else a leaf for each part.
         fine_log: also log all wires every slot (2 ms).
+        estimator: weights of an estimator that listens (ports `estimator.angle_est`, `.angle_std`; not logged).
     """
     robot, given = replace(robot, values=prepared(robot, quantisation)), None
     if reference is not None:
         given = given_rows(robot.machine, reference, Chance.draw(len(reference.tension), seed, robot.machine))
-    return assemble(robot, given, substeps, fused, fine_log)
+    return assemble(robot, given, substeps, fused, fine_log, estimator)
 
 
 def run_diagram(
@@ -71,7 +75,14 @@ def given_rows(machine: Machine, reference: Reference, chance: Chance) -> dict[s
     return dict(zip(machine.given, (reference.tension, chance.tension, chance.angle, chance.lottery), strict=True))
 
 
-def assemble(robot: Robot, given: dict[str, np.ndarray] | None, substeps: int, fused: bool, fine_log: bool) -> Diagram:
+def assemble(
+    robot: Robot,
+    given: dict[str, np.ndarray] | None,
+    substeps: int,
+    fused: bool,
+    fine_log: bool,
+    estimator: Weights | None = None,
+) -> Diagram:
     """The Diagram of a robot; `given`: rows of the wires from outside, exported as input ports if None."""
     machine, builder = robot.machine, DiagramBuilder()
     outputs: dict[str, OutputPort] = {}
@@ -87,9 +98,22 @@ def assemble(robot: Robot, given: dict[str, np.ndarray] | None, substeps: int, f
     for wire in (wire.name for wire in machine.wires if wire.name in outputs):
         builder.ExportOutput(outputs[wire], f"{writer.get(wire, OUTSIDE)}.{wire}")
     add_logs(machine, builder, outputs, fused, fine_log)
+    if estimator is not None:
+        add_estimator(machine, builder, outputs, estimator)
     diagram = builder.Build()
     diagram.set_name(machine.name)
     return diagram
+
+
+def add_estimator(
+    machine: Machine, builder: DiagramBuilder, outputs: dict[str, OutputPort], estimator: Weights
+) -> None:
+    """An estimator that listens to the readings, with its outputs exported."""
+    leaf = GPEstimator(estimator, machine)
+    builder.AddNamedSystem(leaf.plan.name, leaf)
+    join_wires(builder, outputs, [(wire, leaf.GetInputPort(wire)) for wire in leaf.plan.inputs])
+    for wire in leaf.plan.held:
+        builder.ExportOutput(leaf.GetOutputPort(wire), f"{leaf.plan.name}.{wire}")
 
 
 def leaves(robot: Robot, substeps: int, fused: bool) -> list[Leaf]:
@@ -175,7 +199,7 @@ def set_numbers(robot: Robot, diagram: Diagram, context: Context) -> None:
     """Puts a robot's numbers into a Context of its machine's Diagram and starts anew: one Diagram serves many runs."""
     blocks = {block.name: block for block in robot.machine.blocks}
     for leaf in diagram.GetSystems():
-        if isinstance(leaf, Leaf):
+        if isinstance(leaf, Leaf) and (leaf.plan.name == GROUP or leaf.plan.name in blocks):
             fused = leaf.plan.name == GROUP
             machine, values = robot.machine, robot.values
             plan = plant_plan(machine, values) if fused else part_plan(machine, blocks[leaf.plan.name], values)
