@@ -35,8 +35,8 @@ def next_steps(diagnosis: Diagnosis) -> str:
 
 
 UNKNOWN_NEXT = (
-    "No candidate is accepted, so none is named. The regime above says when the error arises: repeat that motion slowly, "
-    "then quickly, with the finger clamped and free, to see whether the error follows wire, joint or clock."
+    "No candidate is accepted, so none is named. The regime above says when the error arises: repeat that motion "
+    "slowly, then quickly, with the finger clamped and free, to see whether the error follows wire, joint or clock."
 )
 
 
