@@ -1,0 +1,129 @@
+"""Everything about the closed loop at one operating point: `exo.analyse(robot)`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.frequency import FrequencyResponse, frequency_response
+from exodrake.analysis.linear import FrameModel, linearise
+from exodrake.analysis.margins import Margins, margins
+from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
+from exodrake.analysis.steps import StepResponse, step_response
+from exodrake.diagrams.robot import Robot
+from exodrake.errors import InputError
+
+if TYPE_CHECKING:
+    import control
+
+KINK, ROUGH = 0.02, 1e-3  # one-sided slopes, and step sizes, that differ by more deserve a word
+STEADY_ERROR = 0.02  # share of a step
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """The closed loop of a robot at an operating point.
+
+    Attributes:
+        robot: analysed. point: where it rests. model: linear, one step per frame.
+        steps, responses, margins: one per wire, in the robot's order.
+        gains: stability over kp and kd. latency: over command latency; None where the robot knows no such effect.
+        notes: what a reader must know before trusting the numbers, a sentence each.
+    """
+
+    robot: Robot
+    point: OperatingPoint
+    model: FrameModel
+    steps: tuple[StepResponse, ...]
+    responses: tuple[FrequencyResponse, ...]
+    margins: tuple[Margins, ...]
+    gains: StabilityMap
+    latency: LatencySweep | None
+    notes: tuple[str, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether all poles lie inside the unit circle."""
+        return self.model.spectral_radius < 1.0
+
+    def to_control(self, *kinds: str) -> control.StateSpace:
+        """The linear model as a python-control `StateSpace` with dt = one frame; see `to_control` below."""
+        return to_control(self.model, *kinds)
+
+
+def analyse(robot: Robot, at: Mapping[str, float] | None = None, seed: int | None = None) -> ClosedLoop:
+    """Step responses, poles, margins, frequency response and stability maps of a robot's closed loop.
+
+    Args:
+        at: tension references [N] per wire of the operating point; 4, 3, 1 N on AF, MF, AE by default.
+        seed: of sensor noise in the measured frequency response; None measures without noise and rounding.
+
+    Raises:
+        InputError: unknown wire, reference outside its limits, kp = 0, or a loop that finds no rest.
+    """
+    loop = FrameMap.of(robot)
+    point = operating_point(loop, at)
+    model = linearise(loop, point.state, point.references)
+    wires = range(len(robot.machine.lanes.wires))
+    steps = tuple(step_response(loop, point, wire) for wire in wires)
+    responses = tuple(frequency_response(loop, point, model, wire, seed=seed) for wire in wires)
+    found = tuple(margins(model, wire) for wire in robot.machine.lanes.wires)
+    maps = stability_map(loop, point), latency_sweep(loop, point)
+    return ClosedLoop(robot, point, model, steps, responses, found, *maps, remarks(point, model, steps))
+
+
+def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]) -> tuple[str, ...]:
+    """What limits the numbers' meaning."""
+    notes = []
+    if not point.steady:
+        notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
+    if model.spectral_radius >= 1.0:
+        notes.append("the loop is unstable here: its step and frequency responses are those of a growing oscillation")
+    if point.slack:
+        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack wires, not for taut ones")
+    if model.kink > KINK:
+        notes.append(
+            f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
+            "poles are a mean of both sides"
+        )
+    if model.convergence > ROUGH:
+        notes.append(f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby")
+    for step in steps:
+        if abs(step.steady_error) > STEADY_ERROR * abs(step.size):
+            notes.append(f"{step.wire} ends {step.steady_error:+.3f} N off its reference after {step.time[-1]:.0f} s")
+    return tuple(notes)
+
+
+def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
+    """A linear model as python-control's `StateSpace`, dt = one frame, signals named as log columns.
+
+    Args:
+        kinds: of outputs: "tension", "angle", "stroke", "speed_cmd"; tension and angle by default.
+
+    Raises:
+        InputError: python-control is not installed, or a kind is unknown.
+    """
+    try:
+        from control import StateSpace
+    except ImportError:
+        raise InputError("python-control is not installed; pip install 'exodrake[control]'") from None
+    known = sorted({name.rsplit("_", 1)[0] for name in model.outputs})
+    for kind in kinds:
+        if kind not in known:
+            raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
+    m = model.select(*(kinds or ("tension", "angle")))
+    names = [name.replace(".", "_") for name in m.states]
+    return StateSpace(
+        m.A,
+        m.B,
+        m.C,
+        m.D,
+        m.period,
+        states=names,
+        inputs=list(m.inputs),
+        outputs=list(m.outputs),
+        remove_useless_states=False,
+    )

@@ -1,0 +1,79 @@
+"""Style and small pieces of the closed loop's figures. matplotlib is imported inside the functions that draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = {"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"}  # Okabe and Ito: told apart by all eyes
+SPARE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
+FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
+PLATE = {"boxstyle": "round,pad=0.1", "fc": "#f6f8fa", "ec": "none"}
+TAG: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "ha": "center", "va": "center"}
+STYLE: Any = {
+    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
+    "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
+    "xtick.major.width": 0.7, "ytick.major.width": 0.7, "axes.axisbelow": True, "axes.labelpad": 4,
+}  # fmt: skip
+
+
+def colour_of(wire: str, place: int) -> str:
+    """Colour of a wire, by name where known."""
+    return COLOURS.get(wire, SPARE[place % len(SPARE)])
+
+
+def styled(draw: Callable[[Any], Figure]) -> Callable[[Any], Figure]:
+    """Draws under the house style."""
+
+    @wraps(draw)
+    def drawn(result: Any) -> Figure:
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return draw(result)
+
+    return drawn
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure [inch] that needs no display."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def png_of(figure: Figure, dpi: int = 200) -> bytes:
+    """A figure as PNG."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
+
+
+def draw_damping_grid(axes: Any, period: float) -> None:
+    """Unit circle; z = exp(s T) for constant damping ratio and for constant natural frequency."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 400)
+    axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
+    axes.plot(np.cos(turn), np.sin(turn), color="#333", lw=1.0)
+    for damping in (0.1, 0.2, 0.4, 0.6, 0.8):
+        end = np.pi / np.sqrt(1.0 - damping**2)
+        z = np.exp(np.linspace(0.0, end, 200) * (-damping + 1j * np.sqrt(1.0 - damping**2)))
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5)
+        tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
+        if damping < 0.7:  # further in, poles crowd the tag
+            axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
+    for hertz in (2.5, 5.0, 7.5, 10.0, 15.0, 20.0):
+        radius = 2.0 * np.pi * hertz * period
+        angle = np.linspace(np.pi / 2.0, np.pi, 100)
+        s = radius * np.exp(1j * angle)
+        z = np.exp(s[np.abs(s.imag) <= np.pi])
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
+        axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{hertz:g} Hz", **TAG)

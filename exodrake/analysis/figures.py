@@ -1,0 +1,218 @@
+"""Figures of a closed loop: steps, poles, stability maps, frequency response, open loops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from exodrake.analysis.closed_loop import ClosedLoop
+from exodrake.analysis.drawing import DARK, colour_of, draw_damping_grid, new_figure, png_of, styled
+from exodrake.analysis.frequency import FrequencyResponse, reference_to_tension
+from exodrake.analysis.margins import Margins
+from exodrake.analysis.stability import LatencySweep, StabilityMap
+from exodrake.analysis.steps import StepResponse
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
+INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
+OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
+WHITE = {"fc": "white", "ec": "none", "pad": 1.0}
+
+
+@styled
+def plot_steps(result: ClosedLoop) -> Figure:
+    """Tension of all wires when each reference steps, one panel per wire that is stepped."""
+    figure = new_figure(7.0, 2.7)
+    panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
+    lanes = result.robot.machine.lanes.wires
+    for axes, step in zip(panels, result.steps):
+        change = (step.tension - result.point.tension) / step.size
+        for j, wire in enumerate(lanes):
+            look = {"lw": 1.5} if wire == step.wire else {"lw": 0.9, "alpha": 0.75}
+            axes.plot(step.time, change[:, j], color=colour_of(wire, j), label=wire, **look)
+        axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
+        shown = 2.5 if not step.settling > 2.3 else 1.2 * step.settling
+        axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.wire}")
+        axes.text(
+            0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", va="center", fontsize=8, color=DARK
+        )
+    panels[0].set(ylabel="Change of tension / step [-]", ylim=panel_limits(result))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(lanes))
+    return figure
+
+
+def panel_limits(result: ClosedLoop) -> tuple[float, float]:
+    """Ordinates that show every step without letting an unstable one hide the rest."""
+    change = [(s.tension - result.point.tension) / s.size for s in result.steps]
+    low, high = min(float(c.min()) for c in change), max(float(c.max()) for c in change)
+    return max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5)
+
+
+def step_words(step: StepResponse) -> str:
+    """Figures of a step in three lines."""
+    lines = [f"rise {step.rise:.2f} s", f"overshoot {100 * step.overshoot:.1f} %", f"settles in {step.settling:.2f} s"]
+    return "\n".join(line for line in lines if "nan" not in line)
+
+
+@styled
+def plot_poles(result: ClosedLoop) -> Figure:
+    """Poles in the unit circle, with curves of equal damping and equal frequency."""
+    figure = new_figure(4.6, 4.4)
+    axes = figure.subplots()
+    draw_damping_grid(axes, result.model.period)
+    z = np.array([pole.z for pole in result.model.poles()])
+    inside = np.abs(z) < 1.0
+    axes.plot(np.real(z[inside]), np.imag(z[inside]), "x", color="#0072b2", ms=6, mew=1.4, label="poles", zorder=4)
+    if not inside.all():
+        axes.plot(
+            np.real(z[~inside]), np.imag(z[~inside]), "x", color="#d55e00", ms=7, mew=1.8, label="unstable", zorder=4
+        )
+    reach = max(1.12, 1.08 * float(np.abs(z).max()))
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="Re z", ylabel="Im z")
+    frame, radius = 1e3 * result.model.period, result.model.spectral_radius
+    axes.set_title(f"Poles per {frame:g} ms frame, spectral radius {radius:.4f}")
+    axes.grid(False)
+    return figure
+
+
+@styled
+def plot_stability(result: ClosedLoop) -> Figure:
+    """Spectral radius over kp and kd with its boundary, and over added command latency."""
+    latency = result.latency
+    figure = new_figure(7.0 if latency else 4.4, 3.3)
+    panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
+    draw_gains(figure, panels[0], result.gains)
+    if latency:
+        draw_latency(panels[1], latency, result.model.period)
+    return figure
+
+
+def draw_gains(figure: Figure, axes: Any, gains: StabilityMap) -> None:
+    """Spectral radius over the gains; blue stable, orange not, the boundary black."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    kp, kd = 1e3 * gains.kp, 1e3 * gains.kd
+    colours = ListedColormap(INSIDE + OUTSIDE).with_extremes(under="#0b5570", over="#a83a12")
+    norm = BoundaryNorm(LEVELS, colours.N)
+    filled = axes.contourf(kp, kd, gains.radius, LEVELS, cmap=colours, norm=norm, extend="both")
+    if gains.radius.min() < 1.0 < gains.radius.max():
+        axes.contour(kp, kd, gains.radius, [1.0], colors="black", linewidths=1.4)
+    axes.axhline(0.0, color="#555", lw=0.6, ls=(0, (4, 2)))
+    if kp[0] <= 1e3 * gains.nominal[0] <= kp[-1] and kd[0] <= 1e3 * gains.nominal[1] <= kd[-1]:
+        axes.plot(
+            1e3 * gains.nominal[0], 1e3 * gains.nominal[1], "o", ms=6, mfc="white", mec="black", label="this robot"
+        )
+        axes.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none")
+    axes.text(0.98, 0.03, "kd < 0: sign turned round", transform=axes.transAxes, ha="right", fontsize=7.5, color=DARK)
+    axes.set(xlabel="kp [mm/(s N)]", ylabel="kd [mm/N]", title="Spectral radius; black line: 1", xlim=(kp[0], kp[-1]))
+    axes.grid(False)
+    figure.colorbar(filled, ax=axes, ticks=LEVELS, format="%g")
+
+
+def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
+    """Spectral radius over added latency, its limit marked."""
+    axes.plot(latency.frames, latency.radius, color="#0072b2")
+    axes.axhline(1.0, color="black", lw=0.9)
+    axes.set_ylabel("Spectral radius")
+    if np.isfinite(latency.limit):
+        axes.plot(latency.limit, 1.0, "o", ms=6, mfc="white", mec="black")
+        words = f"{latency.limit:.1f} frames\n({1e3 * period * latency.limit:.0f} ms)"
+        axes.annotate(words, (latency.limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)
+    axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
+
+
+@styled
+def plot_bode(result: ClosedLoop) -> Figure:
+    """Reference to tension per wire: measured with its spread, linear, and coherence."""
+    figure, count = new_figure(7.0, 5.2), len(result.responses)
+    rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False, height_ratios=[1.4, 1.2, 0.7])
+    for j, response in enumerate(result.responses):
+        draw_response(rows[:, j], result, response, colour_of(response.wire, j))
+    rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
+    for axes, name in zip(rows[:, 0], ("Gain [dB]", "Phase [deg]", "Coherence [-]")):
+        axes.set_ylabel(name)
+    figure.align_ylabels(rows[:, 0])
+    return figure
+
+
+def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, colour: str) -> None:
+    """Gain, phase and coherence of one wire: a line from the frame map, dots from the multisine."""
+    gain, phase, coherence = column
+    f, size = response.frequency, np.abs(response.measured)
+    fine = np.geomspace(f[0], f[-1], 400)
+    linear = reference_to_tension(result.model, response.wire, fine)
+    low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
+    gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
+    gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
+    gain.plot(f, decibel(size), ".", ms=3, color=colour, label="multisine")
+    phase.plot(fine, np.degrees(np.unwrap(np.angle(linear))), color="black", lw=0.9)
+    phase.plot(f, np.degrees(np.unwrap(np.angle(response.measured))), ".", ms=3, color=colour)
+    coherence.plot(f, response.coherence, ".", ms=3, color=colour)
+    if np.isfinite(response.bandwidth):
+        gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
+        words = f"-3 dB at {response.bandwidth:.2f} Hz"
+        gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
+    gain.set(title=f"{response.wire}: reference to tension", xscale="log", ylim=(-42, 12))
+    phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
+    coherence.set(xlabel="Frequency [Hz]", ylim=(-0.05, 1.08))
+
+
+def decibel(size: np.ndarray) -> np.ndarray:
+    """Amplitude ratio in dB."""
+    return 20.0 * np.log10(size)
+
+
+@styled
+def plot_margins(result: ClosedLoop) -> Figure:
+    """Open loop of each wire, broken at its speed command, with gain and phase margins."""
+    figure = new_figure(7.0, 4.2)
+    rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
+    for j, m in enumerate(result.margins):
+        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.wire, j))
+    for axes, name in zip(rows[:, 0], ("|L| [dB]", "arg L [deg]")):
+        axes.set_ylabel(name)
+    figure.align_ylabels(rows[:, 0])
+    return figure
+
+
+def draw_open_loop(gain: Any, phase: Any, m: Margins, colour: str) -> None:
+    """Bode lines of one open loop."""
+    shown = m.frequency >= 0.02
+    f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop)))[shown]
+    gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
+    phase.plot(f, angle, color=colour)
+    gain.axhline(0.0, color="black", lw=0.8)
+    phase.axhline(-180.0, color="black", lw=0.8)
+    for axes in (gain, phase):
+        axes.set_xscale("log")
+        if np.isfinite(m.crossover):
+            axes.axvline(m.crossover, color="#555", lw=0.7, ls=(0, (4, 2)))
+    gain.set(title=f"{m.wire}: open loop", ylim=(-25, 45))
+    phase.text(0.04, 0.05, margin_words(m), transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
+    phase.set(xlabel="Frequency [Hz]", yticks=[-360, -270, -180, -90], ylim=(-390, -45))
+
+
+def margin_words(m: Margins) -> str:
+    """Margins in a few lines; those that are infinite left out."""
+    lines = [f"gain margin {m.gain_margin:.2f}"] if np.isfinite(m.gain_margin) else []
+    if np.isfinite(m.delay_margin):
+        lines += [f"phase {np.degrees(m.phase_margin):.0f} deg at {m.crossover:.2f} Hz"]
+        lines += [f"delay {1e3 * m.delay_margin:.0f} ms"]
+    return "\n".join(lines)
+
+
+DRAWINGS = {
+    "steps": plot_steps,
+    "poles": plot_poles,
+    "stability": plot_stability,
+    "bode": plot_bode,
+    "margins": plot_margins,
+}
+
+
+def figures_of(result: ClosedLoop) -> dict[str, bytes]:
+    """File name -> PNG of every figure."""
+    return {f"{name}.png": png_of(draw(result)) for name, draw in DRAWINGS.items()}

@@ -1,0 +1,144 @@
+"""The whole sampled-data loop as one map over a 20 ms frame: x_{n+1} = f(x_n, r_n), w_n = g(x_n, r_n).
+
+x holds the states of all parts at the frame's start, r the tension references [N], w all wires at the frame's end.
+The map is the compiled twin, run for one frame without noise and without rounding. Drake's `Linearize` refuses
+multi-rate diagrams; this map has one rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import ModuleType
+
+import numpy as np
+
+from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.machine import Machine
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.simulate import Chance, offsets, prepared, state_size, wire_count
+from exodrake.errors import InputError
+
+NO_FINE = np.zeros((0, 0))
+
+
+@dataclass(frozen=True)
+class StateName:
+    """One entry of the flat state: `owner.state` it belongs to, its full name with lane and place, and its unit."""
+
+    group: str
+    name: str
+    unit: str
+
+
+def state_names(machine: Machine) -> tuple[StateName, ...]:
+    """Names of all states in the order of the flat state: each part's own, then those of the effects on it."""
+    found: list[StateName] = []
+    for block in machine.blocks:
+        owners = [(block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))]
+        for owner, states in owners:
+            for state in states:
+                for lane in machine.lanes.of(state.over):
+                    for k in range(state.width):
+                        parts = (owner, state.name, lane, str(k) if state.width > 1 else "")
+                        found.append(StateName(f"{owner}.{state.name}", ".".join(p for p in parts if p), state.unit))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMap:
+    """The frame map of a robot, unquantised and free of noise.
+
+    Attributes:
+        robot: whose machine this is. numbers: (n,) the flat vector in use [SI]. module: the compiled twin.
+    """
+
+    robot: Robot
+    numbers: np.ndarray
+    module: ModuleType
+
+    @staticmethod
+    def of(robot: Robot) -> FrameMap:
+        """The frame map of a robot. InputError if a number is missing."""
+        return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
+
+    @cached_property
+    def wires(self) -> dict[str, slice]:
+        """Where each wire lies in w."""
+        return offsets(self.robot.machine)
+
+    def start(self) -> np.ndarray:
+        """State at the start of a run, (states,)."""
+        x = np.zeros(state_size(self.robot.machine))
+        self.module.begin(self.numbers, x)
+        return x
+
+    def run(self, state: np.ndarray, references: np.ndarray, seed: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """State after the frames (states,) and all wires at each frame's end (frames, w); `state` stays as it is.
+
+        Args:
+            state: (states,). references: (frames, wires) [N]. seed: of the sensors' noise; None runs without.
+        """
+        x, rows, _ = self._run(state, references, seed, NO_FINE)
+        return x, rows
+
+    def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
+        """All wires at the end of each 2 ms slot, (10 frames, w); arguments as in `run`."""
+        machine = self.robot.machine
+        fine = np.zeros((len(references) * machine.slots, wire_count(machine)))
+        return self._run(state, references, None, fine)[2]
+
+    def _run(self, state: np.ndarray, references: np.ndarray, seed: int | None, fine: np.ndarray):
+        machine, frames = self.robot.machine, len(references)
+        x, w, rows = state.copy(), np.zeros(wire_count(machine)), np.zeros((frames, wire_count(machine)))
+        chance = Chance.draw(frames, seed, machine)
+        self.module.run(
+            self.numbers, x, w, np.ascontiguousarray(references, dtype=float),
+            chance.tension, chance.angle, chance.lottery, machine.slot, 1, rows, fine,
+        )  # fmt: skip
+        return x, rows, fine
+
+    def stepper(self):
+        """A function (x, r) -> (x', w) of one frame, with its buffers made once; x and r are left as they are."""
+        machine = self.robot.machine
+        calm, row = Chance.draw(1, None, machine), np.zeros((1, wire_count(machine)))
+        run, numbers, slot = self.module.run, self.numbers, machine.slot
+        w = np.zeros(wire_count(machine))
+
+        def step(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            x = x.copy()
+            run(numbers, x, w, r[None, :], calm.tension, calm.angle, calm.lottery, slot, 1, row, NO_FINE)
+            return x, row[0].copy()
+
+        return step
+
+    def with_values(self, values: Mapping[str, float]) -> FrameMap:
+        """The same loop with numbers changed: full name -> value [SI]; a name without its lane sets all lanes."""
+        numbers = self.numbers.copy()
+        for name, value in values.items():
+            numbers[self.robot.places(name)] = value
+        return replace(self, numbers=numbers)
+
+
+def references_of(robot: Robot, at: Mapping[str, float] | None) -> np.ndarray:
+    """Tension references per wire [N] of an operating point; by default 4, 3, 1 N on AF, MF, AE.
+
+    InputError for an unknown wire, a missing one, or a tension outside 0 .. F_max.
+    """
+    wires = robot.machine.lanes.wires
+    if at is None:
+        return np.array([DEFAULT_AT.get(wire, 1.0) for wire in wires])
+    for wire in at:
+        if wire not in wires:
+            raise InputError(f"operating point names wire {wire!r}; the robot has {', '.join(wires)}")
+    for wire in wires:
+        if wire not in at:
+            raise InputError(f"operating point lacks wire {wire}; wanted {', '.join(wires)}")
+        top = robot.limits.get("F_max", {}).get(wire, np.inf)
+        if not 0.0 <= at[wire] <= top:
+            raise InputError(f"operating point {wire} = {at[wire]:g} N is outside 0 .. {top:g} N")
+    return np.array([float(at[wire]) for wire in wires])
+
+
+DEFAULT_AT = {"AF": 4.0, "MF": 3.0, "AE": 1.0}

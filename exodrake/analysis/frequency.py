@@ -1,0 +1,107 @@
+"""Frequency response from reference to tension: measured by multisine on the nonlinear loop, and from the frame map.
+
+The multisine has 500 frames (10 s), all odd harmonics of 0.1 Hz up to 25 Hz at one amplitude, and random phases. It
+repeats; the first period is thrown away as transient, so the second is periodic and free of leakage. Several draws of
+the phases give mean and spread: what varies between draws is noise and nonlinearity (even distortion falls on even
+lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.linear import FrameModel
+from exodrake.analysis.operating import OperatingPoint
+from exodrake.diagrams.simulate import prepared
+
+PERIOD = 500  # frames
+DRAWS = 4
+PHASES = 20  # seed of the phases
+HALF_POWER = 0.5**0.5
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Reference to tension of one wire.
+
+    Attributes:
+        wire: which. frequency: (lines,) [Hz].
+        measured: (lines,) complex mean over the draws. spread: (lines,) standard deviation over the draws.
+        coherence: (lines,) share of the tension's power that the reference explains, over the draws.
+        linear: (lines,) complex, from the frame map.
+        bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; bandwidth_measured: from the
+            multisine, against the same; nan if none.
+    """
+
+    wire: str
+    frequency: np.ndarray
+    measured: np.ndarray
+    spread: np.ndarray
+    coherence: np.ndarray
+    linear: np.ndarray
+    bandwidth: float
+    bandwidth_measured: float
+
+
+def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generator) -> np.ndarray:
+    """One period (period,) with equal power on the given harmonics, random phases and this rms."""
+    spectrum = np.zeros(period // 2 + 1, complex)
+    spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
+    signal = np.fft.irfft(spectrum, period)
+    return signal * rms / np.sqrt(np.mean(signal**2))
+
+
+def odd_lines(period: int) -> np.ndarray:
+    """Odd harmonics below the Nyquist frequency."""
+    return np.arange(1, (period + 1) // 2, 2)
+
+
+def frequency_response(
+    loop: FrameMap, point: OperatingPoint, model: FrameModel, wire: int, rms: float = 0.05, seed: int | None = None
+) -> FrequencyResponse:
+    """Frequency response of a wire from its reference to its tension reading.
+
+    Args:
+        rms: of the excitation [N]. seed: of the sensors' noise, then readings are rounded too; None measures without.
+    """
+    machine = loop.robot.machine
+    lines, rng = odd_lines(PERIOD), np.random.default_rng(PHASES)
+    if seed is not None:
+        loop = replace(loop, numbers=prepared(loop.robot))
+    asked, got = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
+    for draw in range(DRAWS):
+        rows = np.tile(point.references, (2 * PERIOD, 1))
+        rows[:, wire] += np.tile(multisine(rms, lines, PERIOD, rng), 2)
+        _, wires = loop.run(point.state, rows, None if seed is None else seed + draw)
+        tension = wires[PERIOD:, loop.wires["tension_read"]][:, wire]
+        asked[draw], got[draw] = np.fft.rfft(rows[PERIOD:, wire])[lines], np.fft.rfft(tension)[lines]
+    frequency = lines / (PERIOD * machine.frame)
+    ratio = got / asked
+    cross, power = (got * asked.conj()).mean(0), (np.abs(asked) ** 2).mean(0) * (np.abs(got) ** 2).mean(0)
+    name = machine.lanes.wires[wire]
+    fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
+    static = float(abs(reference_to_tension(model, name, fine[:1])[0]))
+    return FrequencyResponse(
+        name, frequency, ratio.mean(0), ratio.std(0, ddof=1), np.abs(cross) ** 2 / power,
+        reference_to_tension(model, name, frequency),
+        bandwidth(fine, static, reference_to_tension(model, name, fine)), bandwidth(frequency, static, ratio.mean(0)),
+    )  # fmt: skip
+
+
+def reference_to_tension(model: FrameModel, wire: str, frequency: np.ndarray) -> np.ndarray:
+    """Complex response (n,) of a wire's tension reading to its own reference, from the linear model."""
+    row, column = model.outputs.index(f"tension_{wire}"), model.inputs.index(f"tension_ref_{wire}")
+    return model.response(frequency)[:, row, column]
+
+
+def bandwidth(frequency: np.ndarray, static: float, response: np.ndarray) -> float:
+    """Lowest frequency [Hz] at which the response is 3 dB below the static gain; nan if none, or if the first is."""
+    share = np.abs(response) / static
+    below = np.flatnonzero(share < HALF_POWER)
+    if not len(below) or below[0] == 0:
+        return float("nan")
+    k = int(below[0])
+    return float(np.interp(-HALF_POWER, -share[[k - 1, k]], frequency[[k - 1, k]]))

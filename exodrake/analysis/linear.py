@@ -1,0 +1,211 @@
+"""The frame map differentiated at an operating point: a linear model with one step per frame, and its poles.
+
+    x_{n+1} = A x_n + B r_n        y_n = C x_n + D r_n          (all deviations from the operating point)
+
+Central differences, each state moved by a fraction of its own excursion under a small reference step. The fraction is
+chosen where two successive ones agree best. States on which no output depends, however late, are left out: clocks,
+unread memories, the bus's old commands. Such states give exact zeros, since a run is deterministic. Left in, a shift
+register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from exodrake.analysis.frame_map import FrameMap, state_names
+
+NUDGE = 0.02  # reference step that measures excursions [N]
+FRAMES = 8  # frames of it
+UNMOVED = 1e-3  # excursion assumed of a state that does not move
+FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
+FRACTION = 0.05  # where one will do
+
+
+def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
+    """How far each state moves when a reference steps by 0.02 N, (states,); lanes of one state share the largest."""
+    names = state_names(loop.robot.machine)
+    size = np.zeros(len(state))
+    for wire in range(len(references)):
+        rows = references.copy()
+        rows[wire] += NUDGE
+        moved, still = state, state
+        for _ in range(FRAMES):
+            moved, _ = loop.run(moved, rows[None, :])
+            still, _ = loop.run(still, references[None, :])
+            size = np.maximum(size, np.abs(moved - still))
+    groups: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        groups.setdefault(name.group, []).append(i)
+    for places in groups.values():
+        size[places] = size[places].max()
+    size[size < 1e-12] = UNMOVED
+    return size
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Difference quotients of the frame map, in SI.
+
+    Attributes:
+        central: (states + w, states + wires): rows x' then all wires w, columns x then r.
+        bend: same shape: (forward - backward) / 2; zero where the map is smooth.
+    """
+
+    central: np.ndarray
+    bend: np.ndarray
+
+
+def differences(
+    loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
+) -> Slopes:
+    """Slopes in some columns (places in x then r); the others stay zero. size: excursions (states,)."""
+    step, n = loop.stepper(), len(state)
+    point = np.concatenate([state, references])
+    moves = fraction * np.concatenate([size, np.full(len(references), NUDGE)])
+
+    def image(p: np.ndarray) -> np.ndarray:
+        return np.concatenate(step(p[:n], p[n:]))
+
+    here = image(point)
+    central, bend = np.zeros((len(here), len(point))), np.zeros((len(here), len(point)))
+    for i in columns:
+        up, down = point.copy(), point.copy()
+        up[i] += moves[i]
+        down[i] -= moves[i]
+        above, below, width = image(up), image(down), up[i] - down[i]
+        central[:, i], bend[:, i] = (above - below) / width, (above + below - 2.0 * here) / width
+    return Slopes(central, bend)
+
+
+def matters(a: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Places of the states on which the outputs y = C x depend, at once or later."""
+    used = np.any(c != 0.0, axis=0)
+    while True:
+        more = used | np.any(a[used] != 0.0, axis=0)
+        if (more == used).all():
+            return np.flatnonzero(used)
+        used = more
+
+
+def used(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Places of the states on which the log depends, at once or later; size: excursions (states,)."""
+    n = len(state)
+    central = differences(loop, state, references, size, FRACTION, np.arange(n)).central
+    return matters(central[:n, :n], central[n + output_rows(loop)[0], :n])
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A pole of the sampled loop: `z`, natural frequency [Hz], damping ratio, time constant [s], state most in it."""
+
+    z: complex
+    frequency: float
+    damping: float
+    time_constant: float
+    state: str
+
+
+@dataclass(frozen=True, eq=False)
+class FrameModel:
+    """Linear model of the loop, one step per frame.
+
+    Attributes:
+        A (n, n), B (n, wires), C (outputs, n), D (outputs, wires): SI.
+        period: [s]. states, inputs, outputs: names; outputs are log columns.
+        step: fraction of the excursions used. convergence: change of A, in excursions, against the next fraction.
+        kink: largest difference of one-sided slopes, in excursions, and `where`, the state that shows it.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    period: float
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    step: float = 0.0
+    convergence: float = 0.0
+    kink: float = 0.0
+    where: str = ""
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest modulus of a pole; below 1 the loop is stable."""
+        return spectral_radius(self.A)
+
+    def poles(self) -> tuple[Pole, ...]:
+        """Poles, the slowest to decay first."""
+        values, right = np.linalg.eig(self.A)
+        share = np.abs(np.linalg.pinv(right).T * right)
+        order = np.argsort(-np.abs(values), kind="stable")
+        return tuple(pole_of(complex(values[i]), self.period, self.states[int(share[:, i].argmax())]) for i in order)
+
+    def response(self, frequency: np.ndarray) -> np.ndarray:
+        """Frequency response (len(frequency), outputs, inputs) at frequencies [Hz]."""
+        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period)
+        eye = np.eye(len(self.A))
+        return np.array([self.C @ np.linalg.solve(zz * eye - self.A, self.B) + self.D for zz in z])
+
+    def select(self, *kinds: str) -> FrameModel:
+        """The model with the outputs of these column kinds only, e.g. "tension", "angle"."""
+        rows = [i for i, name in enumerate(self.outputs) if name.rsplit("_", 1)[0] in kinds]
+        return replace(self, C=self.C[rows], D=self.D[rows], outputs=tuple(self.outputs[i] for i in rows))
+
+
+def spectral_radius(a: np.ndarray) -> float:
+    """Largest modulus of an eigenvalue."""
+    return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
+
+
+def pole_of(z: complex, period: float, state: str = "") -> Pole:
+    """A pole with its continuous-time reading s = ln(z) / T."""
+    if abs(z) < 1e-12:
+        return Pole(z, np.inf, 1.0, 0.0, state)
+    s = np.log(z) / period
+    decay = -1.0 / s.real if s.real != 0.0 else np.inf
+    damping = -s.real / abs(s) if s != 0.0 else 0.0
+    return Pole(z, float(abs(s)) / (2.0 * np.pi), float(damping), float(decay), state)
+
+
+def best_slopes(
+    loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray
+) -> tuple[Slopes, float, float]:
+    """Slopes with the step of best agreement, that step as a fraction of excursions, and the disagreement."""
+    n, columns = len(state), np.arange(len(state) + len(references))
+    tried = [differences(loop, state, references, size, f, columns) for f in FRACTIONS]
+    scaled = [t.central[:n, :n] * size / size[:, None] for t in tried]
+    gaps = [float(np.abs(a - b).max()) for a, b in pairwise(scaled)]
+    best = int(np.argmin(gaps)) + 1
+    return tried[best], FRACTIONS[best], gaps[best - 1]
+
+
+def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Places in w of the log's columns, references excepted, and their names."""
+    machine = loop.robot.machine
+    columns = [c for c in machine.columns if c.wire not in machine.given]
+    rows = np.concatenate([np.arange(loop.wires[c.wire].start, loop.wires[c.wire].stop) for c in columns])
+    names = tuple(f"{c.kind}_{lane}" for c in columns for lane in machine.lanes.of(machine.wire[c.wire].over))
+    return rows, names
+
+
+def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
+    """The linear model at a state of rest, from references [N] to the log's columns."""
+    machine, n = loop.robot.machine, len(state)
+    size = excursions(loop, state, references)
+    slopes, fraction, gap = best_slopes(loop, state, references, size)
+    rows, outputs = output_rows(loop)
+    a, b, c, d = (
+        slopes.central[:n, :n], slopes.central[:n, n:], slopes.central[n + rows, :n], slopes.central[n + rows, n:],
+    )  # fmt: skip
+    keep = matters(a, c)
+    bends = np.abs(slopes.bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
+    names = tuple(state_names(machine)[i].name for i in keep)
+    return FrameModel(
+        a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, names,
+        tuple(f"tension_ref_{w}" for w in machine.lanes.wires), outputs,
+        fraction, gap, float(bends.max()), names[int(bends.argmax())],
+    )  # fmt: skip

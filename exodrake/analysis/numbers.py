@@ -1,0 +1,129 @@
+"""A closed loop as plain numbers for JSON; what is not finite becomes null."""
+
+from __future__ import annotations
+
+import math
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+
+from exodrake.analysis.closed_loop import ClosedLoop
+from exodrake.analysis.frequency import FrequencyResponse
+from exodrake.analysis.linear import Pole
+from exodrake.analysis.margins import Margins
+from exodrake.analysis.steps import StepResponse
+
+
+def plain(value: Any) -> Any:
+    """Arrays as lists, complex numbers as [real, imaginary], infinities and nan as None."""
+    if isinstance(value, np.ndarray):
+        return [plain(v) for v in value]
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, dict):
+        return {k: plain(v) for k, v in value.items()}
+    if isinstance(value, complex | np.complexfloating):
+        return [float(value.real), float(value.imag)]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
+    """All results with units in the keys."""
+    lanes, point, model = result.robot.machine.lanes, result.point, result.model
+    latency = result.latency
+    return plain(
+        {
+            "robot": result.robot.source or result.robot.machine.name,
+            "effects": result.robot.effects(),
+            "stable": result.stable,
+            "spectral_radius": model.spectral_radius,
+            "notes": list(result.notes),
+            "operating_point": {
+                "tension_ref [N]": dict(zip(lanes.wires, point.references)),
+                "tension [N]": dict(zip(lanes.wires, point.tension)),
+                "angle [rad]": dict(zip(lanes.joints, point.angle)),
+                "frames": point.frames,
+                "residual [excursion/frame]": point.residual,
+                "settled_by_own_gains": point.steady,
+            },
+            "poles": [pole_numbers(p) for p in model.poles()],
+            "linear_model": model_numbers(result),
+            "steps": {s.wire: step_numbers(s) for s in result.steps},
+            "frequency_response": {r.wire: response_numbers(r) for r in result.responses},
+            "margins": {m.wire: margin_numbers(m) for m in result.margins},
+            "stability_map": {
+                "kp [m/(s N)]": result.gains.kp,
+                "kd [m/N]": result.gains.kd,
+                "spectral_radius": result.gains.radius,
+                "kp_limit [m/(s N)]": result.gains.limit,
+                "nominal": result.gains.nominal,
+            },
+            "latency": latency
+            and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
+        }
+    )
+
+
+def model_numbers(result: ClosedLoop) -> dict[str, Any]:
+    """The linear model with its names and how well the differences agree."""
+    m = result.model
+    names = {"period [s]": m.period, "states": m.states, "inputs": m.inputs, "outputs": m.outputs}
+    quality = {"difference_step": m.step, "convergence": m.convergence, "kink": m.kink, "kink_at": m.where}
+    return names | {"A": m.A, "B": m.B, "C": m.C, "D": m.D} | quality
+
+
+def pole_numbers(pole: Pole) -> dict[str, Any]:
+    """One pole."""
+    named = {"z": pole.z, "modulus": abs(pole.z), "frequency [Hz]": pole.frequency}
+    return named | {"damping": pole.damping, "time_constant [s]": pole.time_constant, "state": pole.state}
+
+
+def step_numbers(step: StepResponse) -> dict[str, Any]:
+    """Figures of a step response."""
+    return {
+        "size [N]": step.size,
+        "rise_time [s]": step.rise,
+        "overshoot": step.overshoot,
+        "settling_time [s]": step.settling,
+        "steady_error [N]": step.steady_error,
+        "crosstalk": step.crosstalk,
+    }
+
+
+def response_numbers(response: FrequencyResponse) -> dict[str, Any]:
+    """Measured and linear frequency response."""
+    return {
+        "bandwidth [Hz]": response.bandwidth,
+        "bandwidth_measured [Hz]": response.bandwidth_measured,
+        "frequency [Hz]": response.frequency,
+        "measured": response.measured,
+        "spread": response.spread,
+        "coherence": response.coherence,
+        "linear": response.linear,
+    }
+
+
+def margin_numbers(m: Margins) -> dict[str, Any]:
+    """Margins of one wire."""
+    return {
+        "gain_margin": m.gain_margin,
+        "gain_limit": m.gain_limit,
+        "phase_margin [rad]": m.phase_margin,
+        "crossover [Hz]": m.crossover,
+        "delay_margin [s]": m.delay_margin,
+        "delay_limit [s]": m.delay_limit,
+        "peak_sensitivity": m.peak_sensitivity,
+    }
+
+
+def model_bytes(result: ClosedLoop) -> bytes:
+    """NPZ with A, B, C, D, dt, states, inputs, outputs: what `control.StateSpace` takes, without python-control."""
+    m, buffer = result.model.select("tension", "angle"), BytesIO()
+    states, inputs, outputs = np.array(m.states), np.array(m.inputs), np.array(m.outputs)
+    np.savez(buffer, A=m.A, B=m.B, C=m.C, D=m.D, dt=m.period, states=states, inputs=inputs, outputs=outputs)
+    return buffer.getvalue()
