@@ -49,7 +49,10 @@ HIDDEN = (
 
 def chapter(console: Console, number: int, title: str, words: str) -> None:
     """Heading of a chapter, and what happens in it."""
-    console.print(f"\n[bold]{number}  {title}[/bold]\n   [dim]{words}[/dim]")
+    from rich.padding import Padding
+
+    console.print(f"\n[bold]{number}  {title}[/bold]")
+    console.print(Padding(f"[dim]{words}[/dim]", (0, 0, 0, 3)))
 
 
 def fresh(out: Path) -> None:
