@@ -24,7 +24,8 @@ from exodrake.diagrams.leaves import print_leaves
 from exodrake.diagrams.machine import Machine, block_pages, page_name
 from exodrake.diagrams.splice import compose_point
 
-INLINED = "@njit(forceinline=True)\n"  # an array costs a call some ten nanoseconds, more than many a function
+# Pages allocate nothing: without the runtime's reference counts an array costs a call nothing, with them some ten nanoseconds.
+PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
 HEADER = '"""Printed by exodrake.diagrams.compose from the table of {name}; do not edit."""\n\n'
 
 
@@ -97,7 +98,7 @@ def copy_function(function: ast.FunctionDef, table: dict[str, str], name: str, f
     if flatten is not None:
         flatten.visit(node)
     node.name, node.returns = name, None
-    return ("@njit\n" if plain else INLINED) + ast.unparse(ast.fix_missing_locations(node))
+    return (PLAIN if plain else INLINED) + ast.unparse(ast.fix_missing_locations(node))
 
 
 def all_pages(machine: Machine) -> dict[str, Page]:

@@ -60,8 +60,8 @@ def compose_point(machine: Machine, block: Block, point: Point, function: ast.Fu
     header, summary = f"({', '.join(names)}):", f'    """{ast.get_docstring(function)}"""'
     body, value = spliced_body(machine, block, point, names, effects)
     call = f"        return {name}__spliced({', '.join(names)})"
-    twin = ["@njit", f"def {name}__spliced{header}", *body, *([f"    return {value}"] if value else [])]
-    plain = ["@njit(forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:", call if value else call.replace("return ", "")]
+    twin = ["@njit(_nrt=False)", f"def {name}__spliced{header}", *body, *([f"    return {value}"] if value else [])]
+    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:", call if value else call.replace("return ", "")]
     return "\n".join([*twin, "\n", *plain, *([f"    return {value}"] if value else [])])
 
 

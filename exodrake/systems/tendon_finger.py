@@ -56,29 +56,39 @@ def worn_height(e, z, j, height, tension):
     return height
 
 
-def flexor(e, z, j, i, cos_q, sin_q, tension, n):
-    """Path of flexor j over joint i: l, R, dR/dq (`routers.path`)."""
-    m = worn_height(e, z, j, router_height(e, z, i, n.m_f[i]), tension)
-    height = worn_height(e, z, j, router_height(e, z, i, n.n_f[i]), tension)
-    return path(cos_q, sin_q, n.a_f[i], n.b_f[i], m, height, FLEXOR)
+def heights(e, z, n, pull):
+    """Heights m, n [m] of the routers at the tensions `pull` [N]: AF at three joints, MF at the MCP, AE at three joints."""
+    f0, f1, f2 = pair(e, z, 0, 0, n.m_f, n.n_f, pull), pair(e, z, 0, 1, n.m_f, n.n_f, pull), pair(e, z, 0, 2, n.m_f, n.n_f, pull)
+    x0, x1, x2 = pair(e, z, 2, 0, n.m_e, n.n_e, pull), pair(e, z, 2, 1, n.m_e, n.n_e, pull), pair(e, z, 2, 2, n.m_e, n.n_e, pull)
+    return (f0, f1, f2), pair(e, z, 1, 0, n.m_f, n.n_f, pull), (x0, x1, x2)
 
 
-def extensor(e, z, j, i, cos_q, sin_q, tension, n):
-    """Path of extensor j over joint i: l, R, dR/dq (`routers.path`)."""
-    m = worn_height(e, z, j, router_height(e, z, i, n.m_e[i]), tension)
-    height = worn_height(e, z, j, router_height(e, z, i, n.n_e[i]), tension)
-    return path(cos_q, sin_q, n.a_e[i], n.b_e[i], m, height, EXTENSOR)
+def pair(e, z, j, i, proximal, distal, pull):
+    """Heights of the proximal and the distal router of wire j at joint i [m]."""
+    m = worn_height(e, z, j, router_height(e, z, i, proximal[i]), pull[j])
+    return m, worn_height(e, z, j, router_height(e, z, i, distal[i]), pull[j])
 
 
-def paths(e, z, n, cosines, sines, pull):
-    """Wire taken in [m], the rows of P [m] and of dP/dq [m/rad] for AF, MF, AE at these angles; pull: tensions at the finger [N]."""
-    f0 = flexor(e, z, 0, 0, cosines[0], sines[0], pull[0], n)
-    f1 = flexor(e, z, 0, 1, cosines[1], sines[1], pull[0], n)
-    f2 = flexor(e, z, 0, 2, cosines[2], sines[2], pull[0], n)
-    g0 = flexor(e, z, 1, 0, cosines[0], sines[0], pull[1], n)
-    x0 = extensor(e, z, 2, 0, cosines[0], sines[0], pull[2], n)
-    x1 = extensor(e, z, 2, 1, cosines[1], sines[1], pull[2], n)
-    x2 = extensor(e, z, 2, 2, cosines[2], sines[2], pull[2], n)
+def flexor(i, cosines, sines, height, n):
+    """Path of a flexor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
+    return path(cosines[i], sines[i], n.a_f[i], n.b_f[i], height[0], height[1], FLEXOR)
+
+
+def extensor(i, cosines, sines, height, n):
+    """Path of an extensor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
+    return path(cosines[i], sines[i], n.a_e[i], n.b_e[i], height[0], height[1], EXTENSOR)
+
+
+def paths(n, cosines, sines, high):
+    """Wire taken in [m], the rows of P [m] and of dP/dq [m/rad] for AF, MF, AE at these angles; high: `heights` [m]."""
+    all_flexor, mcp_flexor, all_extensor = high
+    f0 = flexor(0, cosines, sines, all_flexor[0], n)
+    f1 = flexor(1, cosines, sines, all_flexor[1], n)
+    f2 = flexor(2, cosines, sines, all_flexor[2], n)
+    g0 = flexor(0, cosines, sines, mcp_flexor, n)
+    x0 = extensor(0, cosines, sines, all_extensor[0], n)
+    x1 = extensor(1, cosines, sines, all_extensor[1], n)
+    x2 = extensor(2, cosines, sines, all_extensor[2], n)
     taken = (f0[0] + f1[0] + f2[0], g0[0], x0[0] + x1[0] + x2[0])
     arms = ((f0[1], f1[1], f2[1]), (g0[1], 0.0, 0.0), (x0[1], x1[1], x2[1]))
     return taken, arms, ((f0[2], f1[2], f2[2]), (g0[2], 0.0, 0.0), (x0[2], x1[2], x2[2]))
@@ -147,15 +157,16 @@ def solve(m, r):
     return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
 
 
-def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag):
+def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
     """One Newton step for the joint rates at the end of a tick: the change of the rates [rad/s].
 
-    Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate; rate_from, lag [s]: rate' = (rate - rate_from) / lag.
+    Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate; rate_from, lag [s]: rate' = (rate - rate_from) / lag;
+        high: `heights` [m].
     """
     diagonal, coupling, moments = constants
     cosines, sines = (cos(angle[0]), cos(angle[1]), cos(angle[2])), (sin(angle[0]), sin(angle[1]), sin(angle[2]))
     cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
-    taken, arms, bends = paths(e, z, n, cosines, sines, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    taken, arms, bends = paths(n, cosines, sines, high)
     t0, g0 = wire(e, z, 0, n, x, ends[0], taken[0], dt)
     t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
     t2, g2 = wire(e, z, 2, n, x, ends[2], taken[2], dt)
@@ -188,7 +199,7 @@ def torque(arms, i, pull):
 
 def update(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; wires [m], [m/s]."""
-    constants = inertia(n.length, n.mass, n.radius)
+    constants, high = inertia(n.length, n.mass, n.radius), heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
     lag = 2.0 * dt / 3.0
     ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])
     q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
@@ -196,7 +207,7 @@ def update(x, z, n, e, dt, stroke, wire_speed):
     rate = (onward(x, RATE), onward(x, RATE + 1), onward(x, RATE + 2))
     angle = along(q_from, lag, rate)
     for _ in range(STEPS):
-        change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, dt, lag)
+        change = newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag)
         rate = along(rate, 1.0, change)
         angle = along(q_from, lag, rate)
         if lag * max(abs(change[0]), abs(change[1]), abs(change[2])) < CLOSE:
@@ -205,7 +216,7 @@ def update(x, z, n, e, dt, stroke, wire_speed):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
         relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
-    arrive(x, z, n, e, ends, dt)
+    arrive(x, z, n, e, ends, high, dt)
 
 
 def behind(x, i):
@@ -223,10 +234,10 @@ def along(start, step, rate):
     return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
 
 
-def arrive(x, z, n, e, ends, dt):
-    """At the end of a tick, with the strokes `ends` [m], the states of wires and clock follow the joints."""
+def arrive(x, z, n, e, ends, high, dt):
+    """At the end of a tick, with the strokes `ends` [m] and router heights `high` [m], the states of wires and clock follow the joints."""
     cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(e, z, n, cosines, sines, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    taken, _, _ = paths(n, cosines, sines, high)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
@@ -256,7 +267,7 @@ def start(x, z, n, e, start_stroke):
     for i in range(3):
         x[Q + i] = x[Q_BEFORE + i] = n.q0[i]
     cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(e, z, n, cosines, sines, (0.0, 0.0, 0.0))
+    taken, _, _ = paths(n, cosines, sines, heights(e, z, n, (0.0, 0.0, 0.0)))
     for j in range(3):
         x[TAKEN + j] = start_stroke[j] = taken[j]
 
