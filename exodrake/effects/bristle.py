@@ -1,4 +1,4 @@
-"""A bristle: what stands between two rubbing surfaces and turns round over a width of travel (Dahl's law, advanced exactly).
+"""A bristle: what stands between two rubbing surfaces and turns round over a width of travel (Dahl's law, exact).
 
     dz/dx = (1 - z sgn(x')) / width          z -> +1 in forward travel, -1 in backward travel
 

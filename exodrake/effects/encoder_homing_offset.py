@@ -1,4 +1,4 @@
-"""Stroke zero in the wrong place: the encoder's zero lies `offset` further in than where the wire is just taut at q = 0.
+"""Stroke zero in the wrong place: it lies `offset` further in than where the wire is just taut at q = 0.
 
 stroke as read = s - offset
 """

@@ -14,7 +14,7 @@ def command(speed, tension, width):
 EFFECT = Effect(
     id="motor.dead_zone",
     summary="drive ignores small speed commands",
-    signature="tension stays off its reference by up to width over kp, no motion below the threshold, small limit cycles",
+    signature="tension stays off its reference by up to width over kp; no motion below the threshold, limit cycles",
     source="physics.md 4.A; 0-2 mm/s [A]",
     at={"motor.command": command},
     numbers=(Number("width", "m/s", neutral=0.0, low=2e-4, high=4e-3, over=WIRES, usual=1e-3),),

@@ -24,7 +24,7 @@ def load(tension, spool, growth):
 EFFECT = Effect(
     id="motor.spool_growth",
     summary="spool radius grows as wire winds up",
-    signature="stroke reads short of the true one by a term that grows with the square of the winding, in both directions alike",
+    signature="stroke reads short by a term that grows with the square of the winding, in both directions alike",
     source="physics.md 4.A; 3-7 % per layer, a layer a turn (47 mm) or a few",
     at={"motor.wound": wound, "motor.winding": winding, "motor.load": load},
     numbers=(Number("growth", "1/m", neutral=0.0, low=0.2, high=6.0, over=WIRES, usual=2.0),),

@@ -19,7 +19,5 @@ EFFECT = Effect(
     signature="stroke offset proportional to tension, without a loop and at every rate; no change of angle against tension",
     source="physics.md 4.B; 0.5-10 N/mm [A]",
     at={"tendon.elastic": elastic},
-    numbers=(
-        Number("stiffness", "N/m", neutral=inf, low=500.0, high=2e4, over=WIRES, usual=3000.0, scale="reciprocal"),
-    ),
+    numbers=(Number("stiffness", "N/m", neutral=inf, low=5e2, high=2e4, over=WIRES, usual=3000.0, scale="reciprocal"),),
 )

@@ -22,7 +22,7 @@ def settle(dt, stretched, tension, tension_finger, travel, stiffness, time_const
 EFFECT = Effect(
     id="tendon.creep",
     summary="delayed elongation of the wire (standard linear solid)",
-    signature="stroke drifts at held tension and remembers load; loop of angle against stroke that shrinks with faster motion",
+    signature="stroke drifts at held tension and remembers load; loop of angle against stroke, smaller in fast motion",
     source="physics.md 4.B; 10-40 % of the elastic stretch, 1-300 s",
     at={"tendon.stretch": stretch, "tendon.settle": settle},
     numbers=(

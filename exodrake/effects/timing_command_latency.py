@@ -19,7 +19,7 @@ def sent(command, history, first, applied, lottery, frames):
 EFFECT = Effect(
     id="timing.command_latency",
     summary="commands reach the motor whole frames late",
-    signature="stroke follows the speed command late by a fixed time: phase without loss of magnitude; the tension loop overshoots",
+    signature="stroke follows the command late by a fixed time: phase without loss of magnitude; the loop overshoots",
     source="physics.md 4.E; 0-20 ms and more on a shared bus",
     at={"bus.sent": sent},
     numbers=(Number("frames", "-", neutral=0.0, low=0.25, high=6.0, usual=2.0),),

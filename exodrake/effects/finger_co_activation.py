@@ -1,0 +1,26 @@
+"""The wearer tenses flexors and extensors in bouts: the joints stiffen and soften again.
+
+tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops
+"""
+
+from math import cos, pi
+
+from exodrake.block import JOINTS, ONE, Effect, Number
+
+
+def passive(torque, bend, rate, elastic, clock, gain, frequency):
+    """Passive torque [N m]."""
+    return torque + 0.5 * gain * elastic * (1.0 - cos(2.0 * pi * frequency * clock))
+
+
+EFFECT = Effect(
+    id="finger.co_activation",
+    summary="the wearer tenses flexors and extensors in bouts",
+    signature="angle error proportional to deflection that comes and goes at a slow frequency of its own",
+    source="physics.md 4.D; stiffness up to threefold in activity",
+    at={"finger.passive": passive},
+    numbers=(
+        Number("gain", "-", neutral=0.0, low=0.05, high=2.0, over=JOINTS, usual=0.5),
+        Number("frequency", "Hz", neutral=0.2, low=0.02, high=2.0, over=ONE, usual=0.2, scale="log"),
+    ),
+)

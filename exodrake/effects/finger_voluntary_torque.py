@@ -1,0 +1,26 @@
+"""The wearer pushes along, steadily or more and more.
+
+tau_i = torque_i (1 + growth_i t)
+"""
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def external(outside, angle, rate, bones, clock, torque, growth):
+    """Torques on the joints [N m]."""
+    first = torque[0] * (1.0 + growth[0] * clock)
+    second = torque[1] * (1.0 + growth[1] * clock)
+    return outside[0] + first, outside[1] + second, outside[2] + torque[2] * (1.0 + growth[2] * clock)
+
+
+EFFECT = Effect(
+    id="finger.voluntary_torque",
+    summary="the wearer pushes along",
+    signature="angle offset that depends neither on tension nor on rate, steady or growing along the log",
+    source="physics.md 4.D; 1-50 mN m",
+    at={"finger.external": external},
+    numbers=(
+        Number("torque", "N m", neutral=0.0, low=-0.02, high=0.02, over=JOINTS, usual=6e-3),
+        Number("growth", "1/s", neutral=0.0, low=-0.03, high=0.1, over=JOINTS, usual=0.0),
+    ),
+)

@@ -1,0 +1,23 @@
+"""Skin slides over the bone most at half flexion.
+
+q as seen = q + slip sin(2 q)
+"""
+
+from math import sin
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def seen(angle, slip):
+    """Angle as the markers show it [rad]."""
+    return angle + slip * sin(2.0 * angle)
+
+
+EFFECT = Effect(
+    id="mocap.skin_artefact",
+    summary="skin slides over the bone most at half flexion",
+    signature="angle error curved over angle, greatest near 45 degrees; tension and stroke untouched",
+    source="physics.md 4.G; below 4 deg [S:Metcalf]",
+    at={"mocap.seen": seen},
+    numbers=(Number("slip", "rad", neutral=0.0, low=-0.1, high=0.1, over=JOINTS, usual=0.03),),
+)

@@ -1,0 +1,31 @@
+"""Dry friction at the rotor: brushes and bearings.
+
+torque on the rotor = r T_c / N + torque z          z: bristle over WIDTH of rotor angle
+"""
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.bristle import bent
+
+WIDTH = 1.0  # rotor angle over which the friction turns round [rad]; assumed
+
+
+def drag(load, torque, bristle):
+    """Torque on the rotor [N m]."""
+    return load + torque * bristle
+
+
+def settle(dt, rotor_speed, torque, bristle):
+    """Bristle [-1 .. 1]."""
+    return bent(bristle, rotor_speed * dt, WIDTH)
+
+
+EFFECT = Effect(
+    id="motor.friction",
+    summary="dry friction at the rotor",
+    signature="stroke sticks and slips against the speed command near standstill, whatever the load",
+    source="physics.md 3.1; 0.08 mN m [S:F1524], 0.74 N at the wire",
+    at={"motor.drag": drag, "motor.settle": settle},
+    numbers=(Number("torque", "N m", neutral=0.0, low=2e-5, high=1e-3, over=WIRES, usual=3e-4),),
+    states=(State("bristle", WIRES),),
+    advances=("motor.settle",),
+)

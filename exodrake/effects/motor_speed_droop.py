@@ -1,0 +1,27 @@
+"""The supply cannot drive the motor faster than a speed that falls with load.
+
+|v| <= limit - coefficient T_c
+"""
+
+from math import inf
+
+from exodrake.block import WIRES, Effect, Number
+
+
+def command(speed, tension, limit, coefficient):
+    """Speed that the drive follows [m/s]."""
+    bound = max(limit - coefficient * tension, 0.0)
+    return min(max(speed, -bound), bound)
+
+
+EFFECT = Effect(
+    id="motor.speed_droop",
+    summary="supply limits the speed, the more the higher the load",
+    signature="stroke rate levels off in large steps, at a lower level under load; slow motion untouched",
+    source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N",
+    at={"motor.command": command},
+    numbers=(
+        Number("limit", "m/s", neutral=inf, low=0.005, high=0.1, over=WIRES, usual=0.03, scale="reciprocal"),
+        Number("coefficient", "m/(s N)", neutral=0.0, low=0.0, high=0.005, over=WIRES, usual=0.002),
+    ),
+)

@@ -1,0 +1,32 @@
+"""The cell goes on yielding under load (standard linear solid).
+
+F = T + y          time_constant y' = fraction T - y
+"""
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.relaxation import relaxed
+
+
+def reading(tension, clock, fraction, time_constant, crept):
+    """Tension as read [N]."""
+    return tension + crept
+
+
+def settle(dt, load, fraction, time_constant, crept):
+    """Reading by creep [N]."""
+    return relaxed(crept, fraction * load, dt, time_constant)
+
+
+EFFECT = Effect(
+    id="sensor.creep",
+    summary="the cell goes on yielding under load",
+    signature="reading drifts towards load at held tension and comes back late; stroke and angle tell otherwise",
+    source="physics.md 4.C; 0.1 % in 30 min for a good cell, per cent for a printed one",
+    at={"sensor.reading": reading, "sensor.settle": settle},
+    numbers=(
+        Number("fraction", "-", neutral=0.0, low=0.005, high=0.15, over=WIRES, usual=0.05),
+        Number("time_constant", "s", neutral=10.0, low=1.0, high=100.0, over=WIRES, usual=10.0, scale="log"),
+    ),
+    states=(State("crept", WIRES, unit="N"),),
+    advances=("sensor.settle",),
+)

@@ -1,0 +1,32 @@
+"""The cell remembers the way its load has come.
+
+F = T + error z          z: bristle over a width of load
+"""
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.bristle import bent
+
+
+def reading(tension, clock, error, width, bristle, load_before):
+    """Tension as read [N]."""
+    return tension + error * bristle
+
+
+def settle(dt, load, error, width, bristle, load_before):
+    """Bristle [-1 .. 1] and the load it has seen [N]."""
+    return bent(bristle, load - load_before, width), load
+
+
+EFFECT = Effect(
+    id="sensor.hysteresis",
+    summary="the cell remembers the way its load has come",
+    signature="reading differs between rising and falling tension by an amount independent of stroke and rate",
+    source="physics.md 4.C; 0.05-0.2 % of full scale, more for a cheap cell",
+    at={"sensor.reading": reading, "sensor.settle": settle},
+    numbers=(
+        Number("error", "N", neutral=0.0, low=-0.5, high=0.5, over=WIRES, usual=0.1),
+        Number("width", "N", neutral=1.0, low=0.2, high=5.0, over=WIRES, usual=1.0, scale="log"),
+    ),
+    states=(State("bristle", WIRES), State("load_before", WIRES, unit="N")),
+    advances=("sensor.settle",),
+)

@@ -1,0 +1,33 @@
+"""Dry friction with a soft onset (Dahl, LuGre without its viscous terms), between cell and finger.
+
+T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
+"""
+
+from exodrake.block import WIRES, Effect, Number, State
+from exodrake.effects.bristle import bent
+from exodrake.effects.grip import gripped
+
+
+def transmit(tension, slide, travel, speed, force, stiffness, bristle):
+    """Tension at the finger [N]."""
+    return tension - gripped(force, tension) * bent(bristle, travel, force / stiffness)
+
+
+def settle(dt, stretched, tension, tension_finger, travel, force, stiffness, bristle):
+    """Bristle [-1 .. 1]."""
+    return bent(bristle, travel, force / stiffness)
+
+
+EFFECT = Effect(
+    id="tendon.presliding",
+    summary="dry friction with a soft onset (Dahl, LuGre)",
+    signature="loop of angle against tension that opens gradually after a reversal; nested minor loops in small motion",
+    source="physics.md 4.B; 1e3-1e5 N/m",
+    at={"tendon.transmit": transmit, "tendon.settle": settle},
+    numbers=(
+        Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.4),
+        Number("stiffness", "N/m", neutral=500.0, low=50.0, high=1e4, over=WIRES, usual=500.0, scale="log"),
+    ),
+    states=(State("bristle", WIRES),),
+    advances=("tendon.settle",),
+)
