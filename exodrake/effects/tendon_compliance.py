@@ -16,8 +16,8 @@ def elastic(tension, stretch, wire_stiffness, stiffness):
 EFFECT = Effect(
     id="tendon.compliance",
     summary="garment or anchor yields at the finger, in series with the wire",
-    signature="stroke offset proportional to tension, without a loop and at every rate; no change of angle against tension",
+    signature="stroke offset proportional to tension, without a loop and at every rate; angle against tension as ever",
     source="physics.md 4.B; 0.5-10 N/mm [A]",
     at={"tendon.elastic": elastic},
-    numbers=(Number("stiffness", "N/m", neutral=inf, low=5e2, high=2e4, over=WIRES, usual=3000.0, scale="reciprocal"),),
+    numbers=(Number("stiffness", "N/m", neutral=inf, low=5e2, high=2e4, over=WIRES, usual=3e3, scale="reciprocal"),),
 )

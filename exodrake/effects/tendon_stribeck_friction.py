@@ -2,8 +2,8 @@
 
     T_d = T_c - level(v) slide          level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))
 
-The level follows the speed with a short frictional memory (frictional lag: Armstrong-Helouvry et al., Automatica 30(7), 1994):
-a level that fell at once with speed would be a negative damper that no fixed step survives.
+The level follows the speed with a short frictional memory (frictional lag: Armstrong-Helouvry et al., Automatica
+30(7), 1994): a level that fell at once with speed would be a negative damper that no fixed step survives.
 """
 
 from math import exp

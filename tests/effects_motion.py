@@ -1,0 +1,53 @@
+"""What the effects are examined on: an aggressive reference, rows of numbers, and records of all wires."""
+
+from functools import cache
+
+import numpy as np
+
+from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.simulate import Chance, offsets, prepared, state_size, wire_count
+
+FRAMES = 400  # 8 s
+SEED = 20
+
+
+@cache
+def nominal() -> Robot:
+    """The nominal robot, all effects neutral."""
+    return load_robot()
+
+
+@cache
+def motion() -> np.ndarray:
+    """Tension references (FRAMES, 3) [N]: slow and fast swings, steps, holds and a slack start of one wire."""
+    t = 0.02 * np.arange(FRAMES)
+    swing = 0.5 - 0.5 * np.cos(2 * np.pi * np.outer(t, (0.25, 0.37, 0.31)))
+    quick = 0.15 * np.sin(2 * np.pi * np.outer(t, (1.9, 2.3, 1.4)))
+    steps = np.where(np.outer(t, np.ones(3)) % 2.0 < 1.0, 1.0, 0.35) * (t > 4.0)[:, None]
+    share = np.where((t > 4.0)[:, None], steps, swing + quick * swing)
+    return np.clip(np.array((11.0, 7.0, 6.0)) * share, 0.3, 12.0)
+
+
+def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
+    """Records (rows, FRAMES, wires) of all wires of noise-free runs; the lottery of lost frames is drawn."""
+    machine = nominal().machine
+    module = compile_machine(machine)
+    still, lottery = np.zeros((FRAMES, 3)), Chance.draw(FRAMES, seed, machine).lottery
+    records = np.zeros((len(rows), FRAMES, wire_count(machine)))
+    reference = np.ascontiguousarray(motion())
+    for i, row in enumerate(rows):
+        state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
+        module.begin(row, state)
+        module.run(row, state, w, reference, still, still, lottery, machine.slot, 1, records[i], np.zeros((0, 0)))
+    return records
+
+
+def row_of(robot: Robot) -> np.ndarray:
+    """Flat numbers of an unquantised run."""
+    return prepared(robot, quantisation=False)
+
+
+def place(name: str) -> slice:
+    """Where a wire lies in a record."""
+    return offsets(nominal().machine)[name]

@@ -1,0 +1,117 @@
+"""The exam that every effect of the shelf sits: absent at neutral, finite over its range, visible at its usual values, finite in pairs."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from effects_motion import motion, nominal, place, row_of, run_rows
+
+from exodrake.block import Effect
+from exodrake.effects import SHELF
+
+PERIOD = 0.02
+FLOORS = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_lateness": 0.005}
+BOUNDS = {"tension": 500.0, "tension_finger": 500.0, "stroke": 0.5, "angle": 6.0, "rate": 1e3, "tension_read": 500.0}
+DRAWS = 20
+
+on_the_shelf = pytest.mark.parametrize("effect", SHELF, ids=lambda e: e.id)
+
+
+@cache
+def plain() -> np.ndarray:
+    """Record of the nominal robot (frames, wires)."""
+    return run_rows([row_of(nominal())])[0]
+
+
+def drawn(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
+    """Numbers drawn from the whole of their ranges, ends included."""
+    where = rng.choice((0.0, 1.0, rng.random()), size=len(effect.numbers))
+    return {n.name: float(n.low + x * (n.high - n.low)) for n, x in zip(effect.numbers, where)}
+
+
+def check(record: np.ndarray) -> None:
+    """Finite and bounded."""
+    assert np.isfinite(record).all()
+    for name, bound in BOUNDS.items():
+        assert np.abs(record[:, place(name)]).max() < bound, name
+
+
+@on_the_shelf
+def test_absent_at_neutral(effect: Effect) -> None:
+    """At the first number's neutral value the record is that of the plain robot, to the last bit, whatever the others are."""
+    first, rng = effect.numbers[0], np.random.default_rng(1)
+    rows = [row_of(nominal().splice(effect.id, {**drawn(effect, rng), first.name: first.neutral})) for _ in range(2)]
+    for record in run_rows(rows):
+        assert np.array_equal(record, plain())
+
+
+@on_the_shelf
+def test_finite_over_its_range(effect: Effect) -> None:
+    """Draws from the whole range, on all lanes and on one, stay finite and bounded in an aggressive motion."""
+    rng = np.random.default_rng(list(effect.id.encode()))
+    lanes = nominal().machine.lanes.of(effect.over)
+    some = [lanes if k % 2 else (lanes[k % len(lanes)],) for k in range(DRAWS)]
+    rows = [row_of(nominal().splice(effect.id, drawn(effect, rng), [s for s in own if s])) for own in some]
+    for record in run_rows(rows):
+        check(record)
+
+
+def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
+    """What a log would show of a record: late pictures count by the angle that they miss."""
+    shown = {name: record[:, place(name)] for name in FLOORS}
+    late = shown.pop("mocap_lateness")
+    rate = np.gradient(shown["angle_read"], PERIOD, axis=0)
+    return {**shown, "angle_read": shown["angle_read"] - rate * late}
+
+
+@on_the_shelf
+def test_visible(effect: Effect) -> None:
+    """At its usual values the effect moves some column of the log by more than half its noise floor (RMS)."""
+    record = run_rows([row_of(nominal().splice(effect.id))])[0]
+    check(record)
+    with_it, without = seen_by(record), seen_by(plain())
+    gaps = {name: np.sqrt(np.mean((with_it[name] - without[name]) ** 2, axis=0)).max() for name in with_it}
+    assert max(gap / FLOORS[name] for name, gap in gaps.items()) > 0.5, gaps
+
+
+@pytest.mark.parametrize("draw", range(200))
+def test_pairs_are_finite(draw: int) -> None:
+    """Two effects at once, drawn from their ranges."""
+    rng = np.random.default_rng(1000 + draw)
+    one, other = rng.choice(len(SHELF), size=2, replace=False)
+    robot = nominal()
+    for k in (one, other):
+        robot = robot.splice(SHELF[k].id, drawn(SHELF[k], rng))
+    check(run_rows([row_of(robot)])[0])
+
+
+def test_all_at_once_is_finite() -> None:
+    """Every effect at its usual values."""
+    robot = nominal()
+    for effect in SHELF:
+        robot = robot.splice(effect.id)
+    check(run_rows([row_of(robot)])[0])
+
+
+def test_shelf_is_well_formed() -> None:
+    """Ids are unique, points exist, functions say what they return, and ranges leave the neutral value out or at an end or inside."""
+    machine = nominal().machine
+    points = {f"{(p.page or b.page).__name__.rsplit('.', 1)[-1]}.{p.name}" for b in machine.blocks for p in b.points}
+    assert len({e.id for e in SHELF}) == len(SHELF)
+    for effect in SHELF:
+        assert set(effect.at) <= points, effect.id
+        assert set(effect.advances) <= set(effect.at)
+        assert bool(effect.states) == bool(effect.advances), effect.id
+        for text in (effect.summary, effect.signature, effect.source):
+            assert text
+        for function in effect.at.values():
+            assert function.__doc__
+        for number in effect.numbers:
+            assert number.low <= number.typical <= number.high, (effect.id, number.name)
+
+
+def test_motion_moves() -> None:
+    """The exam's motion takes the finger through most of its range, back and forth."""
+    angle = plain()[:, place("angle")]
+    assert np.ptp(angle, axis=0).min() > 0.5
+    assert motion().min() >= 0.3
