@@ -127,3 +127,20 @@ def test_demo_draws_a_fault_by_its_seed():
 
     assert planned(3) == planned(3)
     assert len({planned(seed).ids for seed in range(20)}) > 8
+
+
+@pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 4")])
+def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, words):
+    from io import StringIO
+
+    from rich.console import Console
+
+    from exodrake.blind.seal import write_sealed
+    from exodrake.commands.demo import LABELS, SEAL, reveal
+
+    truth = {"id": "tendon.capstan_friction", "wires": ["AF"], "joints": [], "parameters": {"mu_phi": 0.3}}
+    write_sealed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / SEAL)
+    console = Console(file=StringIO(), record=True, width=120)
+    reveal(console, tmp_path, diagnosis(verdict))
+    text = console.export_text()
+    assert "capstan_friction on AF" in text and words in text

@@ -38,7 +38,7 @@ def command(seed: int, out: Path) -> None:
     reveal(console, out, found)
     console.print(f"\n[bold]look at[/bold]  {out / 'grasp' / 'recording.html'}   the finger in 3D", soft_wrap=True)
     console.print(f"         {out / 'report.html'}   the diagnosis", soft_wrap=True)
-    console.print(f"         {out / 'robot.yaml'}   the improved robot: exodrake simulate --robot", soft_wrap=True)
+    console.print(f"         {out / 'robot.yaml'}   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
 
 
 HIDDEN = (
@@ -133,4 +133,11 @@ def reveal(console: Console, out: Path, found: Diagnosis) -> None:
         console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({numbers}, SI)")
         right = bool(accepted_ids(truth) & found_ids(found.to_json()))
         said = f"the verdict was {found.verdict}"
-        console.print(f"   [green]found[/green]: {said}" if right else f"   [red]not found[/red]: {said}")
+        missed = f"[red]not named[/red]: {said}; among the candidates it is {place_of(truth['id'], found)}"
+        console.print(f"   [green]found[/green]: {said}" if right else f"   {missed}")
+
+
+def place_of(identity: str, found: Diagnosis) -> str:
+    """Place of an effect among the candidates, in words."""
+    names = [candidate.id for candidate in found.candidates]
+    return f"number {names.index(identity) + 1} of {len(names)}" if identity in names else "not listed"
