@@ -1,4 +1,4 @@
-"""The exam that every effect of the shelf sits: absent at neutral, finite over its range, visible at its usual values, finite in pairs."""
+"""The exam of every effect on the shelf: absent at neutral, finite over its range and in pairs, visible as usual."""
 
 from functools import cache
 
@@ -38,7 +38,7 @@ def check(record: np.ndarray) -> None:
 
 @on_the_shelf
 def test_absent_at_neutral(effect: Effect) -> None:
-    """At the first number's neutral value the record is that of the plain robot, to the last bit, whatever the others are."""
+    """At the first number's neutral value the record is the plain robot's to the last bit, whatever the others are."""
     first, rng = effect.numbers[0], np.random.default_rng(1)
     rows = [row_of(nominal().splice(effect.id, {**drawn(effect, rng), first.name: first.neutral})) for _ in range(2)]
     for record in run_rows(rows):
@@ -94,7 +94,7 @@ def test_all_at_once_is_finite() -> None:
 
 
 def test_shelf_is_well_formed() -> None:
-    """Ids are unique, points exist, functions say what they return, and ranges leave the neutral value out or at an end or inside."""
+    """Ids are unique, points exist, functions are described, states are advanced, typical values lie in range."""
     machine = nominal().machine
     points = {f"{(p.page or b.page).__name__.rsplit('.', 1)[-1]}.{p.name}" for b in machine.blocks for p in b.points}
     assert len({e.id for e in SHELF}) == len(SHELF)

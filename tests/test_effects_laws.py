@@ -1,0 +1,368 @@
+"""The own law of each effect, where it has a closed form: the pages' functions called directly."""
+
+from math import exp, pi, sin
+
+import numpy as np
+import pytest
+
+from exodrake.effects import (
+    encoder_homing_offset,
+    finger_co_activation,
+    finger_contact,
+    finger_coupling,
+    finger_gravity,
+    finger_hardening,
+    finger_hysteresis,
+    finger_router_migration,
+    finger_spasticity,
+    finger_stiffness,
+    finger_tremor,
+    finger_viscoelasticity,
+    finger_voluntary_torque,
+    mocap_skin_artefact,
+    motor_current_limit,
+    motor_dead_zone,
+    motor_friction,
+    motor_gear_efficiency,
+    motor_speed_droop,
+    motor_spool_growth,
+    motor_spool_layers,
+    sensor_creep,
+    sensor_crosstalk,
+    sensor_drift,
+    sensor_gain,
+    sensor_hysteresis,
+    sensor_lag,
+    sensor_nonlinearity,
+    sensor_offset,
+    sensor_pulley_friction,
+    tendon_bouc_wen,
+    tendon_capstan_friction,
+    tendon_compliance,
+    tendon_coulomb_friction,
+    tendon_creep,
+    tendon_prandtl_ishlinskii,
+    tendon_presliding,
+    tendon_slack,
+    tendon_stiffening,
+    tendon_stribeck_friction,
+    tendon_viscous_friction,
+    timing_command_latency,
+    timing_dropped_commands,
+    timing_jitter,
+    timing_mocap_clock_skew,
+    timing_mocap_delay,
+)
+from exodrake.systems.finger import inertia
+
+DT = 0.002
+LENGTH, MASS, RADIUS = (0.04264, 0.02014, 0.01872), (0.0119, 0.0045, 0.0032), (0.009, 0.008, 0.007)
+NOTHING, STILL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+BONES = (LENGTH, inertia(LENGTH, MASS, RADIUS)[2])
+
+
+def test_dead_zone() -> None:
+    assert motor_dead_zone.command(0.9e-3, 5.0, 1e-3) == 0.0
+    assert motor_dead_zone.command(-1.1e-3, 5.0, 1e-3) == -1.1e-3
+
+
+def test_speed_droop_falls_with_load() -> None:
+    assert motor_speed_droop.command(0.2, 10.0, 0.1, 0.002) == pytest.approx(0.08)
+    assert motor_speed_droop.command(-0.2, 60.0, 0.1, 0.002) == 0.0
+
+
+def test_current_limit_never_raises_it() -> None:
+    assert motor_current_limit.current_limit(0.3, 0.1) == 0.1
+    assert motor_current_limit.current_limit(0.3, 0.5) == 0.3
+
+
+def test_motor_friction_saturates_at_its_torque() -> None:
+    bristle = 0.0
+    for _ in range(2000):
+        bristle = motor_friction.settle(DT, 100.0, 3e-4, bristle)
+    assert motor_friction.drag(0.0, 3e-4, bristle) == pytest.approx(3e-4)
+
+
+def test_gear_loop_is_the_square_of_efficiency() -> None:
+    winding = motor_gear_efficiency.load(8.0, 0.0, 0.65, 1.0)
+    unwinding = motor_gear_efficiency.load(8.0, 0.0, 0.65, -1.0)
+    assert winding == pytest.approx(8.0 / 0.65)
+    assert unwinding / winding == pytest.approx(0.65**2)
+
+
+@pytest.mark.parametrize("page, numbers", [(motor_spool_growth, (2.0,)), (motor_spool_layers, (0.06, 0.008))])
+def test_spool_winds_without_loss_of_power(page, numbers) -> None:
+    """Speed is the derivative of the wire wound, and load times nominal speed is tension times wire speed."""
+    for spool in (-0.004, 0.003, 0.0125, 0.031):
+        slope = (page.wound(spool + 1e-7, *numbers) - page.wound(spool - 1e-7, *numbers)) / 2e-7
+        assert page.winding(1.0, spool, *numbers) == pytest.approx(slope, rel=1e-6)
+        assert page.load(5.0, spool, *numbers) == pytest.approx(5.0 * slope, rel=1e-6)
+
+
+def test_capstan_ratio_in_a_slow_pull() -> None:
+    pull = tendon_capstan_friction.transmit(6.0, 1.0, 0.0, 1e-4, 0.3)
+    release = tendon_capstan_friction.transmit(6.0, -1.0, 0.0, -1e-4, 0.3)
+    assert pull / 6.0 == pytest.approx(exp(-0.3))
+    assert release / pull == pytest.approx(exp(0.6))
+
+
+def test_coulomb_loop_has_twice_the_force_at_every_load() -> None:
+    for tension in (1.0, 4.0, 12.0):
+        pull = tendon_coulomb_friction.transmit(tension, 1.0, 0.0, 0.0, 0.4)
+        assert tendon_coulomb_friction.transmit(tension, -1.0, 0.0, 0.0, 0.4) - pull == pytest.approx(0.8)
+
+
+def test_friction_fades_on_a_slack_wire() -> None:
+    assert tendon_coulomb_friction.transmit(0.0, -1.0, 0.0, 0.0, 0.4) == 0.0
+
+
+def test_stribeck_levels() -> None:
+    level = tendon_stribeck_friction.level
+    assert level(0.0, 0.3, 2.0, 0.005) == pytest.approx(0.6)
+    assert level(1.0, 0.3, 2.0, 0.005) == pytest.approx(0.3)
+    assert level(-0.005, 0.3, 2.0, 0.005) == pytest.approx(0.3 * (1.0 + exp(-1.0)))
+
+
+def test_viscous_force() -> None:
+    assert tendon_viscous_friction.transmit(5.0, 1.0, 0.0, 0.04, 5.0) == pytest.approx(4.8)
+
+
+def test_presliding_initial_slope_and_level() -> None:
+    force, stiffness = 0.4, 500.0
+    slope = (tendon_presliding.transmit(5.0, 0.0, 1e-8, 0.0, force, stiffness, 0.0) - 5.0) / 1e-8
+    assert slope == pytest.approx(-stiffness, rel=1e-4)
+    assert tendon_presliding.transmit(5.0, 0.0, 0.1, 0.0, force, stiffness, 0.0) == pytest.approx(4.6)
+
+
+def closed_loop_work(step, amplitude: float) -> float:
+    """Work done on a friction force `step(travel)` [N] in the second of two cycles of travel [J]."""
+    x = amplitude * np.sin(np.linspace(0.0, 4 * pi, 20001))
+    forces = np.array([step(float(dx)) for dx in np.diff(x)])
+    return float(np.sum((forces * np.diff(x))[10000:]))
+
+
+@pytest.mark.parametrize("amplitude", [1e-4, 1e-3, 1e-2])
+def test_stops_dissipate(amplitude: float) -> None:
+    """A closed loop takes energy or none; a large one takes 4 amplitude force less the turning round."""
+    force, distance, stops = 0.4, 5e-4, [0.0, 0.0, 0.0]
+
+    def step(travel: float) -> float:
+        stops[:] = tendon_prandtl_ishlinskii.moved(travel, distance, *stops)
+        return force * tendon_prandtl_ishlinskii.mean_stop(*stops)
+
+    work = closed_loop_work(step, amplitude)
+    exact = 4.0 * force * np.mean([max(amplitude - k * distance, 0.0) for k in (1, 2, 3)])
+    assert work == pytest.approx(exact, rel=1e-2, abs=1e-8)
+
+
+@pytest.mark.parametrize("amplitude", [2e-4, 1e-3, 4e-3])
+def test_bouc_wen_dissipates_and_yields(amplitude: float) -> None:
+    z = [0.0]
+
+    def step(change: float) -> float:
+        z[0] = tendon_bouc_wen.yielded(z[0], change, 5e-4)
+        return z[0]
+
+    assert closed_loop_work(step, amplitude) > 0.0
+    assert tendon_bouc_wen.yielded(0.0, 1.0, 5e-4) == pytest.approx(5e-4)
+    assert tendon_bouc_wen.yielded(4e-4, -3e-4, 5e-4) == pytest.approx(1e-4)
+
+
+def test_bouc_wen_steps_add_up() -> None:
+    """One large step equals many small ones, through the change of sign too."""
+    z = 4e-4
+    for _ in range(100):
+        z = tendon_bouc_wen.yielded(z, -1e-5, 5e-4)
+    assert z == pytest.approx(tendon_bouc_wen.yielded(4e-4, -1e-3, 5e-4))
+
+
+def test_compliance_is_two_springs_in_series() -> None:
+    tension = tendon_compliance.elastic(2700.0 * 0.004, 0.004, 2700.0, 3000.0)
+    assert tension / 2700.0 + tension / 3000.0 == pytest.approx(0.004)
+
+
+def test_creep_asymptote_and_time() -> None:
+    y = 0.0
+    for _ in range(5000):
+        y = tendon_creep.settle(DT, 0.0, 6.0, 6.0, 0.0, 8000.0, 10.0, y)
+    assert y == pytest.approx(6.0 / 8000.0 * (1.0 - exp(-1.0)))
+    assert tendon_creep.settle(1e3, 0.0, 6.0, 6.0, 0.0, 8000.0, 10.0, y) == pytest.approx(6.0 / 8000.0)
+    assert tendon_creep.stretch(0.003, 6.0, 8000.0, 10.0, y) == pytest.approx(0.003 - y)
+
+
+def test_slack() -> None:
+    assert tendon_slack.stretch(0.003, 0.0, 0.001) == pytest.approx(0.002)
+
+
+def test_stiffening_tangent() -> None:
+    """dT/dx = soft + stiffening T, and the curve goes on straight and smoothly beyond its limit."""
+    soft, grows, h = 1200.0, 200.0, 1e-8
+    for x in (0.0, 0.002, 0.01):
+        here = tendon_stiffening.elastic(0.0, x, 2700.0, soft, grows)
+        slope = (tendon_stiffening.elastic(0.0, x + h, 2700.0, soft, grows) - here) / h
+        assert slope == pytest.approx(soft + grows * here, rel=1e-4)
+    edge = tendon_stiffening.LIMIT / grows
+    around = [tendon_stiffening.elastic(0.0, edge + d, 2700.0, soft, grows) for d in (-1e-6, 0.0, 1e-6)]
+    assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
+
+
+def test_sensor_errors_are_what_they_say() -> None:
+    assert sensor_gain.reading(8.0, 0.0, 0.05) == pytest.approx(8.4)
+    assert sensor_offset.reading(8.0, 0.0, -0.2) == pytest.approx(7.8)
+    assert sensor_drift.reading(8.0, 60.0, 0.005) == pytest.approx(8.3)
+    assert sensor_crosstalk.mixed(8.0, 5.0, 0.03) == pytest.approx(8.15)
+    assert sensor_lag.lag(0.0016, 0.02) == 0.02
+
+
+def test_nonlinearity_vanishes_at_both_ends() -> None:
+    full = sensor_nonlinearity.FULL_SCALE
+    assert [sensor_nonlinearity.reading(x, 0.0, 0.2) - x for x in (0.0, full)] == [0.0, 0.0]
+    assert sensor_nonlinearity.reading(0.5 * full, 0.0, 0.2) - 0.5 * full == pytest.approx(0.2)
+
+
+def test_pulley_friction_over_half_a_turn() -> None:
+    pull, release = (sensor_pulley_friction.felt(8.0, s, 0.04) for s in (1.0, -1.0))
+    assert pull == pytest.approx(4.0 * (1.0 + exp(-0.04 * pi)))
+    assert (release - 4.0) * (pull - 4.0) == pytest.approx(16.0)
+
+
+def test_cell_creep_and_hysteresis() -> None:
+    crept = sensor_creep.settle(10.0, 8.0, 0.05, 10.0, 0.0)
+    assert sensor_creep.reading(8.0, 0.0, 0.05, 10.0, crept) == pytest.approx(8.0 + 0.4 * (1.0 - exp(-1.0)))
+    up = sensor_hysteresis.settle(DT, 8.0, 0.1, 1.0, 0.0, 0.0)
+    down = sensor_hysteresis.settle(DT, 1.0, 0.1, 1.0, *up)
+    assert (up[1], down[1]) == (8.0, 1.0)
+    readings = [sensor_hysteresis.reading(4.0, 0.0, 0.1, 1.0, *state) for state in (up, down)]
+    assert readings[0] - readings[1] == pytest.approx(0.2, rel=2e-3)
+
+
+def test_finger_stiffness_and_hardening() -> None:
+    kappa, bend = 0.08, 0.7
+    assert finger_stiffness.passive(kappa * bend, bend, 0.0, kappa * bend, 0.0, 1.4) == pytest.approx(
+        1.4 * kappa * bend
+    )
+    assert finger_hardening.passive(0.0, bend, 0.0, 0.0, 0.0, 0.04) == pytest.approx(0.04 * bend**3)
+
+
+def test_viscoelastic_relaxation() -> None:
+    """At a held angle the extra torque falls to 1/e in one time constant."""
+    elastic, fraction, tau, relaxed = 0.05, 0.3, 2.0, 0.0
+    at_once = finger_viscoelasticity.passive(elastic, 0.0, 0.0, elastic, 0.0, fraction, tau, relaxed)
+    for _ in range(round(tau / DT)):
+        relaxed = finger_viscoelasticity.relax(DT, 0.0, 0.0, elastic, fraction, tau, relaxed)
+    later = finger_viscoelasticity.passive(elastic, 0.0, 0.0, elastic, 0.0, fraction, tau, relaxed)
+    assert at_once == pytest.approx(1.3 * elastic)
+    assert (later - elastic) / (at_once - elastic) == pytest.approx(exp(-1.0))
+
+
+def test_hysteresis_loop_area() -> None:
+    """A wide loop takes 4 torque amplitude, less what the bristle needs to turn round."""
+    torque, width, amplitude, state = 3e-3, 0.05, 1.0, (0.0, 0.0)
+    bends = amplitude * np.sin(np.linspace(0.0, 4 * pi, 40001))
+    work = 0.0
+    for k, bend in enumerate(bends[1:]):
+        held = finger_hysteresis.passive(0.0, float(bend), 0.0, 0.0, 0.0, torque, width, *state)
+        work += held * (bend - bends[k]) * (k >= 20000)
+        state = finger_hysteresis.relax(DT, float(bend), 0.0, 0.0, torque, width, *state)
+    assert work == pytest.approx(4.0 * torque * (amplitude - width), rel=2e-3)
+
+
+def test_spasticity_only_in_fast_flexion() -> None:
+    rates = (-5.0, 0.0, 0.5, 2.5)
+    assert [finger_spasticity.passive(0.0, 0.0, r, 0.0, 0.0, 0.01, 0.5) for r in rates] == pytest.approx(
+        [0, 0, 0, 0.02]
+    )
+
+
+def test_co_activation_comes_and_goes() -> None:
+    at = [finger_co_activation.passive(0.05, 0.0, 0.0, 0.05, t, 0.5, 0.2) for t in (0.0, 2.5, 5.0)]
+    assert at == pytest.approx([0.05, 0.075, 0.05])
+
+
+def test_gravity_of_the_straight_horizontal_finger() -> None:
+    """Static torques are weight times lever, bone by bone; palm up turns them round."""
+    own = [m * 9.81 for m in MASS]
+    third = own[2] * LENGTH[2] / 2
+    second = own[1] * LENGTH[1] / 2 + own[2] * LENGTH[1] + third
+    first = own[0] * LENGTH[0] / 2 + (own[1] + own[2]) * LENGTH[0] + second
+    down = finger_gravity.external(NOTHING, NOTHING, STILL, BONES, 0.0, 9.81, 0.0)
+    assert down == pytest.approx((first, second, third))
+    assert finger_gravity.external(NOTHING, NOTHING, STILL, BONES, 0.0, 9.81, pi) == pytest.approx([-x for x in down])
+    assert finger_gravity.external(NOTHING, NOTHING, STILL, BONES, 0.0, 9.81, pi / 2) == pytest.approx(NOTHING)
+
+
+def energy_slope(energy, angle: tuple[float, ...]) -> list[float]:
+    """-dE/dq by central differences [N m]."""
+    h, slopes = 1e-6, []
+    for i in range(3):
+        up, down = list(angle), list(angle)
+        up[i] += h
+        down[i] -= h
+        slopes.append((energy(down) - energy(up)) / (2 * h))
+    return slopes
+
+
+def height(angle) -> float:
+    """Palmar distance of the fingertip from the MCP axis [m]."""
+    return sum(length * sin(sum(angle[: i + 1])) for i, length in enumerate(LENGTH))
+
+
+def test_contact_pushes_by_virtual_work() -> None:
+    angle, stiffness = (0.5, 0.7, 0.4), 2000.0
+    distance = height(angle) - 0.001
+    torque = finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance, stiffness)
+    force = finger_contact.pressed(0.001, stiffness)
+    assert force == pytest.approx(2.0, rel=0.03)
+    assert torque == pytest.approx(energy_slope(lambda q: force * height(q), angle), rel=1e-5)
+    assert finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance + 0.002, stiffness) == NOTHING
+
+
+def test_contact_force_is_smooth_at_its_onset() -> None:
+    onset = finger_contact.ONSET
+    around = [finger_contact.pressed(onset + d, 2000.0) for d in (-1e-9, 0.0, 1e-9)]
+    assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
+
+
+def test_coupling_is_a_spring() -> None:
+    angle, stiffness, ratio = (0.5, 0.7, 0.2), 0.02, 0.67
+    torque = finger_coupling.external(NOTHING, angle, STILL, BONES, 0.0, stiffness, ratio)
+    assert torque == pytest.approx(
+        energy_slope(lambda q: 0.5 * stiffness * (q[2] - ratio * q[1]) ** 2, angle), rel=1e-6
+    )
+    assert torque[2] > 0.0
+
+
+def test_tremor_and_voluntary_torque() -> None:
+    torque = finger_tremor.external(NOTHING, NOTHING, STILL, BONES, 0.125, (0.006, 0.0, 0.002), 2.0)
+    assert torque == pytest.approx((0.006, 0.0, 0.002))
+    pushed = finger_voluntary_torque.external(NOTHING, NOTHING, STILL, BONES, 10.0, (0.01, 0.0, 0.0), (0.1, 0.0, 0.0))
+    assert pushed == pytest.approx((0.02, 0.0, 0.0))
+
+
+def test_routers_follow_the_tension() -> None:
+    settled = 0.0
+    for _ in range(100):
+        settled = finger_router_migration.settle(DT, 0.0, 8.0, 8.0, 0.0, 1e-4, settled)
+    assert finger_router_migration.worn_height(0.003, 8.0, 1e-4, settled) == pytest.approx(0.0038)
+
+
+def test_latency_counts_frames() -> None:
+    history = np.arange(36.0)
+    for frames, wanted in ((1.0, 13.0), (3.0, 15.0), (2.5, 14.5), (99.0, 22.0)):
+        assert timing_command_latency.sent(12.0, history, 12, 0.0, 0.5, frames) == pytest.approx(wanted)
+
+
+def test_lottery_decides_on_lost_frames() -> None:
+    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.1, 0.15) == 0.5
+    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.2, 0.15) == 1.0
+    assert timing_jitter.sent(1.0, (1.0, 0.0), 0, 0.0, 0.5, 0.5) == pytest.approx(0.75)
+
+
+def test_late_pictures_add_up() -> None:
+    late = timing_mocap_clock_skew.late(timing_mocap_delay.late(0.0, 40.0, 0.02), 40.0, 1e-3)
+    assert late == pytest.approx(0.06)
+
+
+def test_readings_with_other_zeros() -> None:
+    assert encoder_homing_offset.homed(0.01, -0.001) == pytest.approx(0.011)
+    assert mocap_skin_artefact.seen(pi / 4, 0.03) == pytest.approx(pi / 4 + 0.03)
