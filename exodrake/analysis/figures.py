@@ -20,6 +20,7 @@ LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spec
 INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
 OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
 WHITE = {"fc": "white", "ec": "none", "pad": 1.0}
+NOTE = {"va": "center", "fontsize": 8, "color": DARK, "bbox": WHITE}
 
 
 @styled
@@ -36,9 +37,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         shown = 2.5 if not step.settling > 2.3 else 1.2 * step.settling
         axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.wire}")
-        axes.text(
-            0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", va="center", fontsize=8, color=DARK
-        )
+        axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
     panels[0].set(ylabel="Change of tension / step [-]", ylim=panel_limits(result))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(lanes))
     return figure
@@ -117,7 +116,7 @@ def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
     axes.plot(latency.frames, latency.radius, color="#0072b2")
     axes.axhline(1.0, color="black", lw=0.9)
     axes.set_ylabel("Spectral radius")
-    if np.isfinite(latency.limit):
+    if latency.limit > 0.0:  # neither nan nor unstable from the start
         axes.plot(latency.limit, 1.0, "o", ms=6, mfc="white", mec="black")
         words = f"{latency.limit:.1f} frames\n({1e3 * period * latency.limit:.0f} ms)"
         axes.annotate(words, (latency.limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)

@@ -117,14 +117,12 @@ def delay_limit(model: FrameModel, wire: str) -> float:
 
 
 def gain_margin(loop: np.ndarray) -> float:
-    """Smallest factor > 1 that puts the open loop L (n,), sampled up to Nyquist, on -1; inf if none."""
-    factors = []
+    """Smallest factor > 1 that puts the open loop L (n,), sampled up to Nyquist (real there), on -1; inf if none."""
+    reals = [float(loop[-1].real)]
     for a, b in pairwise(loop):
         if a.imag * b.imag <= 0.0 and a.imag != b.imag:
-            real = a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)
-            if -1.0 < real < 0.0:
-                factors.append(-1.0 / real)
-    return min(factors, default=float("inf"))
+            reals.append(float(a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)))
+    return min((-1.0 / real for real in reals if -1.0 < real < 0.0), default=float("inf"))
 
 
 def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float]:

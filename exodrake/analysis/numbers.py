@@ -42,6 +42,7 @@ def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
             "effects": result.robot.effects(),
             "stable": result.stable,
             "spectral_radius": model.spectral_radius,
+            "returns_after_kick": result.returns,
             "notes": list(result.notes),
             "operating_point": {
                 "tension_ref [N]": dict(zip(lanes.wires, point.references)),

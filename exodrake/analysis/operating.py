@@ -12,7 +12,8 @@ from exodrake.analysis.linear import excursions, used
 from exodrake.errors import InputError
 
 CHUNK, CHUNKS = 100, 30  # frames between two looks; looks
-REST = 1e-7  # change over a frame, in units of a state's excursion, below which the loop rests
+REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
+SLOW = 1e-4  # the same after 60 s, below which what still moves is too slow to matter
 GENTLE = {"controller.kp": 1e-3, "controller.kd": 0.0}  # gains that bring a loop to rest whose own do not
 
 
@@ -62,15 +63,15 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> Op
     """The loop at rest under references `at` [N per wire].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
-    InputError where neither does, for such a loop has no operating point: a drift, or a limit cycle.
+    InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
     """
     references = references_of(loop.robot, at)
     state, frames, residual = settle(loop, references)
-    steady = residual < REST
+    steady = residual < SLOW
     if not steady:
         state, more, _ = settle(gentle(loop), references)
         residual, frames = moved(loop, state, references), frames + more
-        if not residual < 1e3 * REST:
+        if not residual < SLOW:
             raise InputError(
                 f"the loop does not come to rest at {said(loop, references)} (it still moves {residual:.2g} a frame)"
             )

@@ -35,7 +35,7 @@ class StabilityMap:
 
 @dataclass(frozen=True, eq=False)
 class LatencySweep:
-    """Spectral radius (n,) over added command latency `frames` (n,) on all wires, and the `limit` [frames] or nan."""
+    """Spectral radius (n,) over `frames` (n,) of command latency added on all wires; `limit` [frames] or nan."""
 
     frames: np.ndarray
     radius: np.ndarray
@@ -82,7 +82,8 @@ def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LA
     if not any(name.startswith(LATENCY) for name in loop.robot.machine.index):
         return None
     size = excursions(loop, point.state, point.references)
-    late = [loop.with_values({LATENCY: f}) for f in frames]
+    own = loop.numbers[loop.robot.places(LATENCY)[0]]
+    late = [loop.with_values({LATENCY: own + f}) for f in frames]
     keeps = [used(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
     return LatencySweep(np.asarray(frames, dtype=float), radius, first_crossing(frames, radius))

@@ -124,9 +124,23 @@ def show(result: ClosedLoop) -> None:
             poles.add_row(f"{abs(pole.z):.4f}", place, *rest, pole.state)
     for table in (wires, poles):
         console.print(table)
-    verdict = "stable" if result.stable else "UNSTABLE"
-    click.echo(f"spectral radius {result.model.spectral_radius:.4f} per frame: {verdict}")
-    if result.latency:
-        click.echo(f"stable up to {result.latency.limit:.2f} frames of added command latency")
+    click.echo(verdict(result))
     for note in result.notes:
         click.echo(f"note: {note}")
+
+
+def verdict(result: ClosedLoop) -> str:
+    """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
+    import math
+
+    radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
+    if result.kinked:
+        return (
+            f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
+        )
+    text = f"spectral radius {radius:.4f} per frame: {word}"
+    if result.stable and not result.returns:
+        text += ", yet a kick of 0.1 N does not die out"
+    if result.stable and result.latency and math.isfinite(result.latency.limit):
+        text += f"; stable up to {result.latency.limit:.2f} frames of added command latency"
+    return text

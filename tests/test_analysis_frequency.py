@@ -1,0 +1,137 @@
+"""Frequency response, margins, python-control: one way of finding each number against another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.analysis.closed_loop import to_control
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.frequency import bandwidth, frequency_response, multisine, odd_lines
+from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
+from exodrake.analysis.margins import delayed_loop, gain_margin, grows, margins, open_loop, phase_margin
+from exodrake.analysis.operating import operating_point
+
+WIRES = ("AF", "MF", "AE")
+
+
+@pytest.fixture(scope="module")
+def loop():
+    return FrameMap.of(exo.load_robot())
+
+
+@pytest.fixture(scope="module")
+def point(loop):
+    return operating_point(loop)
+
+
+@pytest.fixture(scope="module")
+def model(loop, point):
+    return linearise(loop, point.state, point.references)
+
+
+def integrator(gain):
+    """y_{n+1} = y_n + v_n, v_n = gain (r_n - y_n): L = gain / (z - 1), poles at 1 - gain."""
+    one = np.ones((1, 1))
+    c, d = np.array([[1.0], [-gain]]), np.array([[0.0], [gain]])
+    outputs = ("tension_AF", "speed_cmd_AF")
+    return FrameModel((1.0 - gain) * one, gain * one, c, d, 0.02, ("y",), ("tension_ref_AF",), outputs)
+
+
+def test_margins_of_an_integrator():
+    """Held integrator: limit gain 2, so the gain margin is 2 / gain; |L| = 1 where 2 sin(w T / 2) = gain."""
+    found = margins(integrator(0.5), "AF")
+    assert found.gain_limit == pytest.approx(4.0, rel=1e-6)
+    assert found.gain_margin == pytest.approx(4.0, rel=1e-3)
+    angle = 2.0 * np.arcsin(0.25)
+    assert found.crossover == pytest.approx(angle / (2.0 * np.pi * 0.02), rel=1e-3)
+    assert found.phase_margin == pytest.approx(np.pi / 2.0 - angle / 2.0, rel=1e-3)
+    assert found.delay_margin == pytest.approx(0.02 * (np.pi / 2.0 - angle / 2.0) / angle, rel=1e-3)
+    assert found.delay_limit == pytest.approx(found.delay_margin, rel=0.05)
+
+
+def test_multisine_is_odd_flat_and_periodic():
+    signal = multisine(0.05, odd_lines(500), 500, np.random.default_rng(0))
+    power = np.abs(np.fft.rfft(signal))
+    assert np.sqrt(np.mean(signal**2)) == pytest.approx(0.05)
+    assert power[::2].max() < 1e-12
+    assert power[1::2] == pytest.approx(power[1] * np.ones(125))
+
+
+@pytest.mark.parametrize("wire", range(3))
+def test_multisine_and_frame_map_agree(loop, point, model, wire):
+    found = frequency_response(loop, point, model, wire)
+    assert np.abs(found.measured - found.linear).max() < 1e-4
+    assert found.spread.max() < 1e-4 and found.coherence.min() > 1.0 - 1e-6
+    assert found.bandwidth_measured == pytest.approx(found.bandwidth, rel=0.03)
+
+
+def test_noise_spreads_the_measured_response(loop, point, model):
+    found = frequency_response(loop, point, model, 1, seed=1)
+    low = found.frequency < 2.0
+    assert found.spread[low].mean() > 1e-3
+    assert found.measured[low] == pytest.approx(found.linear[low], abs=0.15)
+    assert found.coherence[low].min() > 0.9
+
+
+@pytest.mark.parametrize("wire", range(3))
+def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
+    found = margins(model, WIRES[wire])
+    assert found.gain_margin == pytest.approx(found.gain_limit, rel=1e-3)
+    assert found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
+    assert not grows(loop, point, wire, 0.97 * found.gain_limit)
+    assert grows(loop, point, wire, 1.03 * found.gain_limit)
+
+
+@pytest.mark.parametrize("frames", [1.0, 2.5, 6.0])
+def test_the_delayed_loop_is_the_loop_with_command_latency(loop, point, model, frames):
+    late = model
+    for wire in WIRES:
+        a = delayed_loop(late, wire, frames)
+        extra = len(a) - len(late.A)
+        b, c = np.vstack([late.B, np.zeros((extra, 3))]), np.hstack([late.C, np.zeros((len(late.C), extra))])
+        b[len(late.A)] = late.D[late.outputs.index(f"speed_cmd_{wire}")]
+        j = WIRES.index(wire)
+        b[: len(late.A), j] = max(0.0, 1.0 - frames) * late.B[:, j]
+        late = replace(late, A=a, B=b, C=c)
+    there = loop.with_values({"timing.command_latency.frames": frames})
+    expected = linearise(there, point.state, point.references).spectral_radius
+    assert spectral_radius(late.A) == pytest.approx(expected, abs=1e-5)
+
+
+def test_python_control_reads_the_same_model(model):
+    control = pytest.importorskip("control")
+    system = to_control(model)
+    assert system.dt == 0.02 and system.nstates == len(model.A)
+    assert list(system.output_labels)[:3] == ["tension_AF", "tension_MF", "tension_AE"]
+    z = np.exp(2j * np.pi * 1.5 * 0.02)
+    here = model.select("tension", "angle").response(np.array([1.5]))[0]
+    assert system(z) == pytest.approx(here, abs=1e-9)
+    loop_l = open_loop(model, "MF", np.linspace(0.01, 25.0, 2000))
+    frd = control.frd(loop_l, 2.0 * np.pi * np.linspace(0.01, 25.0, 2000))
+    gain, phase, _, _, _, _ = control.stability_margins(frd)
+    assert gain == pytest.approx(gain_margin(loop_l), rel=1e-2)
+    assert np.radians(phase) == pytest.approx(phase_margin(np.linspace(0.01, 25.0, 2000), loop_l)[0], rel=1e-2)
+    with pytest.raises(exo.InputError, match="colour"):
+        to_control(model, "colour")
+
+
+def test_without_python_control_a_sentence(model, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(exo.InputError, match="pip install"):
+        to_control(model)
+
+
+def test_no_gain_no_loop(loop, point):
+    open_ended = loop.with_values({"controller.kp": 0.0})
+    with pytest.raises(exo.InputError, match="kp = 0"):
+        margins(linearise(open_ended, point.state, point.references), "AF")
+
+
+def test_bandwidth_of_a_first_order_lag():
+    f = np.linspace(0.0, 10.0, 5001)
+    assert bandwidth(f, 1.0, 1.0 / (1.0 + 1j * f / 2.0)) == pytest.approx(2.0, rel=1e-4)
+    assert np.isnan(bandwidth(f, 1.0, np.ones(5001)))
