@@ -11,12 +11,12 @@ import numpy as np
 from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.decide import Decision, Thresholds, decide, left_over, misfit, thresholds
+from exodrake.diagnosis.decide import Decision, Thresholds, decide, is_quiet, left_over, misfit, thresholds
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, NamedEffect
-from exodrake.diagnosis.search import Fitted, Ranking, Search, Searcher
+from exodrake.diagnosis.search import Fitted, Ranking, Search
 from exodrake.diagrams.robot import Robot, load_robot
 
 Progress = Callable[[str], None]
@@ -35,26 +35,20 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     problem = make_problem(case, robot or load_robot())
     limits = thresholds()
     progress("measuring the gap")
-    searcher = Searcher(problem, progress)
-    search = run_search(problem, searcher, limits)
+    ranking = Ranking(problem, progress, lambda fitted: is_quiet(problem, fitted, limits))
+    search = run_search(problem, ranking, limits)
     decision = decide(problem, search, limits)
     progress("measuring how far")
-    return answer(case, problem, searcher, search, decision, begun, progress)
+    return answer(case, problem, ranking, search, decision, begun, progress)
 
 
-def run_search(problem: Problem, searcher: Searcher, limits: Thresholds) -> Search:
+def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
     """Nominal, retuned, then effects and pairs as far as the gap asks for them."""
-
-    def enough(fitted: Fitted) -> bool:
-        return misfit(problem, fitted) <= limits.quiet
-
-    ranking = Ranking(searcher, enough)
     nominal = ranking.nominal()
-    if enough(nominal):
+    if ranking.enough(nominal):
         return Search(nominal, nominal)
-    searcher.progress("retuning the nominal numbers")
     retuned = ranking.retuned()
-    if enough(retuned):
+    if ranking.enough(retuned):
         return Search(nominal, retuned)
     singles, screened = ranking.singles()
     pairs: list[Fitted] = []
@@ -68,10 +62,10 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresho
     return [f for f in pairs if left_over(problem, f, single) < limits.pair]
 
 
-def robot_of(problem: Problem, searcher: Searcher, fitted: Fitted, source: str) -> Robot:
+def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:
     """The robot of a fitted point: the problem's own, with its retuned numbers and effects."""
     point = fitted.point
-    values = nuisance.turned(problem.robot.values, searcher.fitter.knobs, point.x)
+    values = nuisance.turned(problem.robot.values, ranking.full.fitter.knobs, point.x)
     changed = {e.name: f"fitted to {source}" for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True) if a != b}
     values = point.hypothesis.apply(values, point.u)
     return Robot(
@@ -80,12 +74,14 @@ def robot_of(problem: Problem, searcher: Searcher, fitted: Fitted, source: str) 
     )  # fmt: skip
 
 
-def effects_of(problem: Problem, searcher: Searcher, fitted: Fitted, chance: dict[str, float]) -> tuple[NamedEffect, ...]:
+def effects_of(problem: Problem, ranking: Ranking, fitted: Fitted, chance: dict[str, float]) -> tuple[NamedEffect, ...]:
     """The effects of a candidate with lanes and intervals."""
     machine = problem.robot.machine
     if not fitted.point.hypothesis.effects:
         return ()
-    estimate = spread(searcher.fitter, fitted.point, searcher.fitter.responses(fitted.point))
+    fitter = ranking.full.fitter
+    responses = ranking.own.get(fitted.name)
+    estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
     found = []
     for identity in fitted.point.hypothesis.effects:
         over = machine.effect(identity).over
@@ -112,24 +108,24 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(case: Case, problem: Problem, searcher: Searcher, search: Search, decision: Decision, begun: float, progress: Progress) -> Diagnosis:
+def answer(case: Case, problem: Problem, ranking: Ranking, search: Search, decision: Decision, begun: float, progress: Progress) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
     best, named = decision.best, decision.verdict in (NAMED, AMBIGUOUS)
     robots = {
         "nominal": problem.robot,
-        "retuned": robot_of(problem, searcher, search.retuned, case.name),
-        "improved": robot_of(problem, searcher, best, case.name),
+        "retuned": robot_of(problem, ranking, search.retuned, case.name),
+        "improved": robot_of(problem, ranking, best, case.name),
     }
     closure = measure(problem, *robots.values())
-    effects = effects_of(problem, searcher, best, decision.probability) if named else ()
+    effects = effects_of(problem, ranking, best, decision.probability) if named else ()
     experiment = None
     if decision.verdict == AMBIGUOUS:
         from exodrake.diagnosis.experiment import next_experiment
 
-        rows = np.array([searcher.fitter.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
+        rows = np.array([ranking.full.fitter.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
         experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
     progress("where it lies")
-    where = place(problem, searcher, search, decision, effects)
+    where = place(problem, ranking.full, search, decision, effects)
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,14 @@ class Problem:
             difference = (trial.measured[None] - self.predict(rows, trial)) / self.floor
             parts.append(np.nan_to_num(difference, nan=0.0, posinf=WILD, neginf=-WILD).clip(-WILD, WILD).reshape(len(rows), -1))
         return np.concatenate(parts, axis=1)
+
+    def shortened(self, share: float) -> Problem:
+        """The problem with the first part of each fitted trial, for cheap comparisons."""
+        cut = tuple(
+            replace(t, reference=t.reference[: (n := max(2, int(share * len(t.reference))))], measured=t.measured[:n])
+            for t in self.fit
+        )
+        return replace(self, fit=cut)
 
     def silent(self, robot: Robot | None = None) -> np.ndarray:
         """Flat numbers for prediction: no noise, no rounding."""

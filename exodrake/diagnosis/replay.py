@@ -11,21 +11,26 @@ fall of the gap over all orders of fixing, exact over all subsets.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from math import cos, factorial, sin
 
 import numpy as np
 
-from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.block import Block
+from exodrake.diagnosis.problem import SILENT, Problem, Trial
 from exodrake.diagnosis.regime import filled
 from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.leaves import held_wires, outer_reads
 from exodrake.diagrams.machine import Machine, feedthrough_order
+from exodrake.diagrams.simulate import QUANTA, Reference, record
 from exodrake.systems import routers
 from exodrake.systems.tendon_finger import Q, RATE, TAKEN
 
 SEGMENTS = {"motor": "stroke", "tendon": "tension", "finger": "angle"}
 SOFT = 1e-3  # N/m: a wire this soft is a source of force
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
+LONGEST = 12.0  # s of a trial that is replayed: the loop is interpreted
 READING = 0.005  # s after the start of a frame: middle of the three bus reads
 
 
@@ -35,67 +40,68 @@ class Loop:
     def __init__(self, machine: Machine, values: np.ndarray) -> None:
         self.machine, self.module = machine, compile_machine(machine)
         self.wires = {w.name: np.zeros(machine.width(w.over)) for w in machine.wires}
-        self.parts = {}
-        at = 0
+        self.states, self.numbers = {}, {}
+        state, at, p_at = np.zeros(sum(sum(machine.part_size(b)) for b in machine.blocks)), 0, 0
+        self.module.begin(values, state)
         for block in machine.blocks:
-            count = sum(e.block == block.name for e in machine.entries)
-            own, extra = machine.part_size(block)
-            self.parts[block.name] = (np.zeros(own), np.zeros(extra), values[at : at + count].copy())
-            at += count
-        self.outputs = [(b, b.outputs[k]) for b, k in feedthrough_order(machine)]
-        start = np.zeros(len(machine.lanes.wires))
-        for block in machine.blocks:
-            getattr(self.module, f"{block.name}__leaf__start")(*self.parts[block.name], start)
-        self.refresh({b.name for b in machine.blocks}, {})
+            size, count = sum(machine.part_size(block)), sum(e.block == block.name for e in machine.entries)
+            self.states[block.name], self.numbers[block.name] = state[at : at + size].copy(), values[p_at : p_at + count].copy()
+            at, p_at = at + size, p_at + count
+            self.call(block, "hold")
+        self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
+        self.pass_through({})
 
-    def call(self, block: str, function: str, *arguments) -> None:
-        """A leaf function on its part."""
-        getattr(self.module, f"{block}__leaf__{function}")(*self.parts[block], *arguments)
+    def call(self, block: Block, function: str, own: tuple = (), reads: tuple = ()) -> None:
+        """A task of a part, or `hold`: its own wires follow from its state."""
+        held = [self.wires[n] for n in held_wires(block)]
+        entry = getattr(self.module, f"{block.name}__leaf__{function}")
+        entry(self.states[block.name], *held, self.numbers[block.name], *own, *reads)
 
-    def refresh(self, blocks: set[str], imposed: dict[str, np.ndarray]) -> None:
-        """Outputs of some blocks and of what they feed; imposed wires keep their value."""
-        changed: set[str] = set(imposed)
-        for block, output in self.outputs:
-            if block.name in blocks or changed & set(output.reads):
-                self.call(block.name, output.function, *(self.wires[n] for n in (*output.reads, *output.writes)))
-                changed |= set(output.writes)
-                for name in set(output.writes) & set(imposed):
-                    self.wires[name][:] = imposed[name]
+    def pass_through(self, imposed: dict[str, np.ndarray]) -> None:
+        """Imposed wires take their values, then wires of direct feedthrough follow."""
+        for name, value in imposed.items():
+            self.wires[name][:] = value
+        for block, output in self.direct:
+            entry = getattr(self.module, f"{block.name}__leaf__{output.function}")
+            entry(self.states[block.name], self.numbers[block.name], *(self.wires[n] for n in (*output.reads, *output.writes)))
+            for name in set(output.writes) & set(imposed):
+                self.wires[name][:] = imposed[name]
 
     def tasks(self, slot: int, imposed: dict[str, np.ndarray]) -> None:
         """The sampled tasks of a slot."""
         for block in self.machine.blocks:
             for task in block.tasks:
                 if slot in task.slots:
-                    lane = [task.slots.index(slot)] if task.lanes else []
-                    self.call(block.name, task.function, *lane, *(self.wires[n] for n in task.reads))
-                    self.refresh({block.name}, imposed)
+                    lane = (task.slots.index(slot),) if task.lanes else ()
+                    self.call(block, task.function, lane, tuple(self.wires[n] for n in outer_reads(block, task.reads)))
+        self.pass_through(imposed)
 
     def tick(self, dt: float, imposed: dict[str, np.ndarray], forced: tuple[np.ndarray, np.ndarray] | None, held: np.ndarray | None) -> None:
         """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in place of its own."""
+        before = {name: values.copy() for name, values in self.wires.items()}
         for block in self.machine.blocks:
             for task in block.tasks:
                 if task.slots:
                     continue
-                reads = [self.wires[n] for n in task.reads]
+                reads = tuple(before[n] for n in outer_reads(block, task.reads))
                 if block.name == "finger" and forced is not None:
-                    reads = [forced[0] / SOFT, forced[1] / SOFT]
-                self.call(block.name, task.function, dt, *reads)
+                    reads = (forced[0] / SOFT, forced[1] / SOFT)
+                self.call(block, task.function, (dt,), reads)
         if held is not None:
             self.hold(held)
-        self.refresh({b.name for b in self.machine.blocks if any(not t.slots for t in b.tasks)}, imposed)
+        self.pass_through(imposed)
 
     def hold(self, angle: np.ndarray) -> None:
         """Puts the finger into a posture, at rest."""
-        x, _, p = self.parts["finger"]
-        x[Q : Q + 3], x[RATE : RATE + 3] = angle, 0.0
-        x[TAKEN : TAKEN + 3] = taken_in(self.machine, p, angle)
+        x = self.states["finger"]
+        x[Q : Q + 3], x[RATE : RATE + 3], self.wires["angle"][:] = angle, 0.0, angle
+        x[TAKEN : TAKEN + 3] = taken_in(self.machine, self.numbers["finger"], angle)
 
     def soften(self) -> None:
         """Makes the finger's wires so soft that a stroke is a force."""
         for place, entry in enumerate(e for e in self.machine.entries if e.block == "finger"):
             if entry.name.startswith("tendon.k."):
-                self.parts["finger"][2][place] = SOFT
+                self.numbers["finger"][place] = SOFT
 
 
 def taken_in(machine: Machine, p: np.ndarray, angle: np.ndarray) -> np.ndarray:
@@ -159,7 +165,35 @@ def subsets() -> list[frozenset[str]]:
 
 
 def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[str, float], dict[str, float]]:
-    """Exact Shapley shares of the closed-loop gap, and each segment's replay gap [floors], by segment."""
+    """Exact Shapley shares of the closed-loop gap, and each segment's replay gap [floors], by segment.
+
+    What is fed in is noisy, and a stiff wire turns a micrometre into newtons: the same replay of a log that the robot itself would have
+    written, noise and rounding included, is subtracted. No shares where nothing is left.
+    """
+    frames = round(LONGEST / problem.robot.machine.frame)
+    trial = replace(trial, reference=trial.reference[:frames], measured=trial.measured[:frames])
+    power, alone = powers(problem, values, trial)
+    floor, floor_alone = powers(problem, values, own_trial(problem, values, trial))
+    net = {s: max(power[s] - floor[s], 0.0) for s in power}
+    gaps = {s: float(np.sqrt(max(alone[s] ** 2 - floor_alone[s] ** 2, 0.0))) for s in alone}
+    return shapley(net), gaps
+
+
+def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
+    """The trial as the robot itself would have logged it, with noise and rounding."""
+    robot = replace(problem.robot, values=np.where(np.isin(np.arange(len(values)), noisy(problem)), problem.robot.values, values))
+    run = record(robot, Reference(trial.reference, trial.name), seed=0)
+    flat = np.concatenate([run.wires[w.name] for w in problem.robot.machine.wires], axis=1)
+    return replace(trial, measured=flat[:, problem.wires])
+
+
+def noisy(problem: Problem) -> list[int]:
+    """Places of the numbers that prediction silences."""
+    return [problem.robot.machine.index[name] for name in (*SILENT, *QUANTA)]
+
+
+def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[frozenset[str], float], dict[str, float]]:
+    """Residual power [floor^2] of the signals that are not overruled, for each set of fixed segments; and each segment's replay gap [floors]."""
     power, alone = {}, {}
     for fixed in subsets():
         difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.floor)
@@ -169,7 +203,7 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
             (segment,) = set(SEGMENTS) - fixed
             own = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == SEGMENTS[segment]]
             alone[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
-    return shapley(power), alone
+    return power, alone
 
 
 def shapley(power: dict[frozenset[str], float]) -> dict[str, float]:

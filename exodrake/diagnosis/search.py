@@ -11,8 +11,9 @@ from exodrake.block import Effect
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
 from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.vocabulary import COMMON
 
-PROBES = (0.35, 1.0)  # amplitudes at which an effect is tried, in units of its typical value
+PROBE = 0.6  # amplitude at which an effect is tried, in units of its typical value
 Progress = Callable[[str], None]
 
 
@@ -73,8 +74,8 @@ class Searcher:
         return self.fitter.at(NOTHING, np.zeros(0), self.zero)
 
     def shelf(self, point: Point) -> list[Effect]:
-        """Effects that are not yet in the hypothesis of a point."""
-        return [e for e in self.problem.robot.machine.shelf if e.id not in point.hypothesis.effects]
+        """Common effects that are not yet in the hypothesis of a point."""
+        return [e for e in self.problem.robot.machine.shelf if e.id in COMMON and e.id not in point.hypothesis.effects]
 
     def screen(self, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[tuple[float, Hypothesis, np.ndarray, np.ndarray]]:
         """Each effect's linearised cost, with the hypothesis, the amplitudes and the nominal knobs to start its fit from; best first."""
@@ -92,19 +93,15 @@ class Searcher:
     def linearised(self, point: Point, extra: Hypothesis, probe: np.ndarray, responses: np.ndarray, gram: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, u and x of the best combination of the effect's responses lane by lane and of the nominal knobs, within bounds."""
         both = point.hypothesis.joined(extra)
-        lanes = [i for i, knob in enumerate(extra.knobs) if knob.first or len(knob.lanes) == 1 and not extra.knobs[0].first]
-        rows = []
-        for lane in lanes:
-            u = np.where([i in lanes and i != lane for i in range(len(probe))], 0.0, probe)
-            rows.append(self.fitter.values(both, np.concatenate([point.u, u]), point.x))
+        lanes = [i for i, knob in enumerate(extra.knobs) if knob.first]
+        rows = [self.fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x) for lane in lanes or [0]]
         directions = (self.problem.residual(np.array(rows), self.problem.fit) - point.residual).T
-        count = len(lanes)
+        count = directions.shape[1]
         cross = directions.T @ responses
         normal = np.block([[directions.T @ directions, cross], [cross.T, gram + np.diag(1.0 / self.fitter.spread**2)]])
         normal[np.diag_indices(count)] += 1e-9 * np.trace(normal[:count, :count]) + 1e-9
         descent = -np.concatenate([directions.T @ point.residual, responses.T @ point.residual + point.x / self.fitter.spread**2])
-        low, high = extra.bounds[lanes].T
-        low, high = np.where(probe[lanes] > 0, low, high) / probe[lanes], np.where(probe[lanes] > 0, high, low) / probe[lanes]
+        low, high = amplitude_bounds(extra, probe, lanes)
         limit = self.fitter.limit
         move = bounded_solve(normal, descent, np.concatenate([low, -limit - point.x]), np.concatenate([high, limit - point.x]))
         u = probe.copy()
@@ -113,82 +110,127 @@ class Searcher:
         return cost, np.concatenate([point.u, u]), point.x + move[count:]
 
 
+def alone(probe: np.ndarray, lanes: list[int], lane: int) -> np.ndarray:
+    """The probe with all other lanes at neutral; as it is for an effect that is on or off."""
+    u = probe.copy()
+    u[[i for i in lanes if i != lane]] = 0.0
+    return u
+
+
+def amplitude_bounds(extra: Hypothesis, probe: np.ndarray, lanes: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """How far each direction may be scaled; an effect that is on or off is taken as it is."""
+    if not lanes:
+        return np.array([1.0]), np.array([1.0 + 1e-9])
+    ends = extra.bounds[lanes] / probe[lanes][:, None]
+    return ends.min(axis=1), ends.max(axis=1)
+
+
 def probes(extra: Hypothesis) -> list[np.ndarray]:
-    """Values of u at which an effect's response is measured: two amplitudes, and the ends of a further number's range."""
-    found = []
-    for amplitude in PROBES:
-        u = extra.start
-        for i, knob in enumerate(extra.knobs):
-            if knob.first:
-                u[i] = amplitude * (knob.start if knob.start != 0.0 else knob.scale)
-        found.append(u)
+    """Values of u at which an effect's response is measured: a modest amplitude, and both ends of further numbers known by order only."""
+    first = extra.start
     for i, knob in enumerate(extra.knobs):
-        if not knob.first and len(knob.lanes) != 1:
+        if knob.first:
+            first[i] = PROBE * (knob.start if knob.start != 0.0 else knob.scale)
+    found = [first]
+    for i, knob in enumerate(extra.knobs):
+        if not knob.first and knob.number.scale == "log" and len(knob.lanes) != 1:
             low, high = knob.bounds
-            for end in (0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high):
-                u = found[0].copy()
-                u[i] = end
-                found.append(u)
+            u = first.copy()
+            u[i] = (0.3 * low + 0.7 * high) if first[i] < 0.5 * (low + high) else (0.7 * low + 0.3 * high)
+            found.append(u)
+    if not any(knob.first for knob in extra.knobs):
+        low, high = extra.knobs[0].bounds
+        found = [np.concatenate([[value], first[1:]]) for value in np.linspace(low, high, TURNS)]
     return found
 
 
-SHORTLIST, REFINED, SECONDS = 10, 3, 5  # candidates fitted; refined with their own responses; second effects fitted
+TURNS = 5  # values at which a number without a neutral value is tried
+
+
+SHARE = 0.6  # of each trial: what screening and racing see
+SHORTLIST, SURVIVORS, REFINED = 10, 4, 2  # effects raced; fitted to the end; refined on whole trials with their own responses
+SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
+NEARBY = 60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
+HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
 class Ranking:
-    """The course of a search: what is fitted, refined and paired, within a budget."""
+    """The course of a search: what is fitted, refined and paired."""
 
-    def __init__(self, searcher: Searcher, enough: Callable[[Fitted], bool]) -> None:
-        self.s, self.enough = searcher, enough
-        self.origin = searcher.start()
-        self.responses = searcher.fitter.responses(self.origin)
-        self.gram = self.responses.T @ self.responses
+    def __init__(self, problem: Problem, progress: Progress, enough: Callable[[Fitted], bool]) -> None:
+        self.full, self.quick = Searcher(problem, progress), Searcher(problem.shortened(SHARE), progress)
+        self.progress, self.enough = progress, enough
+        self.origin = self.full.start()
+        self.base = self.origin
+        self.responses: np.ndarray | None = None
+        self.own: dict[str, np.ndarray] = {}
 
     def nominal(self) -> Fitted:
         """The nominal robot."""
-        return self.s.complete(self.origin)
+        return self.full.complete(self.origin)
 
     def retuned(self) -> Fitted:
         """The nominal numbers fitted, their responses taken anew once."""
-        fitter = self.s.fitter
-        point = fitter.fit(self.origin, self.responses, gram=self.gram, steps=4)
-        found = self.s.complete(point)
+        self.progress("retuning the nominal numbers")
+        fitter = self.full.fitter
+        self.responses = fitter.responses(self.origin)
+        found = self.full.complete(fitter.fit(self.origin, self.responses, steps=3))
         if self.enough(found):
             return found
-        return self.s.complete(fitter.fit(point, fitter.responses(point), steps=4))
+        responses = fitter.responses(found.point)
+        found = self.full.complete(fitter.fit(found.point, responses, steps=3))
+        if found.misfit < NEARBY:
+            self.base, self.responses = found.point, responses
+        return found
 
     def singles(self) -> tuple[list[Fitted], list[tuple[str, float]]]:
-        """The shortlist fitted and its best refined, best first; and the screening costs per sample of all effects."""
-        self.s.progress("screening effects")
-        screened = self.s.screen(self.origin, self.responses, self.gram)
-        found = [self.fitted(h, u, x, self.responses, self.gram) for _, h, u, x in screened[:SHORTLIST]]
-        found.sort(key=lambda f: f.score)
-        found = self.refined(found, REFINED)
-        samples = len(self.origin.residual)
-        return found, [(h.name, 2.0 * cost / samples) for cost, h, _, _ in screened]
+        """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects."""
+        self.progress("screening effects")
+        assert self.responses is not None
+        kept, base = self.kept_rows(self.responses), self.quick.fitter.at(NOTHING, np.zeros(0), self.base.x)
+        gram = kept.T @ kept
+        screened = self.quick.screen(base, kept, gram)
+        found = self.race(screened[:SHORTLIST], kept, gram, SURVIVORS)
+        best = self.refine(found, REFINED)
+        return best, [(h.name, 2.0 * cost / len(base.residual)) for cost, h, _, _ in screened]
 
-    def fitted(self, h: Hypothesis, u: np.ndarray, x: np.ndarray, responses: np.ndarray, gram: np.ndarray | None, steps: int = 8) -> Fitted:
-        """One hypothesis fitted from a start, which is put within bounds."""
-        self.s.progress(h.name)
-        fitter = self.s.fitter
-        start = fitter.at(h, np.clip(u, *h.bounds.T), np.clip(x, -fitter.limit, fitter.limit))
-        return self.s.complete(fitter.fit(start, responses, gram=gram, steps=steps))
+    def kept_rows(self, responses: np.ndarray) -> np.ndarray:
+        """Rows of whole-trial responses that belong to the shortened trials."""
+        columns, parts, at = len(self.full.problem.columns), [], 0
+        for whole, part in zip(self.full.problem.fit, self.quick.problem.fit, strict=True):
+            parts.append(responses[at : at + columns * len(part.reference)])
+            at += columns * len(whole.reference)
+        return np.concatenate(parts)
 
-    def refined(self, found: list[Fitted], count: int) -> list[Fitted]:
-        """The best few fitted on with responses taken at their own points; sorted."""
-        fitter = self.s.fitter
-        better = []
-        for f in found[:count]:
-            self.s.progress(f"refining {f.name}")
-            responses = fitter.responses(f.point)
-            better.append(self.s.complete(fitter.fit(f.point, responses, steps=5)))
-        return sorted(better + found[count:], key=lambda f: f.score)
+    def race(self, entries: list, responses: np.ndarray, gram: np.ndarray, survivors: int) -> list[Point]:
+        """Points after two steps each, the hopeless dropped and the survivors fitted to the end; best first."""
+        fitter, points = self.quick.fitter, []
+        for _, h, u, x in entries:
+            self.progress(h.name)
+            start = fitter.at(h, np.clip(u, *h.bounds.T), np.clip(x, -fitter.limit, fitter.limit))
+            points.append(fitter.fit(start, responses, steps=2, gram=gram))
+        points.sort(key=lambda p: p.cost)
+        hopeful = [p for p in points[:survivors] if p.misfit < HOPELESS * points[0].misfit]
+        ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
+        return sorted([*ended, *points[len(hopeful) :]], key=lambda p: p.cost)
+
+    def refine(self, points: list[Point], count: int) -> list[Fitted]:
+        """The best few fitted on whole trials with responses taken at their own points; the rest as they are. Best first."""
+        fitter, found = self.full.fitter, []
+        for k, p in enumerate(points):
+            start = fitter.at(p.hypothesis, p.u, p.x)
+            if k < count:
+                self.progress(f"refining {p.hypothesis.name}")
+                self.own[p.hypothesis.name] = fitter.responses(start)
+                start = fitter.fit(start, self.own[p.hypothesis.name], steps=4)
+            found.append(self.full.complete(start))
+        return sorted(found, key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:
-        """Second effects beside a fitted first one: screened at its point, fitted, the best refined."""
-        self.s.progress(f"a second effect beside {first.name}")
-        responses = self.s.fitter.responses(first.point)
+        """Second effects beside a fitted first one: screened at its point, raced, the best refined."""
+        self.progress(f"a second effect beside {first.name}")
+        point = self.quick.fitter.at(first.point.hypothesis, first.point.u, first.point.x)
+        responses = self.kept_rows(self.own[first.name]) if first.name in self.own else self.quick.fitter.responses(point)
         gram = responses.T @ responses
-        screened = self.s.screen(first.point, responses, gram)
-        found = [self.fitted(h, u, x, responses, gram) for _, h, u, x in screened[:SECONDS]]
-        return self.refined(sorted(found, key=lambda f: f.score), 1)
+        screened = self.quick.screen(point, responses, gram)
+        return self.refine(self.race(screened[:SECONDS], responses, gram, SECOND_SURVIVORS), 1)
