@@ -11,7 +11,7 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.systems.finger import coriolis, inertia, mass_matrix
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
-from exodrake.systems.tendon_finger import BLOCK, Numbers, paths
+from exodrake.systems.tendon_finger import BLOCK, Numbers, heights, paths
 
 RNG = np.random.default_rng(7)
 SAMPLES = [(RNG.uniform(-0.3, 1.5, 3), RNG.uniform(-15, 15, 3)) for _ in range(40)]
@@ -100,14 +100,15 @@ def test_general_routers_keep_arm_and_slope_consistent():
 
 def test_power_balance():
     """T dl/dt = (P^T T) q': what the wires do is what the joints get."""
-    numbers, step, none = finger_numbers(), 1e-5, None
+    numbers, step = finger_numbers(), 1e-5
+    high = heights(None, None, numbers, (0.0, 0.0, 0.0))
 
     def taken(q):
-        return np.array(paths(none, none, numbers, tuple(np.cos(q)), tuple(np.sin(q)), (0.0, 0.0, 0.0))[0])
+        return np.array(paths(numbers, tuple(np.cos(q)), tuple(np.sin(q)), high)[0])
 
     for q, rate in SAMPLES:
         tension = RNG.uniform(0, 10, 3)
-        wires = paths(none, none, numbers, tuple(np.cos(q)), tuple(np.sin(q)), (0.0, 0.0, 0.0))
+        wires = paths(numbers, tuple(np.cos(q)), tuple(np.sin(q)), high)
         unit = rate / np.linalg.norm(rate)
         flow = tension @ (taken(q + step * unit) - taken(q - step * unit)) / (2 * step)
         assert (np.array(wires[1]).T @ tension) @ unit == pytest.approx(flow, rel=1e-7)

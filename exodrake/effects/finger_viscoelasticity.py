@@ -1,7 +1,7 @@
 """Joint tissue relaxes (standard linear solid).
 
 tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' = elastic - w
-    elastic = kappa (q - q0)
+elastic = kappa (q - q0)
 """
 
 from exodrake.block import JOINTS, Effect, Number, State
