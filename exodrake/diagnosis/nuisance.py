@@ -33,7 +33,7 @@ class Knob:
 RELATIVE = (
     "tendon.k.{w}", "finger.kappa.{j}", "finger.B.{j}", "finger.q_f.{j}", "finger.beta", "finger.A",
     "router.a_f.{j} router.b_f.{j}", "router.m_f.{j} router.n_f.{j}", "router.a_e.{j} router.b_e.{j}", "router.m_e.{j} router.n_e.{j}",
-    "motor.kM", "motor.J", "motor.b", "motor.r", "motor.Kp", "motor.Ki", "sensor.tau_F",
+    "motor.kM.{w}", "motor.J.{w}", "motor.Ki.{w}", "motor.r.{w}", "sensor.tau_F",
 )  # fmt: skip
 ADDED = ("finger.q0.{j}", "finger.q_e.{j}")
 LOOSE = ("tendon.presliding",)  # known in order of magnitude; acts only where a friction effect does

@@ -14,17 +14,17 @@ from exodrake.block import WIRES, Block, Output, Point, State, Task, Unit
 
 
 class Numbers(NamedTuple):
-    """Motor, gear, spool and drive; the same for each wire."""
+    """Motor, gear, spool and drive of each wire; the gear ratio and the radius that all drives were told."""
 
-    kM: Annotated[float, Unit("N m/A")]
-    J: Annotated[float, Unit("kg m2")]
-    b: Annotated[float, Unit("N m s/rad")]
+    kM: Annotated[tuple, Unit("N m/A", WIRES)]
+    J: Annotated[tuple, Unit("kg m2", WIRES)]
+    b: Annotated[tuple, Unit("N m s/rad", WIRES)]
     N: Annotated[float, Unit("-")]
-    r: Annotated[float, Unit("m")]
+    r: Annotated[tuple, Unit("m", WIRES)]
     r_set: Annotated[float, Unit("m")]
-    Kp: Annotated[float, Unit("A s/rad")]
-    Ki: Annotated[float, Unit("A/rad")]
-    i_max: Annotated[float, Unit("A")]
+    Kp: Annotated[tuple, Unit("A s/rad", WIRES)]
+    Ki: Annotated[tuple, Unit("A/rad", WIRES)]
+    i_max: Annotated[tuple, Unit("A", WIRES)]
 
 
 def command(e, z, j, speed, tension):
@@ -66,22 +66,22 @@ def settle(e, z, j, dt, rotor_speed):
     """Point: after a tick, states of the effects on motor j advance by dt [s]; rotor speed [rad/s]."""
 
 
-def slope(w, integral, w_ref, load_torque, kp, ki, i_max, n):
+def slope(w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
     """Rotor acceleration [rad/s2] and rate of the integral part [A/s]."""
     error = w_ref - w
     wanted = kp * error + integral
     current = min(max(wanted, -i_max), i_max)
     frozen = (wanted > i_max and error > 0.0) or (wanted < -i_max and error < 0.0)
-    return (n.kM * current - n.b * w - load_torque) / n.J, 0.0 if frozen else ki * error
+    return (n.kM[j] * current - n.b[j] * w - load_torque) / n.J[j], 0.0 if frozen else ki * error
 
 
-def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, n):
+def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
     """Rotor speed, integral part and output angle after dt."""
     half = 0.5 * dt
-    a1, c1 = slope(w, integral, w_ref, load_torque, kp, ki, i_max, n)
-    a2, c2 = slope(w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, n)
-    a3, c3 = slope(w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, n)
-    a4, c4 = slope(w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, n)
+    a1, c1 = slope(w, integral, w_ref, load_torque, kp, ki, i_max, j, n)
+    a2, c2 = slope(w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, j, n)
+    a3, c3 = slope(w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, j, n)
+    a4, c4 = slope(w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, j, n)
     sixth = dt / 6.0
     angle += (dt * w + sixth * dt * (a1 + a2 + a3)) / n.N
     return w + sixth * (a1 + 2.0 * (a2 + a3) + a4), integral + sixth * (c1 + 2.0 * (c2 + c3) + c4), angle
@@ -93,10 +93,10 @@ def update(x, z, n, e, dt, speed_applied, tension):
         w = x[j]
         gain = loop_gain(e, z, j, 1.0)
         w_ref = command(e, z, j, speed_applied[j], tension[j]) * n.N / n.r_set
-        load_torque = drag(e, z, j, n.r * load(e, z, j, tension[j], n.r * x[6 + j]) / n.N)
-        limit = current_limit(e, z, j, n.i_max)
+        load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension[j], n.r[j] * x[6 + j]) / n.N)
+        limit = current_limit(e, z, j, n.i_max[j])
         x[j], x[3 + j], x[6 + j] = turn(
-            w, x[3 + j], x[6 + j], w_ref, load_torque, n.Kp * gain, n.Ki * gain, limit, dt, n
+            w, x[3 + j], x[6 + j], w_ref, load_torque, n.Kp[j] * gain, n.Ki[j] * gain, limit, dt, j, n
         )
         settle(e, z, j, dt, x[j])
 
@@ -105,15 +105,15 @@ def output(x, z, n, e, stroke, wire_speed, spool_angle):
     """Wire wound in [m], its speed [m/s], and the spool's angle, which the encoder sees [rad]."""
     for j in range(3):
         spool_angle[j] = x[6 + j]
-        stroke[j] = wound(e, z, j, n.r * x[6 + j])
-        wire_speed[j] = winding(e, z, j, n.r * x[j] / n.N, n.r * x[6 + j])
+        stroke[j] = wound(e, z, j, n.r[j] * x[6 + j])
+        wire_speed[j] = winding(e, z, j, n.r[j] * x[j] / n.N, n.r[j] * x[6 + j])
 
 
 def start(x, z, n, e, start_stroke):
     """At rest with the wires just taut (`start_stroke` [m])."""
     x[:] = 0.0
     for j in range(3):
-        x[6 + j] = start_stroke[j] / n.r
+        x[6 + j] = start_stroke[j] / n.r[j]
 
 
 POINTS = ("command", "loop_gain", "current_limit", "load", "drag", "wound", "winding", "settle")
