@@ -364,5 +364,5 @@ def test_late_pictures_add_up() -> None:
 
 
 def test_readings_with_other_zeros() -> None:
-    assert encoder_homing_offset.homed(0.01, -0.001) == pytest.approx(0.011)
+    assert encoder_homing_offset.wound(0.01, -0.001) == pytest.approx(0.009)
     assert mocap_skin_artefact.seen(pi / 4, 0.03) == pytest.approx(pi / 4 + 0.03)

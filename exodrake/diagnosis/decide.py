@@ -23,6 +23,8 @@ class Thresholds:
     near: float
     temper: float
     rival: float
+    alike: float
+    form: float
     pair: float
 
 
@@ -75,6 +77,17 @@ def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> 
     return {c.name: float(w) for c, w in zip(candidates, weights / weights.sum(), strict=True)}
 
 
+def as_good(problem: Problem, fitted: Fitted, best: Fitted, limits: Thresholds) -> bool:
+    """Whether a candidate leaves hardly more above the floor than the best: the form of the model limits both."""
+    return misfit(problem, fitted) - 1.0 <= limits.alike * max(misfit(problem, best) - 1.0, 0.0)
+
+
+def simpler(fitted: Fitted, best: Fitted) -> bool:
+    """Whether a candidate has fewer parameters than the best, on the same blocks."""
+    blocks = [{e.split(".")[0] for e in f.point.hypothesis.effects} for f in (fitted, best)]
+    return blocks[0] == blocks[1] and len(fitted.point.u) < len(best.point.u)
+
+
 def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -> Decision:
     """The verdict of a search."""
     limits = limits or thresholds()
@@ -90,7 +103,10 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
         return Decision(UNKNOWN, best, (), chance, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
-    rivals = tuple(f for f in same if chance[f.name] >= limits.rival * chance[best.name])
+    rivals = [f for f in same if chance[f.name] >= limits.rival * chance[best.name] or as_good(problem, f, best, limits)]
+    rivals += [f for f in same if f not in rivals and simpler(f, best) and left_over(problem, f, search.retuned) <= limits.form]
+    rivals.sort(key=lambda f: len(f.point.u))
+    best = rivals[0]
     if len(rivals) > 1:
-        return Decision(AMBIGUOUS, best, rivals, chance, ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),))
-    return Decision(NAMED, best, rivals, chance, (f"{best.name} leaves {left:.1%} of the gap",))
+        return Decision(AMBIGUOUS, best, tuple(rivals), chance, ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),))
+    return Decision(NAMED, best, tuple(rivals), chance, (f"{best.name} leaves {left:.1%} of the gap",))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,12 @@ import numpy as np
 from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.drops import probability
 from exodrake.diagnosis.decide import Decision, Thresholds, decide, is_quiet, left_over, misfit, thresholds
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, NamedEffect
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import Fitted, Ranking, Search
 from exodrake.diagrams.robot import Robot, load_robot
 
@@ -85,8 +87,15 @@ def effects_of(problem: Problem, ranking: Ranking, fitted: Fitted, chance: dict[
     found = []
     for identity in fitted.point.hypothesis.effects:
         over = machine.effect(identity).over
-        found.append(describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over)))
+        named = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
+        found.append(counted(problem, named) if identity == "timing.dropped_commands" else named)
     return tuple(found)
+
+
+def counted(problem: Problem, named: NamedEffect) -> NamedEffect:
+    """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
+    drops = [t.drops for t in (*problem.fit, *problem.holdout) if t.drops]
+    return replace(named, parameters={"probability": Interval(*probability(drops))})
 
 
 def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.case import Case, CaseLog
+from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import KINDS, noise_floor
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import seen_late
@@ -19,12 +20,14 @@ SILENT = ("sensor.sigma_F", "mocap.sigma_q")
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One log of a case as arrays: `reference` (n, wires) [N] and `measured` (n, columns) [SI], NaN where missing."""
+    """One log of a case as arrays: `reference` (n, wires) [N], `measured` (n, columns) [SI], NaN where missing, and the commands that
+    seem lost (used by the effect of that name only)."""
 
     name: str
     role: str
     reference: np.ndarray
     measured: np.ndarray
+    drops: Drops | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,8 @@ class Problem:
         machine = self.robot.machine
         module, count = compile_machine(machine), wire_count(machine)
         n = len(trial.reference)
-        still, never = np.zeros((n, 3)), np.ones((n, 3))
+        still = np.zeros((n, 3))
+        never = trial.drops.lottery[:n] if trial.drops else np.ones((n, 3))
         records = np.empty((len(rows), n, count))
         module.batch(
             np.ascontiguousarray(rows), state_size(machine), trial.reference, still, still, never, machine.slot, 1, records
@@ -74,6 +78,14 @@ class Problem:
             difference = (trial.measured[None] - self.predict(rows, trial)) / self.floor
             parts.append(np.nan_to_num(difference, nan=0.0, posinf=WILD, neginf=-WILD).clip(-WILD, WILD).reshape(len(rows), -1))
         return np.concatenate(parts, axis=1)
+
+    def with_drops(self, trial: Trial) -> Trial:
+        """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
+        kinds = [c.rsplit("_", 1)[0] for c in self.columns]
+        if "speed_cmd" not in kinds:
+            return trial
+        command, stroke, tension = (trial.measured[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension"))
+        return replace(trial, drops=decode(self.robot.machine, self.silent(), command, stroke, tension))
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
@@ -124,4 +136,5 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     held = [trial_of(item, columns) for item in case.holdout_logs]
     if not held and len(fit) > 1:
         held = [fit.pop()]
-    return Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))
+    problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))
+    return replace(problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit)))

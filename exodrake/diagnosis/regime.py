@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.signals import filled
 
 BINS = 10
 SLOW = 1.0  # Hz: below it a residual counts as slow
@@ -40,15 +41,6 @@ def conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarra
 
 
 SLACK = 0.15  # N: a wire below half the anti-slack floor of 0.3 N counts as slack
-
-
-def filled(values: np.ndarray) -> np.ndarray:
-    """Missing samples replaced by the last one known."""
-    known = np.isfinite(values)
-    if not known.any():
-        return np.zeros_like(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), 0))
-    return np.nan_to_num(values[last], nan=values[known][0])
 
 
 def since_reversal(direction: np.ndarray, period: float) -> np.ndarray:

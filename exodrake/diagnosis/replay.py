@@ -19,7 +19,7 @@ import numpy as np
 
 from exodrake.block import Block
 from exodrake.diagnosis.problem import SILENT, Problem, Trial
-from exodrake.diagnosis.regime import filled
+from exodrake.diagnosis.signals import filled
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.leaves import held_wires, outer_reads
 from exodrake.diagrams.machine import Machine, feedthrough_order

@@ -1,0 +1,105 @@
+"""Which speed commands were lost on the way to the drives, decoded frame by frame from a log.
+
+A lost command can be seen where it would have changed the speed by much: the drive is simulated on the measured commands and tensions,
+once with the command and once without, and the stroke of the next frames decides. What cannot be seen counts as received.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.diagnosis.signals import filled
+from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.machine import Machine
+
+STEP = 4e-3  # m/s: a smaller change of speed moves the stroke by less than two encoder counts a frame
+AHEAD = 3  # frames that decide
+CLEAR = 0.5  # of the squared error that losing the command must leave
+Z90 = 1.645
+
+
+@dataclass(frozen=True, eq=False)
+class Drops:
+    """`lottery` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen, lost: those lost."""
+
+    lottery: np.ndarray
+    events: int
+    lost: int
+
+
+class Drive:
+    """The three drives alone, tick by tick."""
+
+    def __init__(self, machine: Machine, values: np.ndarray) -> None:
+        module, at = compile_machine(machine), 0
+        blocks = {b.name: sum(e.block == b.name for e in machine.entries) for b in machine.blocks}
+        for name, count in blocks.items():
+            if name == "motor":
+                break
+            at += count
+        self.update, self.p = module.motor__leaf__update, values[at : at + blocks["motor"]].copy()
+        self.state = np.zeros(sum(machine.part_size(next(b for b in machine.blocks if b.name == "motor"))))
+        self.slots, self.dt = machine.slots, machine.slot
+
+    def frame(self, state: np.ndarray, before: np.ndarray, after: np.ndarray, tension: np.ndarray) -> np.ndarray:
+        """Advances `state` over one frame from read to read; the speed changes on the way. Returns the strokes (3,) [m]."""
+        stroke, speed, angle = np.zeros(3), np.zeros(3), np.zeros(3)
+        for tick in range(self.slots):
+            applied = np.where(tick >= WRITE_AFTER_READ, after, before)
+            self.update(state, stroke, speed, angle, self.p, self.dt, applied, tension)
+        return stroke
+
+
+WRITE_AFTER_READ = 4  # slots from a wire's bus read to its bus write: `model.md`, Timing
+
+
+def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> Drops:
+    """Lost commands of one log. command [m/s], stroke [m], tension [N]: (n, wires), as logged."""
+    command, stroke, tension = (np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension))
+    drive = Drive(machine, values)
+    lottery, applied, state = np.ones_like(command), np.zeros(command.shape[1]), drive.state
+    events = lost = 0
+    for n in range(len(command) - AHEAD):
+        seen = np.abs(command[n] - applied) > STEP
+        if seen.any():
+            keep = error(drive, state, applied, command[n], n, command, stroke, tension)
+            drop = error(drive, state, applied, np.where(seen, applied, command[n]), n, command, stroke, tension)
+            gone = seen & (drop < CLEAR * keep)
+            lottery[n, gone] = 0.0
+            events, lost = events + int(seen.sum()), lost + int(gone.sum())
+        now = np.where(lottery[n] == 0.0, applied, command[n])
+        drive.frame(state, applied, now, tension[n])
+        applied = now
+    return Drops(lottery, events, lost)
+
+
+def error(drive: Drive, state: np.ndarray, before: np.ndarray, now: np.ndarray, n: int, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> np.ndarray:
+    """Squared error of the strokes (wires,) [m2] over the next frames if `now` is the speed from frame n on."""
+    trial, total, start = state.copy(), np.zeros(len(now)), None
+    speeds = [before, now, *command[n + 1 : n + AHEAD]]
+    origin = drive_stroke(drive, trial)
+    for k in range(AHEAD):
+        end = drive.frame(trial, speeds[k], speeds[k + 1], tension[n + k])
+        start = origin if start is None else start
+        total += ((end - start) - (stroke[n + k + 1] - stroke[n])) ** 2
+    return total
+
+
+def drive_stroke(drive: Drive, state: np.ndarray) -> np.ndarray:
+    """Strokes (3,) of a state [m]: output angle times spool radius."""
+    return state[6:9] * drive.p[RADIUS : RADIUS + 3]
+
+
+RADIUS = 10  # place of r among the drive's numbers: after kM, J, b (three each) and N
+
+
+def probability(drops: list[Drops]) -> tuple[float, float, float]:
+    """Share of lost commands among those whose loss could be seen, with a 90 % interval (Wilson)."""
+    n, k = sum(d.events for d in drops), sum(d.lost for d in drops)
+    if not n:
+        return 0.0, 0.0, 1.0
+    centre = (k + Z90**2 / 2) / (n + Z90**2)
+    half = Z90 / (n + Z90**2) * np.sqrt(k * (n - k) / n + Z90**2 / 4)
+    return k / n, float(max(centre - half, 0.0)), float(min(centre + half, 1.0))
