@@ -1,7 +1,8 @@
 """What a part is: wires read and written, numbers, states, tasks, and the named points where an effect may sit.
 
-A *page* (a module in `systems/` or `effects/`) holds plain functions over floats, small tuples and arrays. `diagrams.compose`
-copies the pages of a machine into one module that numba compiles; the same functions serve the Drake leaves and the compiled twin.
+A *page* (a module in `systems/` or `effects/`) holds plain functions over floats, small tuples and arrays.
+`diagrams.compose` copies the pages of a machine into one module that numba compiles; the same functions serve the Drake
+leaves and the compiled twin.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ WIRES, JOINTS, ONE = "wires", "joints", ""
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Numbers`: SI unit, what it runs over, and the group that prefixes its public name."""
+    """Metadata of a field of a part's `Numbers`: SI unit, what it runs over, and the group that prefixes its name."""
 
     unit: str
     over: str = ONE
@@ -76,9 +77,10 @@ class Output:
 
 @dataclass(frozen=True)
 class Point:
-    """A named place in a page where effects apply: the page's function of that name, whose value passes through each effect.
+    """A named place where effects apply: the page's function of that name, whose value passes through each effect.
 
-    Calls have the form `name(e, z, [lane,] value, *context)`; an effect's function gets `(value, *context, *numbers, *states)`.
+    Calls have the form `name(e, z, [lane,] value, *context)`; an effect's function gets
+    `(value, *context, *numbers, *states)`.
     """
 
     name: str
@@ -88,7 +90,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Block:
-    """A part. `name` is unique in a machine; `page` holds `Numbers`, `start` and the functions that the tasks and outputs name."""
+    """A part. `name` is unique in a machine; `page` holds `Numbers`, `start` and the functions of tasks and outputs."""
 
     name: str
     page: ModuleType
@@ -121,7 +123,7 @@ class Number:
     Attributes:
         name: parameter name as in reports.
         unit: SI unit.
-        neutral: value at which the effect is absent, bit for bit (for the effect's first number; others may be anything then).
+        neutral: value at which the effect is absent, bit for bit (that of the effect's first number decides).
         low, high: plausible range, used to draw and to bound fits.
         over: `WIRES`, `JOINTS` or `ONE`.
         usual: value taken when the effect is spliced without saying.
@@ -148,7 +150,9 @@ class Number:
         """A plausible value to start from [unit of the number]."""
         if self.usual is not None:
             return self.usual
-        return (self.low * self.high) ** 0.5 if self.scale != "linear" and self.low > 0 else 0.5 * (self.low + self.high)
+        if self.scale != "linear" and self.low > 0:
+            return (self.low * self.high) ** 0.5
+        return 0.5 * (self.low + self.high)
 
 
 @dataclass(frozen=True)
@@ -162,7 +166,7 @@ class Effect:
         source: where equation and range come from.
         at: mapping from point ("part.point") to the page's function that acts there.
         numbers: parameters; the effect is absent where the first has its neutral value.
-        states: own states, zero at start, advanced by the function at a point whose value is the dummy `dt` (see `advances`).
+        states: own states, zero at start, advanced at a point whose value is the dummy `dt` (see `advances`).
         advances: points (of those in `at`) where the function returns the effect's new states instead of a value.
     """
 

@@ -1,8 +1,8 @@
-"""Prints a machine as one module of plain functions that numba compiles: pages copied under prefixed names, effects spliced at their points,
-a leaf function per task and output, and one frame of ten readable ticks.
+"""Prints a machine as one module of plain functions that numba compiles.
 
-The module is written to a real file, named by the hash of its text, because numba caches compiled code by file and cannot see changes in
-imported functions.
+It holds pages copied under prefixed names, effects spliced at their points, a leaf function per task and output, and
+one frame of ten readable ticks. It is written to a real file, named by the hash of its text, because numba caches
+compiled code by file and cannot see changes in imported functions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from exodrake.diagrams.leaves import print_leaves
 from exodrake.diagrams.machine import Machine, block_pages, page_name
 from exodrake.diagrams.splice import compose_point
 
-# Pages allocate nothing: without the runtime's reference counts an array costs a call nothing, with them some ten nanoseconds.
+# Pages allocate nothing: without reference counts an array costs a call nothing, with them some ten nanoseconds.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
 HEADER = '"""Printed by exodrake.diagrams.compose from the table of {name}; do not edit."""\n\n'
 
@@ -88,8 +88,13 @@ class Rename(ast.NodeTransformer):
         return node
 
 
-def copy_function(function: ast.FunctionDef, table: dict[str, str], name: str, flatten: Flatten | None = None, plain: bool = False) -> str:
-    """A page's function under its new name, decorated for numba; `flatten` for the pages of a block with numbers, `plain` for its tasks."""
+def copy_function(
+    function: ast.FunctionDef, table: dict[str, str], name: str, flatten: Flatten | None = None, plain: bool = False
+) -> str:
+    """A page's function under its new name, decorated for numba.
+
+    `flatten`: for the pages of a block with numbers; `plain`: for its tasks, which numba need not inline.
+    """
     node = ast.parse(ast.unparse(function)).body[0]
     assert isinstance(node, ast.FunctionDef)
     stored = {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
@@ -145,14 +150,16 @@ def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
                 block, point = points[key]
                 lines.append(compose_point(machine, block, point, function, spliced))
             else:
-                lines.append(copy_function(function, table, f"{page.name}__{name}", owners.get(page.name), key in tasks))
+                flatten = owners.get(page.name)
+                lines.append(copy_function(function, table, f"{page.name}__{name}", flatten, key in tasks))
     return lines
 
 
 def print_module(machine: Machine) -> str:
     """The whole module as text."""
     pages = all_pages(machine)
-    imports = {f"from math import {a.name}" for p in pages.values() for n in p.imports if n.module == "math" for a in n.names}
+    math = [node for page in pages.values() for node in page.imports if node.module == "math"]
+    imports = {f"from math import {alias.name}" for node in math for alias in node.names}
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
@@ -168,18 +175,19 @@ def print_module(machine: Machine) -> str:
 
 def cache_folder() -> Path:
     """Where printed modules and their machine code live: EXODRAKE_CACHE, else the user's cache folder."""
-    base = os.environ.get("EXODRAKE_CACHE") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "exodrake"
-    return Path(base)
+    if stated := os.environ.get("EXODRAKE_CACHE"):
+        return Path(stated)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "exodrake"
 
 
 _compiled: dict[str, ModuleType] = {}
 
 
 def compile_machine(machine: Machine) -> ModuleType:
-    """The machine's printed module, imported; machine code comes from numba's cache when this text was compiled before."""
+    """The machine's printed module; machine code comes from numba's cache when this text was compiled before."""
     if "printed" in machine.__dict__:
         return machine.__dict__["printed"]
-    module = machine.__dict__["printed"] = load_module(machine)  # as functools.cached_property does on a frozen dataclass
+    module = machine.__dict__["printed"] = load_module(machine)  # as cached_property does on a frozen dataclass
     return module
 
 

@@ -1,4 +1,4 @@
-"""The Exo-Index robot's table: wires, parts in order, and what its log shows. The slots are those of `model.md`, Timing."""
+"""The Exo-Index robot's table: wires, parts in order, and what its log shows. Slots as in `model.md`, Timing."""
 
 from __future__ import annotations
 

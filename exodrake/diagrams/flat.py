@@ -1,6 +1,7 @@
 """Numbers by name in the pages, by place in the printed module: `n.kappa[i]` becomes `n[37 + i]`.
 
-A named tuple travels by value, some seventy numbers at each call that the compiler does not inline; a slice of the flat vector is a pointer.
+A named tuple travels by value, some seventy numbers at each call that the compiler does not inline; a slice of the flat
+vector is a pointer.
 """
 
 from __future__ import annotations

@@ -18,9 +18,10 @@ def views(machine: Machine, wires: bool = True) -> list[str]:
         count = sum(entry.block == block.name for entry in machine.entries)
         own, extra = machine.part_size(block)
         lines += [f"{block.name}_p = p[{number}:{number + count}]"]
-        lines += [f"{block.name}_n, {block.name}_e = fill_{block.name}_n({block.name}_p), fill_{block.name}_e({block.name}_p)"]
-        lines += [f"{block.name}_x, {block.name}_z = state[{state}:{state + own}], state[{state + own}:{state + own + extra}]"]
-        number, state = number + count, state + own + extra
+        name, middle, end = block.name, state + own, state + own + extra
+        lines += [f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)"]
+        lines += [f"{name}_x, {name}_z = state[{state}:{middle}], state[{middle}:{end}]"]
+        number, state = number + count, end
     for w in machine.wires if wires else ():
         width = machine.width(w.over)
         lines.append(f"{w.name} = w[{wire}:{wire + width}]")
@@ -69,9 +70,10 @@ def print_begin(machine: Machine) -> str:
 
 
 def print_run(machine: Machine) -> str:
-    """`run(p, state, w, given..., dt, substeps, record, fine)`: frames in order; record and fine take the wires at each frame's and slot's end.
+    """`run(p, state, w, given..., dt, substeps, record, fine)`: frames in order.
 
-    The plant's tick stands in one place, so that it is inlined once.
+    `record` and `fine` take the wires at each frame's and each slot's end. The plant's tick stands in one place, so
+    that it is inlined once.
     """
     given = [f"{name}_rows" for name in machine.given]
     body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
@@ -88,7 +90,7 @@ def print_run(machine: Machine) -> str:
 
 
 def print_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records)`: a run from the start for each row of numbers, on all cores."""
+    """`batch(rows, size, given..., dt, substeps, records)`: a run from the start for each row of numbers."""
     given = [f"{name}_rows" for name in machine.given]
     lines = [
         "for i in prange(rows.shape[0]):",
@@ -96,7 +98,8 @@ def print_batch(machine: Machine) -> str:
         "    begin(rows[i], state)",
         f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine)",
     ]
-    return f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records):\n" + indent(lines)
+    header = f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records):\n"
+    return header + indent(lines)
 
 
 def indent(lines: list[str]) -> str:

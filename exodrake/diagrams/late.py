@@ -1,4 +1,4 @@
-"""Motion capture on a clock of its own: pictures are taken of the past, and the two clocks meet where the log is written."""
+"""Motion capture on a clock of its own: pictures show the past, and the two clocks meet where the log is written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def seen_late(machine: Machine, records: np.ndarray, places: list[int]) -> np.ndarray:
-    """The wires `places` of noise-free records (rows, n, wires), angles taken at t - lateness. Returns (rows, n, places)."""
+    """The wires `places` of noise-free records (rows, n, wires), angles taken at t - lateness: (rows, n, places)."""
     from exodrake.diagrams.simulate import offsets
 
     at = offsets(machine)

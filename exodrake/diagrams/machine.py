@@ -1,4 +1,4 @@
-"""A machine: parts joined by wires, a schedule of slots, and the shelf of effects that may sit on it; plus the layout of its numbers."""
+"""A machine: parts joined by wires, a schedule of slots, the shelf of effects, and the layout of its numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Entry:
-    """One number of a machine: full name, unit, block that owns it, and its neutral value when it belongs to an effect."""
+    """One number of a machine: full name, unit, block that owns it, and its neutral value if it is an effect's."""
 
     name: str
     unit: str
@@ -34,7 +34,8 @@ class Machine:
     """Who is wired to whom, and when.
 
     Attributes:
-        frame, slots, frame period [s] and slots in it; tasks run in the middle of their slot, the plant ticks `substeps` times a slot.
+        frame, slots: frame period [s] and slots in it; tasks run in the middle of their slot, and the plant ticks
+            `substeps` times a slot.
         given: wires that come from outside, one row a frame.
         columns: what a log shows.
         variants: functions of pages replaced by others of the same form ("page.function" -> function).
@@ -148,13 +149,14 @@ def check_wiring(machine: Machine) -> None:
 
 
 def feedthrough_order(machine: Machine) -> list[tuple[Block, int]]:
-    """Outputs (block, its output's index) such that each comes after the wires it reads; raises InputError on an algebraic loop."""
+    """Outputs (block, output's index), each after the wires it reads; raises InputError on an algebraic loop."""
     waiting = [(b, k) for b in machine.blocks for k in range(len(b.outputs))]
     ready, order = set(machine.given), []
     while waiting:
         free = [(b, k) for b, k in waiting if set(b.outputs[k].reads) <= ready]
         if not free:
-            raise InputError(f"{machine.name}: algebraic loop through {', '.join(sorted({b.name for b, _ in waiting}))}")
+            names = sorted({b.name for b, _ in waiting})
+            raise InputError(f"{machine.name}: algebraic loop through {', '.join(names)}")
         for b, k in free:
             ready |= set(b.outputs[k].writes)
         order += free
@@ -167,9 +169,10 @@ def check_schedule(machine: Machine) -> None:
     taken: dict[int, tuple[str, Task]] = {}
     for block in machine.blocks:
         for task in block.tasks:
+            own = f"{block.name}.{task.function}"
             for slot in task.slots:
                 if not 0 <= slot < machine.slots:
-                    raise InputError(f"{machine.name}: {block.name}.{task.function} runs in slot {slot}, but a frame has {machine.slots}")
+                    raise InputError(f"{machine.name}: {own} runs in slot {slot}, but a frame has {machine.slots}")
                 other = taken.setdefault(slot, (block.name, task))
                 if other[1] is not task and not (other[1].lanes and task.lanes and other[1].slots == task.slots):
-                    raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {block.name}.{task.function}")
+                    raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {own}")

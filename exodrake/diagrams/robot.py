@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
@@ -128,7 +128,7 @@ VARIANTS = {
 }
 
 
-@lru_cache(maxsize=None)
+@cache
 def vary_cached(machine_name: str, pages: tuple[str, ...]) -> Machine:
     """A machine with variant parts; the same object each time, so that it is composed once."""
     machine = getattr(import_module(MACHINES[machine_name]), machine_name)()
@@ -169,7 +169,8 @@ def check_lanes(machine: Machine, effect: Effect, lanes: Iterable[str]) -> tuple
     known, wanted = machine.lanes.of(effect.over), tuple(lanes)
     for lane in wanted:
         if lane not in known:
-            raise InputError(f"{effect.id} does not sit on {lane!r}; it knows {', '.join(filter(None, known)) or 'no lanes'}")
+            lanes = ", ".join(filter(None, known)) or "no lanes"
+            raise InputError(f"{effect.id} does not sit on {lane!r}; it knows {lanes}")
     return wanted or known
 
 
@@ -210,7 +211,7 @@ def build(content: Mapping[str, Any], source: str) -> Robot:
     for identity, given in (content.get("effects") or {}).items():
         lanes = {lane for v in given.values() if isinstance(v, Mapping) for lane in v}
         robot = robot.splice(identity, given, [lane for lane in lanes if lane])
-    limits = check_limits({**robot.limits, **(content.get("limits") and table(content["limits"]) or {})}, source)
+    limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, source)
     return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
 
 
@@ -246,7 +247,7 @@ def stated(numbers: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
 
 def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Limits as plain values per wire."""
-    return {name: dict(item["value"] if "value" in item else item) for name, item in limits.items()}
+    return {name: dict(item.get("value", item)) for name, item in limits.items()}
 
 
 def check_limits(limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
@@ -272,7 +273,7 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
         if e.neutral is None and v != b
     }
     effects = {
-        identity: {name: values if "" not in values else values[""] for name, values in present.items()}
+        identity: {name: values.get("", values) for name, values in present.items()}
         for identity, present in robot.effects().items()
     }
     parts = [p for p, (point, _, _) in VARIANTS.items() if point in robot.machine.variants]

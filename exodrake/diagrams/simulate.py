@@ -88,7 +88,8 @@ def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
     """The flat numbers of a run, with the resolutions at 0 if unquantised."""
     values = robot.values.copy()
     if np.isnan(values).any():
-        raise InputError(f"{robot.source}: number {robot.machine.entries[int(np.isnan(values).argmax())].name} is missing")
+        missing = robot.machine.entries[int(np.isnan(values).argmax())].name
+        raise InputError(f"{robot.source}: number {missing} is missing")
     if not quantisation:
         for name in QUANTA:
             values[robot.machine.index[name]] = 0.0
@@ -111,7 +112,8 @@ def record(
     """
     machine, frames = robot.machine, len(reference.tension)
     if reference.tension.shape[1] != len(machine.lanes.wires):
-        raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, the robot has {len(machine.lanes.wires)} wires")
+        wanted, wires = reference.tension.shape[1], len(machine.lanes.wires)
+        raise InputError(f"{reference.name}: {wanted} references, the robot has {wires} wires")
     chance = Chance.draw(frames, seed, machine)
     values = prepared(robot, quantisation)
     if engine == "drake":
@@ -126,7 +128,9 @@ def record(
     return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
 
 
-def run_compiled(machine: Machine, values: np.ndarray, reference: Reference, chance: Chance, substeps: int) -> np.ndarray:
+def run_compiled(
+    machine: Machine, values: np.ndarray, reference: Reference, chance: Chance, substeps: int
+) -> np.ndarray:
     """All wires (frames, wires) at each frame's end, by the compiled twin."""
     module = compile_machine(machine)
     rows = np.zeros((len(reference.tension), wire_count(machine)))

@@ -1,8 +1,8 @@
 """Prints the named points with the effects that sit on them.
 
-A point's function asks one flag whether any effect is present there; only then does it call its spliced twin, in which the value
-passes through each present effect in the shelf's order. Flags and numbers of a block's effects travel as one array: as arguments of
-their own, some hundred of them, they would cost more than the physics.
+A point's function asks one flag whether any effect is present there; only then does it call its spliced twin, in which
+the value passes through each present effect in the shelf's order. Flags and numbers of a block's effects travel as one
+array: as arguments of their own, some hundred of them, they would cost more than the physics.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from exodrake.diagrams.machine import Machine, page_name
 
 
 def print_effects(machine: Machine, block: Block) -> str:
-    """`fill_block_e(p)`: flags, one for each point of the block that has an effect present, then the numbers of the effects on it."""
+    """`fill_block_e(p)`: a flag for each point of the block (is an effect present?), then the effects' numbers."""
     start, flags = sum(machine.width(f.over) for f in block.fields), len(block.points)
     size = sum(machine.width(n.over) for e in machine.effects_on(block) for n in e.numbers)
     lines = ["@njit", f"def fill_{block.name}_e(p):", f"    e = np.zeros({flags + size})"]
@@ -49,10 +49,14 @@ def value_of(machine: Machine, block: Block, effect: Effect, number: Number, lan
     at = place(machine, block, effect, number)
     if number.over == ONE:
         return f"e[{at}]"
-    return f"e[{at} + {lane}]" if lane else "(" + ", ".join(f"e[{at + i}]" for i in range(machine.width(number.over))) + ")"
+    if lane:
+        return f"e[{at} + {lane}]"
+    return "(" + ", ".join(f"e[{at + i}]" for i in range(machine.width(number.over))) + ")"
 
 
-def compose_point(machine: Machine, block: Block, point: Point, function: ast.FunctionDef, effects: list[Effect]) -> str:
+def compose_point(
+    machine: Machine, block: Block, point: Point, function: ast.FunctionDef, effects: list[Effect]
+) -> str:
     """The function of a point and its spliced twin."""
     key = point_key(block, point)
     names = [a.arg for a in function.args.args]
@@ -61,11 +65,14 @@ def compose_point(machine: Machine, block: Block, point: Point, function: ast.Fu
     body, value = spliced_body(machine, block, point, names, effects)
     call = f"        return {name}__spliced({', '.join(names)})"
     twin = ["@njit(_nrt=False)", f"def {name}__spliced{header}", *body, *([f"    return {value}"] if value else [])]
-    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:", call if value else call.replace("return ", "")]
+    plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:"]
+    plain += [call if value else call.replace("return ", "")]
     return "\n".join([*twin, "\n", *plain, *([f"    return {value}"] if value else [])])
 
 
-def spliced_body(machine: Machine, block: Block, point: Point, names: list[str], effects: list[Effect]) -> tuple[list[str], str]:
+def spliced_body(
+    machine: Machine, block: Block, point: Point, names: list[str], effects: list[Effect]
+) -> tuple[list[str], str]:
     """Lines through which the value passes, and its name; no name at a point that advances states."""
     key, lane = point_key(block, point), names[2] if point.over != ONE else None
     value, context = names[3 if lane else 2], names[4 if lane else 3 :]
@@ -74,7 +81,8 @@ def spliced_body(machine: Machine, block: Block, point: Point, names: list[str],
         act, own = effect.at[key], lane if effect.over == point.over or effect.over == ONE else None
         states = state_places(machine, block, effect, own)
         numbers = [value_of(machine, block, effect, n, own) for n in effect.numbers]
-        call = f"{page_name(sys.modules[act.__module__])}__{act.__name__}({', '.join([value, *context, *numbers, *states])})"
+        arguments = ", ".join([value, *context, *numbers, *states])
+        call = f"{page_name(sys.modules[act.__module__])}__{act.__name__}({arguments})"
         target = value if key not in effect.advances else ", ".join(states)
         advances = advances or key in effect.advances
         body += [f"    if {guard(machine, block, effect, own)}:", f"        {target} = {call}"]
@@ -104,6 +112,9 @@ def state_places(machine: Machine, block: Block, effect: Effect, lane: str | Non
             if other.id == effect.id:
                 for k in range(state.width):
                     at = offset + k * width
-                    places += [f"z[{at} + {lane}]"] if lane and state.over != ONE else [f"z[{at + i}]" for i in range(width)]
+                    own = (
+                        [f"z[{at} + {lane}]"] if lane and state.over != ONE else [f"z[{at + i}]" for i in range(width)]
+                    )
+                    places += own
             offset += width * state.width
     return places

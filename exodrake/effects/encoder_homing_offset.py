@@ -1,6 +1,8 @@
 """Stroke zero in the wrong place: it lies `offset` further in than where the wire is just taut at q = 0.
 
-stroke as read = s - offset: a robot that starts where its encoder says that the wire is just taut starts `offset` further in
+    stroke as read = s - offset
+
+A robot that starts where its encoder says that the wire is just taut starts `offset` further in.
 """
 
 from exodrake.block import WIRES, Effect, Number

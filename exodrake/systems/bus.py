@@ -1,4 +1,4 @@
-"""Motor bus: hands each speed command to its drive in the wire's slot, where it is held until the next one (`model.md`, Timing)."""
+"""Motor bus: hands each speed command to its drive in the wire's slot, held until the next one (`model.md`, Timing)."""
 
 import sys
 from typing import NamedTuple
@@ -16,8 +16,8 @@ DEPTH = 12  # commands remembered per wire, the newest first
 def sent(e, z, j, command, history, first, applied, lottery):
     """Point: speed [m/s] that reaches drive j.
 
-    Args: command: the newest [m/s]; history: commands of all wires, the newest of this one at `first`, older ones after it;
-    applied: speed held so far [m/s]; lottery: uniform number in 0 .. 1 of this frame.
+    Args: command: the newest [m/s]; history: commands of all wires, the newest of this one at `first`, older ones
+        after it; applied: speed held so far [m/s]; lottery: uniform number in 0 .. 1 of this frame.
     """
     return command
 

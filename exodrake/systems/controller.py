@@ -1,6 +1,9 @@
-"""Tension controller: PD admittance from tension error to wire speed, once a frame (paper's Eq. 3 with the damping sign, `physics.md` 1.3).
+"""Tension controller: PD admittance from tension error to wire speed, once a frame.
 
-    v_ref = clip(kp (F_ref - F) - kd dF/dt, -v_max, +v_max)          dF/dt by backward difference over one frame, 0 in the first
+    v_ref = clip(kp (F_ref - F) - kd dF/dt, -v_max, +v_max)
+
+dF/dt is a backward difference over one frame, 0 in the first. This is the paper's Eq. 3 with the sign that damps
+(`physics.md` 1.3).
 """
 
 import sys

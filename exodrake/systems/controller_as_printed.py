@@ -1,4 +1,4 @@
-"""The damping term with the sign printed in our copy of the paper's Eq. 3, for comparison: it takes damping away (`physics.md` 1.3)."""
+"""The damping term with the sign printed in the paper's Eq. 3, to compare: it undamps (`physics.md` 1.3)."""
 
 
 def damping(rate, kd):

@@ -1,16 +1,17 @@
 """Planar 3R chain of solid cylinders with passive joints: inertia, Coriolis and passive torques.
 
 In absolute angles phi_i = q_1 + .. + q_i the chain is A(phi) phi'' + c(phi, phi') = Q with constant A_ii,
-A_ij = b_ij cos(phi_i - phi_j) and c_i = sum_j b_ij sin(phi_i - phi_j) phi_j'^2; a joint's row is the sum over the bones distal to it.
+A_ij = b_ij cos(phi_i - phi_j) and c_i = sum_j b_ij sin(phi_i - phi_j) phi_j'^2; a joint's row is the sum over the bones
+distal to it. Passive torque (`model.md`, Finger):
 
-    tau_p = kappa (q - q0) + A (exp(beta (q - q_f)) - 1) [q > q_f] - A (exp(beta (q_e - q)) - 1) [q < q_e]      (`model.md`, Finger)
+    tau_p = kappa (q - q0) + A (exp(beta (q - q_f)) - 1) [q > q_f] - A (exp(beta (q_e - q)) - 1) [q < q_e]
 """
 
 from math import exp
 
 
 def passive(e, z, i, torque, bend, rate, elastic, clock):
-    """Point: passive torque [N m] at joint i that resists flexion; bend [rad] is q - q0, elastic [N m] is kappa (q - q0)."""
+    """Point: passive torque [N m] at joint i, against flexion; bend: q - q0 [rad]; elastic: kappa (q - q0) [N m]."""
     return torque
 
 

@@ -1,9 +1,9 @@
 """Rotor behind a gear, driven by a current-limited PI speed loop; one per wire.
 
-    w_ref = v_ref N / r_set      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e   (frozen while i is clipped and e pushes on)
+    w_ref = v_ref N / r_set      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e
     J w' = kM i - b w - r T_c / N               theta' = w / N                          s = r theta
 
-r_set is the spool radius that drive and log were told: nominally r.
+z is frozen while i is clipped and e pushes on. r_set is the spool radius that drive and log were told: nominally r.
 Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`model.md`, Motor).
 """
 

@@ -3,8 +3,8 @@
     T_c = max(0, k (s - l))        tension at the cell, s = 0 just taut at q = 0
     T_d = T_c                      tension at the finger, nominally
 
-Sheath friction needs to know where in its travel the wire slides: `slide` is the wire's displacement since the last reversal,
-clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in.
+Sheath friction needs to know where in its travel the wire slides: `slide` is the wire's displacement since the last
+reversal, clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in.
 """
 
 

@@ -2,8 +2,9 @@
 
     M(q) q'' + C(q, q') q' + B q' + tau_p(q) = P(q)^T T_d + tau_external          P = dl/dq
 
-One tick is the two-step backward differentiation formula (L-stable, second order), solved for q' by Newton's method: the wire on the
-light distal phalanx rings at 430 rad/s and joint damping decays at 2400 1/s. The spool is taken to move on at its speed during the tick.
+One tick is the two-step backward differentiation formula (L-stable, second order), solved for q' by Newton's method:
+the wire on the light distal phalanx rings at 430 rad/s and joint damping decays at 2400 1/s. The spool is taken to move
+on at its speed during the tick.
 """
 
 import sys
@@ -43,7 +44,8 @@ class Numbers(NamedTuple):
 
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
-STEPS, CLOSE, NUDGE, NUDGE_WIRE = 6, 1e-6, 1e-6, 1e-7  # Newton steps at most; tolerance [rad]; difference quotients [rad], [m]
+STEPS, CLOSE = 6, 1e-6  # Newton steps at most; tolerance [rad]
+NUDGE, NUDGE_WIRE = 1e-6, 1e-7  # of difference quotients [rad], [m]
 
 
 def router_height(e, z, i, height):
@@ -57,9 +59,13 @@ def worn_height(e, z, j, height, tension):
 
 
 def heights(e, z, n, pull):
-    """Heights m, n [m] of the routers at the tensions `pull` [N]: AF at three joints, MF at the MCP, AE at three joints."""
-    f0, f1, f2 = pair(e, z, 0, 0, n.m_f, n.n_f, pull), pair(e, z, 0, 1, n.m_f, n.n_f, pull), pair(e, z, 0, 2, n.m_f, n.n_f, pull)
-    x0, x1, x2 = pair(e, z, 2, 0, n.m_e, n.n_e, pull), pair(e, z, 2, 1, n.m_e, n.n_e, pull), pair(e, z, 2, 2, n.m_e, n.n_e, pull)
+    """Heights m, n [m] of the routers at tensions `pull` [N]: AF at three joints, MF at the MCP, AE at three joints."""
+    f0 = pair(e, z, 0, 0, n.m_f, n.n_f, pull)
+    f1 = pair(e, z, 0, 1, n.m_f, n.n_f, pull)
+    f2 = pair(e, z, 0, 2, n.m_f, n.n_f, pull)
+    x0 = pair(e, z, 2, 0, n.m_e, n.n_e, pull)
+    x1 = pair(e, z, 2, 1, n.m_e, n.n_e, pull)
+    x2 = pair(e, z, 2, 2, n.m_e, n.n_e, pull)
     return (f0, f1, f2), pair(e, z, 1, 0, n.m_f, n.n_f, pull), (x0, x1, x2)
 
 
@@ -103,7 +109,7 @@ def wire(e, z, j, n, x, stroke, taken, dt):
 
 
 def pulled(e, z, j, n, x, extension, travel, dt):
-    """Tension at the finger [N] of wire j, extended by `extension` [m], after the finger took in `travel` [m] during a tick."""
+    """Tension at the finger [N] of wire j, extended by `extension` [m], after a tick that took in `travel` [m]."""
     tension = cell_tension(e, z, j, stretched_by(e, z, j, extension, x[PULL + j]), n.k[j])
     return finger_tension(e, z, j, tension, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
 
@@ -115,7 +121,7 @@ def joint(e, z, i, n, angle, rate, clock, lag):
 
 
 def outside(e, z, n, angle, rate, moments, clock, lag):
-    """External torques [N m] and the columns of their slope by joint angle [N m/rad], the rate moving along as in `joint`."""
+    """External torques [N m] and columns of their slope by angle [N m/rad], the rate moving along as in `joint`."""
     nothing, bones, quick = (0.0, 0.0, 0.0), (n.length, moments), NUDGE / lag
     (q0, q1, q2), (w0, w1, w2) = angle, rate
     here = external(e, z, nothing, angle, rate, bones, clock)
@@ -140,28 +146,28 @@ def column(rows, i):
     return rows[0][i], rows[1][i], rows[2][i]
 
 
-def stiffness(i, l, arms, bends, falls, tensions, passive_slope, external_slope):
-    """Entry i, l of d(passive - tendon - external torque)/dq [N m/rad]."""
-    own = passive_slope - dot(column(bends, i), tensions) if i == l else 0.0
-    r, s = column(arms, i), column(arms, l)
-    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[l][i]
+def stiffness(i, k, arms, bends, falls, tensions, passive_slope, external_slope):
+    """Entry i, k of d(passive - tendon - external torque)/dq [N m/rad]."""
+    own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
+    r, s = column(arms, i), column(arms, k)
+    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
 
 
 def solve(m, r):
     """Solution of a 3 x 3 linear system given as rows, by Cramer's rule."""
-    (a, b, c), (d, f, g), (h, k, l) = m
-    u, v, w = f * l - g * k, g * h - d * l, d * k - f * h
+    (a, b, c), (d, f, g), (h, k, p) = m
+    u, v, w = f * p - g * k, g * h - d * p, d * k - f * h
     inverse = 1.0 / (a * u + b * v + c * w)
-    x = (u * r[0] + (c * k - b * l) * r[1] + (b * g - c * f) * r[2]) * inverse
-    y = (v * r[0] + (a * l - c * h) * r[1] + (c * d - a * g) * r[2]) * inverse
+    x = (u * r[0] + (c * k - b * p) * r[1] + (b * g - c * f) * r[2]) * inverse
+    y = (v * r[0] + (a * p - c * h) * r[1] + (c * d - a * g) * r[2]) * inverse
     return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
     """One Newton step for the joint rates at the end of a tick: the change of the rates [rad/s].
 
-    Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate; rate_from, lag [s]: rate' = (rate - rate_from) / lag;
-        high: `heights` [m].
+    Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate;
+        rate_from, lag [s]: rate' = (rate - rate_from) / lag; high: `heights` [m].
     """
     diagonal, coupling, moments = constants
     cosines, sines = (cos(angle[0]), cos(angle[1]), cos(angle[2])), (sin(angle[0]), sin(angle[1]), sin(angle[2]))
@@ -184,9 +190,21 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     r2 = dot((m13, m23, m33), speed_up) + spin[2] + n.B[2] * rate[2] + p2 - torque(arms, 2, pull) - push[2]
     s = (arms, bends, falls, pull)
     rows = (
-        (m11 / lag + n.B[0] + lag * stiffness(0, 0, *s, k0, push_slope), m12 / lag + lag * stiffness(0, 1, *s, k0, push_slope), m13 / lag + lag * stiffness(0, 2, *s, k0, push_slope)),
-        (m12 / lag + lag * stiffness(1, 0, *s, k1, push_slope), m22 / lag + n.B[1] + lag * stiffness(1, 1, *s, k1, push_slope), m23 / lag + lag * stiffness(1, 2, *s, k1, push_slope)),
-        (m13 / lag + lag * stiffness(2, 0, *s, k2, push_slope), m23 / lag + lag * stiffness(2, 1, *s, k2, push_slope), m33 / lag + n.B[2] + lag * stiffness(2, 2, *s, k2, push_slope)),
+        (
+            m11 / lag + n.B[0] + lag * stiffness(0, 0, *s, k0, push_slope),
+            m12 / lag + lag * stiffness(0, 1, *s, k0, push_slope),
+            m13 / lag + lag * stiffness(0, 2, *s, k0, push_slope),
+        ),
+        (
+            m12 / lag + lag * stiffness(1, 0, *s, k1, push_slope),
+            m22 / lag + n.B[1] + lag * stiffness(1, 1, *s, k1, push_slope),
+            m23 / lag + lag * stiffness(1, 2, *s, k1, push_slope),
+        ),
+        (
+            m13 / lag + lag * stiffness(2, 0, *s, k2, push_slope),
+            m23 / lag + lag * stiffness(2, 1, *s, k2, push_slope),
+            m33 / lag + n.B[2] + lag * stiffness(2, 2, *s, k2, push_slope),
+        ),
     )
     return solve(rows, (-r0, -r1, -r2))
 
@@ -235,7 +253,7 @@ def along(start, step, rate):
 
 
 def arrive(x, z, n, e, ends, high, dt):
-    """At the end of a tick, with the strokes `ends` [m] and router heights `high` [m], the states of wires and clock follow the joints."""
+    """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
     cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
     taken, _, _ = paths(n, cosines, sines, high)
     for j in range(3):

@@ -1,6 +1,8 @@
 """A log as a moving finger: a Meshcat recording in one HTML file that plays offline, built from the log afterwards.
 
-    html = recording_html(log, robot)    # wires coloured by their tension; `#t=1.5` in the address stops the film there
+    html = recording_html(log, robot)
+
+Wires are coloured by their tension; `#t=1.5` in the address stops the film there.
 """
 
 from __future__ import annotations
