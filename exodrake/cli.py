@@ -13,14 +13,14 @@ from exodrake.errors import InputError
 
 # command -> (module with a click command named `command`, its line in --help); those without a module are not listed
 COMMANDS = {
-    "demo": ("exodrake.commands.demo", "From a robot with a hidden fault to its name, in under a minute."),
+    "demo": ("exodrake.commands.demo", "From a robot with a hidden fault to its name."),
     "simulate": ("exodrake.commands.simulate", "Run a robot, with or without effects, and write its log."),
-    "diagnose": ("exodrake.commands.diagnose", "Say where, which and how far a robot's logs differ from its model."),
+    "diagnose": ("exodrake.commands.diagnose", "Where, which and how far: a robot's logs against its model."),
     "effects": ("exodrake.commands.effects", "The shelf: what the nominal robot leaves out."),
     "draw": ("exodrake.commands.draw", "Draw the robot's block diagram with its wires and slots."),
-    "analyse": ("exodrake.commands.analyse", "Closed loop: step response, poles, stability map, frequency response."),
+    "analyse": ("exodrake.commands.analyse", "Closed loop: steps, poles, margins, stability map."),
     "identify": ("exodrake.commands.identify", "Find kinematics and joint stiffness from recordings."),
-    "workspace": ("exodrake.commands.workspace", "Where the fingertip can go, and with what force."),
+    "workspace": ("exodrake.commands.workspace", "Areas that the fingertip reaches, alone and pulled by its wires."),
     "train": ("exodrake.commands.train", "Train the joint-angle estimator on logs."),
     "estimate": ("exodrake.commands.estimate", "Joint angles from stroke and tension, with their uncertainty."),
     "grasp": ("exodrake.commands.grasp", "From grasp mode and object size to joint targets and tensions."),
@@ -28,7 +28,7 @@ COMMANDS = {
     "blind": ("exodrake.commands.blind", "Make, seal and score cases from a second, independent simulator."),
     "import": ("exodrake.commands.import_", "Turn a foreign recording into a log, by a mapping file."),
     "export": ("exodrake.commands.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
-    "watch": ("exodrake.commands.watch", "Look at a log as a moving finger in the browser."),
+    "watch": ("exodrake.commands.watch", "Write a log as a page with the moving finger."),
     "bench": ("exodrake.commands.bench", "Measure how fast this machine simulates."),
     "warm-up": ("exodrake.commands.warm_up", "Compile the kernels now, not at first use."),
 }

@@ -1,9 +1,5 @@
 """The command line: one line and status 2 for bad input, never a traceback."""
 
-import subprocess
-import sys
-import time
-
 import click
 import numpy as np
 import pytest
@@ -40,20 +36,11 @@ def test_every_listed_command_loads(name):
 
 
 def test_every_command_has_a_line():
-    assert all(line.endswith(".") and len(line) < 80 for _, line in COMMANDS.values())
+    assert all(line.endswith(".") and len(line) <= 65 for _, line in COMMANDS.values())  # longer ones wrap in --help
 
 
 def test_version():
     assert run("--version").output.split() == ["exodrake", __version__]
-
-
-def test_help_is_quick():
-    spent = []
-    for _ in range(3):
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "exodrake", "--help"], check=True, capture_output=True)
-        spent.append(time.perf_counter() - start)
-    assert min(spent) < 0.4
 
 
 def test_unknown_command_and_option():

@@ -1,7 +1,6 @@
 """The log: what is read is what was written, and what is wrong is refused by file, column and row."""
 
 import gzip
-import time
 
 import numpy as np
 import pytest
@@ -163,18 +162,6 @@ def test_a_failed_write_leaves_the_old_file(log, tmp_path, monkeypatch):
     assert path.read_text() == GOOD and list(tmp_path.iterdir()) == [path]
     with pytest.raises(InputError, match="nowhere"):
         write_log(log, tmp_path / "nowhere" / "log.csv")
-
-
-def test_reading_is_fast(tmp_path):
-    draw = np.random.default_rng(1)
-    columns = {f"tension_{n}": draw.normal(size=3000) for n in range(15)}
-    write_log(Log(0.02 * np.arange(3000), columns), tmp_path / "log.csv")
-    spent = []
-    for _ in range(5):
-        start = time.process_time()
-        read_log(tmp_path / "log.csv", required=())
-        spent.append(time.process_time() - start)
-    assert min(spent) < 0.1  # about 0.02 s on a quiet machine
 
 
 def test_a_regular_log_is_left_as_it_is():
