@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import Fitted, Search
+from exodrake.diagnosis.search import LOSING, Fitted, Search
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,11 @@ def left_over(problem: Problem, fitted: Fitted, before: Fitted) -> float:
     return max(misfit(problem, fitted) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
 
 
+def explains(problem: Problem, fitted: Fitted, before: Fitted, limits: Thresholds) -> bool:
+    """Whether a candidate explains enough of a gap to be named."""
+    return left_over(problem, fitted, before) <= limits.explained or misfit(problem, fitted) <= limits.near
+
+
 def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> dict[str, float]:
     """Probability of each candidate: its cost tempered by the best misfit and by how long residuals are correlated."""
     costs = np.array([c.score for c in candidates])
@@ -99,7 +104,10 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
     best = ranked[0]
     chance = probabilities(ranked, misfit(problem, best), limits)
     left, final = left_over(problem, best, search.retuned), misfit(problem, best)
-    if left > limits.explained and final > limits.near:
+    if not explains(problem, best, search.retuned, limits):
+        if search.lossy:
+            lost = next(f for f in ranked if LOSING in f.point.hypothesis.effects)
+            return Decision(NAMED, lost, (lost,), chance, ("commands were seen to be lost, one by one; those lost unseen leave the rest",))
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
         return Decision(UNKNOWN, best, (), chance, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]

@@ -103,3 +103,12 @@ def probability(drops: list[Drops]) -> tuple[float, float, float]:
     centre = (k + Z90**2 / 2) / (n + Z90**2)
     half = Z90 / (n + Z90**2) * np.sqrt(k * (n - k) / n + Z90**2 / 4)
     return k / n, float(max(centre - half, 0.0)), float(min(centre + half, 1.0))
+
+
+LOSSY, BROKEN = 0.05, 0.5  # share of lost commands that counts as evidence, and beyond which a drive is late or weak rather than deaf
+
+
+def lossy(drops: list[Drops]) -> bool:
+    """Whether the decoded losses are evidence of their own; a drive that follows badly loses commands in this sense, too."""
+    share, low, _ = probability(drops)
+    return low > LOSSY and share < BROKEN

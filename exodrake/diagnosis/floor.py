@@ -1,4 +1,5 @@
-"""Noise floor of each signal: from trials that repeat the same reference, else from the robot's sensor numbers.
+"""Noise floor of each signal: from trials that repeat the same reference, else from two simulated runs of the nominal robot, whose loop
+passes sensor noise on to every signal.
 
 Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not show it.
 """
@@ -9,7 +10,7 @@ import numpy as np
 
 from exodrake.case import Case
 from exodrake.diagrams.robot import Robot
-from exodrake.log import Log
+from exodrake.diagrams.simulate import Reference, simulate
 
 KINDS = ("tension", "stroke", "speed_cmd", "angle")
 TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared
@@ -41,16 +42,19 @@ def repeat_floor(case: Case, column: str) -> float | None:
     return float(np.median(spreads)) if spreads else None
 
 
+def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
+    """Standard deviation of a run about its repeat [unit of the column], by simulation of the first fitted reference."""
+    reference = Reference(np.nan_to_num(case.fit_logs[0].log.array("tension_ref")), "floor")
+    a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
+    return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
+
+
 def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> np.ndarray:
-    """Floor of each column [its unit]: the larger of what repeats and what the sensor's numbers say."""
+    """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say."""
     numbers = sensor_floor(robot)
+    expected = {} if case.repeat_groups else simulated_floor(case, robot, columns)
     found = []
     for column in columns:
         kind = next(k for k in KINDS if column.startswith(k))
-        found.append(max(numbers[kind], repeat_floor(case, column) or 0.0))
+        found.append(max(numbers[kind], repeat_floor(case, column) or expected.get(column, 0.0)))
     return np.array(found)
-
-
-def has_angles(log: Log) -> bool:
-    """Whether motion capture is in the log."""
-    return log.has("angle")

@@ -12,13 +12,13 @@ import numpy as np
 from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.drops import probability
-from exodrake.diagnosis.decide import Decision, Thresholds, decide, is_quiet, left_over, misfit, thresholds
+from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit, thresholds
+from exodrake.diagnosis.drops import lossy, probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
-from exodrake.diagnosis.search import Fitted, Ranking, Search
+from exodrake.diagnosis.search import LOSING, Fitted, Ranking, Search
 from exodrake.diagrams.robot import Robot, load_robot
 
 Progress = Callable[[str], None]
@@ -53,10 +53,16 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if ranking.enough(retuned):
         return Search(nominal, retuned)
     singles, screened = ranking.singles()
-    pairs: list[Fitted] = []
-    if misfit(problem, singles[0]) > limits.near:
-        pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
-    return Search(nominal, retuned, tuple(singles), tuple(pairs), tuple(screened))
+    if misfit(problem, singles[0]) <= limits.near:
+        return Search(nominal, retuned, tuple(singles), (), tuple(screened))
+    pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
+    best = min((*singles, *pairs), key=lambda f: f.score)
+    losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
+    if losing and LOSING not in best.point.hypothesis.effects:
+        first = ranking.losing(singles)
+        singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
+        pairs += worth(problem, first, ranking.pairs(first), limits)
+    return Search(nominal, retuned, tuple(singles), tuple(pairs), tuple(screened), losing)
 
 
 def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
@@ -88,7 +94,7 @@ def effects_of(problem: Problem, ranking: Ranking, fitted: Fitted, chance: dict[
     for identity in fitted.point.hypothesis.effects:
         over = machine.effect(identity).over
         named = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
-        found.append(counted(problem, named) if identity == "timing.dropped_commands" else named)
+        found.append(counted(problem, named) if identity == LOSING else named)
     return tuple(found)
 
 

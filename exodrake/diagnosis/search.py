@@ -54,6 +54,7 @@ class Search:
     singles: tuple[Fitted, ...] = ()
     pairs: tuple[Fitted, ...] = ()
     screened: tuple[tuple[str, float], ...] = field(default=())
+    lossy: bool = False  # commands were seen to be lost, though that does not close the gap: what was lost unseen cannot be repeated
 
 
 class Searcher:
@@ -147,6 +148,7 @@ def probes(extra: Hypothesis) -> list[np.ndarray]:
 TURNS = 5  # values at which a number without a neutral value is tried
 
 
+LOSING = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
 SHORTLIST, SURVIVORS, REFINED = 10, 4, 2  # effects raced; fitted to the end; refined on whole trials with their own responses
 SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
@@ -193,6 +195,15 @@ class Ranking:
         found = self.race(screened[:SHORTLIST], kept, gram, SURVIVORS)
         best = self.refine(found, REFINED)
         return best, [(h.name, 2.0 * cost / len(base.residual)) for cost, h, _, _ in screened]
+
+    def losing(self, singles: list[Fitted]) -> Fitted:
+        """The fit of lost commands alone."""
+        for f in singles:
+            if f.name == LOSING:
+                return f
+        h = hypothesis(self.full.problem.robot.machine, self.full.problem.robot.machine.effect(LOSING))
+        assert self.responses is not None
+        return self.full.complete(self.full.fitter.fit(self.full.fitter.at(h, h.start, self.base.x), self.responses, steps=4))
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""
