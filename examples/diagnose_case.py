@@ -1,6 +1,6 @@
 """Diagnose a robot from its logs, step by step, and use the improved simulator at once.
 
-Run: python examples/diagnose_case.py [CASE]
+Run: python examples/diagnose_case.py [FOLDER [CASE]]
 """
 
 import sys
@@ -14,13 +14,13 @@ from exodrake.diagnosis.report import print_summary, report_html
 from exodrake.files import write_text
 
 PRACTICE = Path(__file__).parents[2] / "shared" / "data" / "practice" / "case_01"
-MADE = Path("diagnosed")
+MADE = Path(sys.argv[1] if len(sys.argv) > 1 else "diagnosed")
 
 
 def some_case() -> Path:
     """A case that is there; else one of a second simulator, a robot with friction in its sheaths."""
-    if len(sys.argv) > 1:
-        return Path(sys.argv[1])
+    if len(sys.argv) > 2:
+        return Path(sys.argv[2])
     if PRACTICE.is_dir():
         return PRACTICE
     from exodrake.blind.make import make_case
@@ -30,7 +30,7 @@ def some_case() -> Path:
     return MADE / "case"
 
 
-MADE.mkdir(exist_ok=True)
+MADE.mkdir(parents=True, exist_ok=True)
 case, nominal = exo.read_case(some_case()), exo.load_robot()
 print(f"{case.name}: {', '.join(item.file for item in case.logs)}")
 
