@@ -33,7 +33,8 @@ check: $(STAMP)
 	$(BIN)/pyright
 
 test: check
-	$(BIN)/pytest -n 2 $(ARGS)
+	@$(BIN)/exodrake warm-up # once here, not once in each worker
+	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 docs: $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS),docs]"

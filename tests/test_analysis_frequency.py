@@ -7,28 +7,11 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
-from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.frequency import bandwidth, frequency_response, multisine, odd_lines
 from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import delayed_loop, gain_margin, grows, margins, open_loop, phase_margin
-from exodrake.analysis.operating import operating_point
 
 WIRES = ("AF", "MF", "AE")
-
-
-@pytest.fixture(scope="module")
-def loop():
-    return FrameMap.of(exo.load_robot())
-
-
-@pytest.fixture(scope="module")
-def point(loop):
-    return operating_point(loop)
-
-
-@pytest.fixture(scope="module")
-def model(loop, point):
-    return linearise(loop, point.state, point.references)
 
 
 def integrator(gain):

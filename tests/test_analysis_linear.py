@@ -16,21 +16,6 @@ from exodrake.analysis.steps import step_figures
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
 
 
-@pytest.fixture(scope="module")
-def loop():
-    return FrameMap.of(exo.load_robot())
-
-
-@pytest.fixture(scope="module")
-def point(loop):
-    return operating_point(loop)
-
-
-@pytest.fixture(scope="module")
-def model(loop, point):
-    return linearise(loop, point.state, point.references)
-
-
 def toy():
     """A loop of known poles with a quadratic term, badly scaled, and a clock as fourth state."""
     block = np.array([[0.95, 0.3, 0.0], [0.0, 0.6, 0.5], [0.0, -0.5, 0.6]])

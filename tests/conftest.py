@@ -1,0 +1,35 @@
+"""What more than one file of tests needs: the linearised loop; one thread per worker, since workers share the cores."""
+
+import os
+
+if "PYTEST_XDIST_WORKER" in os.environ:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
+import pytest
+
+import exodrake as exo
+
+
+@pytest.fixture(scope="session")
+def loop():
+    """The nominal robot's map from one frame to the next."""
+    from exodrake.analysis.frame_map import FrameMap
+
+    return FrameMap.of(exo.load_robot())
+
+
+@pytest.fixture(scope="session")
+def point(loop):
+    """Where the loop rests."""
+    from exodrake.analysis.operating import operating_point
+
+    return operating_point(loop)
+
+
+@pytest.fixture(scope="session")
+def model(loop, point):
+    """The loop's linear model there."""
+    from exodrake.analysis.linear import linearise
+
+    return linearise(loop, point.state, point.references)
