@@ -38,6 +38,7 @@ PUBLIC = {
     "steps": "exodrake.identification.protocols",
     "multisine": "exodrake.identification.protocols",
     "random_motion": "exodrake.identification.protocols",
+    "plan_grasp": "exodrake.grasping.plan",
     "protocol": "exodrake.identification.asked",
     "from_log": "exodrake.identification.asked",
     "build_diagram": "exodrake.diagrams.drake",

@@ -1,0 +1,117 @@
+"""Figure of a grasp: object, thumb and finger as planned, reached and estimated, and how it got there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from exodrake.diagrams.robot import Robot
+from exodrake.figures import STYLE, colour_of, draw_estimate, draw_panel
+from exodrake.grasping.contact import joints
+from exodrake.grasping.inverse import numbers_of
+from exodrake.grasping.plan import Plan
+from exodrake.grasping.trial import at_hold
+from exodrake.log import Log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SKIN, THUMB, OBJECT = "#e7c3b0", "#d8d2cc", "#a9c7e3"
+THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the drawing only [m]
+SHOWN = ("#222222", "#0072b2", "#d55e00")  # planned, reached, estimated
+
+
+def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
+    """The figure of a plan and of its run (`run.run_plan`)."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(10.4, 5.4), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
+        draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
+        angle = figure.add_subplot(grid[0, 1])
+        draw_angles(angle, plan, log)
+        tension = figure.add_subplot(grid[1, 1], sharex=angle)
+        draw_panel(tension, log, "tension")
+        tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
+        tension.set_xlabel("Time [s]")
+        tension.set_xlim(log.time[0], log.time[-1])
+        angle.tick_params(labelbottom=False)
+        figure.align_ylabels([angle, tension])
+        state = "" if plan.feasible else ": not feasible, nearest shown"
+        title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm{state}"
+        figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+    return figure
+
+
+def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
+    """Object, thumb and the finger's three postures at the hold, in its plane [mm]."""
+    n = numbers_of(robot)
+    thumb, centre = complex(*plan.hand.thumb), complex(*plan.centre)
+    fill(axes, [thumb, thumb + THUMB_BONE], [plan.hand.thumb_radius], THUMB, 0.9)
+    axes.annotate(
+        "thumb (place assumed)",
+        mm(thumb + THUMB_BONE / 2 + 0.002j),
+        ha="center",
+        va="bottom",
+        fontsize=7.5,
+        color="#555",
+    )
+    fill(axes, [centre, centre], [plan.size / 2.0], OBJECT, 0.75)
+    axes.annotate(f"{1e3 * plan.size:g} mm", mm(centre), ha="center", va="center", color="#2b4d6e")
+    postures = {
+        "planned": np.array(plan.planned),
+        "reached": at_hold(log, "angle", plan.joints),
+        "estimated": at_hold(log, "angle_est", plan.joints),
+    }
+    fill(axes, list(joints(postures["planned"], n)), list(n.radius), SKIN, 0.55)
+    if not plan.feasible:
+        x, y = mm(joints(np.array(plan.wanted), n))
+        axes.plot(x, y, color="#999999", lw=1.2, ls=(0, (1, 1.2)), label="wanted")
+    for (name, angle), colour, dash, width in zip(
+        postures.items(), SHOWN, ("-", (0, (5, 2)), (0, (1, 1.5))), (3.2, 1.8, 1.8)
+    ):
+        x, y = mm(joints(angle, n))
+        axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=4 if dash == "-" else 0)
+    axes.plot(*mm(complex(*plan.target)), "x", color="#cc79a7", ms=8, mew=1.8, label="target")
+    axes.set_aspect("equal")
+    axes.invert_yaxis()
+    axes.margins(0.06)
+    axes.set_xlabel("distal [mm]")
+    axes.set_ylabel("palmar [mm]")
+    axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
+
+
+def draw_angles(axes: Any, plan: Plan, log: Log) -> None:
+    """Joint angles as measured, with the estimate as a black line and band, and the plan dashed."""
+    from matplotlib.lines import Line2D
+
+    for i, name in enumerate(plan.joints):
+        colour = colour_of(name, i)
+        axes.plot(log.time, log[f"angle_{name}"], color=colour, label=name)
+        draw_estimate(axes, log, "angle", name, colour)
+        axes.axhline(plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+    handles = axes.get_legend_handles_labels()[0]
+    handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
+    handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
+    axes.set_ylabel("Joint angle [rad]")
+
+
+def fill(axes: Any, points: list[complex], radii: list[float], colour: str, alpha: float) -> None:
+    """Rounded bones between points [m], one radius [m] each, as one filled shape."""
+    import shapely
+
+    pairs = zip(points[:-1], points[1:], radii)
+    shapes = [
+        shapely.LineString([mm(a), mm(b)] if a != b else [mm(a), mm(b + 1e-9)]).buffer(1e3 * r) for a, b, r in pairs
+    ]
+    x, y = np.array(shapely.union_all(shapes).exterior.coords).T  # pyright: ignore
+    axes.fill(x, y, color=colour, alpha=alpha, lw=0)
+
+
+def mm(points: Any) -> tuple[Any, Any]:
+    """Complex points [m] as x and y [mm]."""
+    return 1e3 * np.real(points), 1e3 * np.imag(points)

@@ -1,0 +1,78 @@
+"""The opposed hand and the three modes: what a grasp must look like, before any wire is asked.
+
+The splint holds the thumb (paper, Section 2.1), but the paper does not say where: place and pad below are assumed, so
+that the nominal finger, which the wires bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from exodrake.diagrams.machine import nearest
+from exodrake.errors import InputError
+from exodrake.systems.tendon_finger import Numbers
+
+FREE = 9.0  # rad, no limit
+
+
+@dataclass(frozen=True)
+class Hand:
+    """The thumb in the finger's plane, and how soft skin is.
+
+    thumb: centre of its round tip (x, y palmar) [m]; thumb_radius [m]. pad: where the distal phalanx touches in a
+    pinch, as a share of its length. soft: how deep an object sinks into a pad [m]. tissue: how far joints go beyond
+    the onset of their end stops [rad]. All assumed.
+    """
+
+    thumb: tuple[float, float] = (0.030, 0.090)
+    thumb_radius: float = 0.009
+    pad: float = 0.75
+    soft: float = 0.0025
+    tissue: float = 0.15
+
+    def limits(self, n: Numbers) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest joint angles (3,), (3,) [rad]."""
+        return np.array(n.q_e) - self.tissue, np.array(n.q_f) + self.tissue
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A way to grasp. low, high: joint angles less the rest posture [rad]; weight: how much each joint's departure
+    from rest counts against a posture; wraps: all phalanges touch, rather than the distal one alone."""
+
+    name: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    weight: tuple[float, float, float]
+    wraps: bool = False
+
+
+# Paper, Section 2.2.2: "wide pinch, which only bends the PIP joint", narrow pinch by MCP flexion, caging by all joints.
+# By how much the others may bend with it is assumed.
+NARROW = Mode("narrow-pinch", (-FREE, -FREE, -FREE), (FREE, 0.1, 0.1), (0.0, 1.0, 1.0))
+WIDE = Mode("wide-pinch", (-FREE, 0.0, -FREE), (0.1, FREE, 0.1), (1.0, 0.0, 1.0))
+CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.0), wraps=True)
+MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
+
+
+def mode_of(name: str) -> Mode:
+    """The mode of that name, spaces or underscores allowed; InputError with the nearest one otherwise."""
+    plain = "-".join(name.lower().replace("_", " ").replace("-", " ").split())
+    if plain not in MODES:
+        raise InputError(f"unknown grasp mode {name!r}{nearest(plain, list(MODES))}; there are {', '.join(MODES)}")
+    return MODES[plain]
+
+
+def check_size(size: float, hand: Hand, n: Numbers) -> float:
+    """The size of an object [m]; InputError if it is none, or wider than finger and thumb could ever span."""
+    span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
+    number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)
+    if not number or not isfinite(size) or not 0.0 < size <= span:
+        shown = f"{size:g} m" if number else repr(size)
+        raise InputError(
+            f"object size is {shown}, wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
+        )
+    return float(size)

@@ -1,0 +1,131 @@
+"""Plans: mode and object size -> posture -> tensions, and the part of the wish that the wires cannot fulfil.
+
+plan = plan_grasp("caging", 0.06)
+plan.tensions, plan.planned, plan.feasible, plan.reason
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.simulate import Reference
+from exodrake.grasping.contact import Candidates, bounds, candidates, joints
+from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
+from exodrake.grasping.inverse import holdable, numbers_of, project, ramped, reachable
+from exodrake.grasping.trial import confirmed, nominal
+from exodrake.identification.protocols import grasp
+from exodrake.identification.tensions import limits
+from exodrake.systems.tendon_finger import Numbers
+
+TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
+GAP = 0.01  # m off the thumb that count in a cage like 1 rad
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A planned grasp.
+
+    size: diameter of the object [m]; centre of it, and fingertip (target), as (x, y palmar) [m], MCP in the origin.
+    wanted: joint angles by inverse kinematics; planned: those the tensions [N] hold, from rest along the ramp;
+    shortfall: wanted less planned, the infeasible part [rad]. feasible: no joint falls short by more than TOLERANCE.
+    reason: in words.
+    """
+
+    mode: str
+    size: float
+    target: tuple[float, float]
+    centre: tuple[float, float]
+    wanted: tuple[float, ...]
+    tensions: tuple[float, ...]
+    planned: tuple[float, ...]
+    shortfall: tuple[float, ...]
+    feasible: bool
+    reason: str
+    wires: tuple[str, ...]
+    joints: tuple[str, ...]
+    hand: Hand
+
+    def reference(self, robot: Robot | None = None, **durations: float) -> Reference:
+        """Tension references for the Diagram: rest, approach, hold, release; durations as in `exo.grasp` [s]."""
+        return grasp(self.mode, robot or load_robot(), dict(zip(self.wires, self.tensions)), **durations)
+
+
+def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | None = None) -> Plan:
+    """Plan a grasp of a round object.
+
+    Args: mode: caging, narrow-pinch or wide-pinch. size: the object's diameter [m].
+    Raises InputError for an unknown mode, and for a size that is none or beyond the span of finger and thumb.
+    """
+    robot, hand = robot or load_robot(), hand or Hand()
+    way, n, (low, high) = mode_of(mode), numbers_of(robot), limits(robot)
+    size = check_size(size, hand, n)
+    found = candidates(way, size, hand, n)
+    allowed = np.flatnonzero(found.miss <= 0.0)
+    cost, confirm = cost_of(way, found, n), partial(confirmed, nominal(robot))
+    best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
+    if best is not None:
+        place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)
+        wanted, planned = found.angles[place], ramped(tension, low, n)
+    else:
+        cloud = reachable(low, high, n)
+        place = nearest_wish(found, allowed, cloud[1])
+        wanted = np.clip(found.angles[place], *bounds(way, hand, n))
+        tension, planned = project(wanted, cloud, low, high, n, confirm)
+    shortfall = wanted - planned
+    touched = len(allowed) > 0
+    feasible = bool(touched and np.abs(shortfall).max() <= TOLERANCE)
+    lanes = robot.machine.lanes.wires, robot.machine.lanes.joints
+    reason = words(robot, way, size, touched, feasible, shortfall, tension)
+    return Plan(
+        way.name, size, pair(joints(wanted, n)[3]), pair(found.centre[place]), values(wanted), values(tension),
+        values(planned), values(shortfall), feasible, reason, *lanes, hand,
+    )  # fmt: skip
+
+
+def cost_of(mode: Mode, found: Candidates, n: Numbers) -> np.ndarray:
+    """What speaks against each posture (k,): weighted departure from rest, distance of a caged object to the thumb."""
+    away = (found.angles - np.array(n.q0)) ** 2 @ np.array(mode.weight)
+    return away + (np.maximum(found.gap, 0.0) / GAP) ** 2
+
+
+def nearest_wish(found: Candidates, allowed: np.ndarray, held: np.ndarray) -> int:
+    """Place of the allowed posture nearest those the wires hold (k, 3) [rad]; of the least wrong if none is allowed."""
+    from scipy.spatial import KDTree
+
+    if not len(allowed):
+        return int(found.miss.argmin())
+    return int(allowed[KDTree(held).query(found.angles[allowed])[0].argmin()])
+
+
+def words(
+    robot: Robot, mode: Mode, size: float, touched: bool, feasible: bool, shortfall: np.ndarray, tension: np.ndarray
+) -> str:
+    """Why a grasp is feasible or not, in a sentence."""
+    lanes, (low, high) = robot.machine.lanes, limits(robot)
+    if feasible:
+        return "the wires hold it within F_min .. F_max, and the ramp leads to it"
+    what = f"{mode.name.replace('-', ' ')} of {1e3 * size:g} mm"
+    if not touched:
+        does = "closes round it" if mode.wraps else "brings it against the thumb"
+        return f"{what} is out of reach: no posture within the limits of joints and mode {does}"
+    short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(lanes.joints, shortfall) if abs(v) > TOLERANCE)
+    at = [f"{w} at F_min" for w, t, a in zip(lanes.wires, tension, low) if t < a + 0.01]
+    at += [f"{w} at F_max" for w, t, b in zip(lanes.wires, tension, high) if t > b - 0.01]
+    cause = (
+        f"; the nearest they hold has {' and '.join(at)}" if at else "; nearer ones are not stable or not on the ramp"
+    )
+    return f"{what} is out of the wires' reach: no tensions hold the posture, which falls short by {short}{cause}"
+
+
+def pair(point: complex) -> tuple[float, float]:
+    """A point as (x, y) [m]."""
+    return float(point.real), float(point.imag)
+
+
+def values(array: np.ndarray) -> tuple[float, ...]:
+    """An array as plain numbers."""
+    return tuple(float(v) for v in array)

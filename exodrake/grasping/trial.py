@@ -1,0 +1,40 @@
+"""The last word on a plan: the nominal robot, simulated without noise, must stand in the planned posture at the hold.
+
+Statics know nothing of a tension loop that comes slowly to its references where the finger is soft, nor of a joint that
+hesitates on its way to the second of two postures.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.simulate import simulate
+from exodrake.identification.protocols import grasp
+from exodrake.log import Log
+
+REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
+LAST = 0.5  # s at the end of the hold, over which a posture is read
+CLOSE = 0.03  # rad between plan and simulation
+
+
+def nominal(robot: Robot) -> Robot:
+    """The robot with its own numbers and without effects."""
+    neutral = [entry.neutral for entry in robot.machine.entries]
+    return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, neutral)]))
+
+
+def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
+    """Means (n,) of columns over the last half second of the hold of a grasp."""
+    during = (log.time >= REST + APPROACH + HOLD - LAST) & (log.time < REST + APPROACH + HOLD)
+    return log.array(kind, names)[during].mean(axis=0)
+
+
+def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
+    """Whether a nominal robot, asked for these tensions (wires,) [N], gets to these angles (joints,) [rad]."""
+    lanes = robot.machine.lanes
+    targets = dict(zip(lanes.wires, np.asarray(tension, dtype=float).tolist()))
+    log = simulate(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None)
+    return bool(np.abs(at_hold(log, "angle", lanes.joints) - angles).max() <= CLOSE)
