@@ -19,7 +19,7 @@ COMMANDS = {
     "effects": ("exodrake.commands.effects", "The shelf: what the nominal robot leaves out."),
     "draw": ("exodrake.commands.draw", "Draw the robot's block diagram with its wires and slots."),
     "analyse": ("exodrake.commands.analyse", "Closed loop: steps, poles, margins, stability map."),
-    "identify": ("exodrake.commands.identify", "Find kinematics and joint stiffness from recordings."),
+    "identify": ("exodrake.commands.identify", "Find the finger's kinematics in a marker recording."),
     "workspace": ("exodrake.commands.workspace", "Areas that the fingertip reaches, alone and pulled by its wires."),
     "train": ("exodrake.commands.train", "Train the joint-angle estimator on logs."),
     "estimate": ("exodrake.commands.estimate", "Joint angles from stroke and tension, with their uncertainty."),

@@ -11,10 +11,7 @@ EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_example(path, tmp_path):
-    run = subprocess.run(
-        [sys.executable, str(path), str(tmp_path)], cwd=tmp_path, capture_output=True, text=True, timeout=600,
-        env=None,
-    )  # fmt: skip
+    run = subprocess.run([sys.executable, path, tmp_path], cwd=tmp_path, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr[-2000:]
     assert run.stdout.strip()
     figures = list(tmp_path.glob("*.png"))

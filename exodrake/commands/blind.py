@@ -24,7 +24,7 @@ def command() -> None:
     """Make, seal and score cases from a second, independent simulator."""
 
 
-@command.command()
+@command.command(short_help="Write the logs of drawn robots, their labels sealed apart.")
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")

@@ -10,7 +10,7 @@ def command() -> None:
     """Find kinematics from recordings, or make synthetic recordings."""
 
 
-@command.command()
+@command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--out",
@@ -51,7 +51,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     click.echo("wrote " + ", ".join(str(name) for name in files))
 
 
-@command.command()
+@command.command(short_help="Write a marker recording with known truth.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--seconds", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
