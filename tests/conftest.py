@@ -1,4 +1,4 @@
-"""What more than one file of tests needs: the linearised loop; one thread per worker, since workers share the cores."""
+"""The linearised loop, which two files need; and how workers share the cores: one thread each, the longest test first."""
 
 import os
 
@@ -9,6 +9,14 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 import pytest
 
 import exodrake as exo
+
+
+LONGEST = "diagnose_case"  # an example that diagnoses a case, which takes longer than any file of tests
+
+
+def pytest_collection_modifyitems(items):
+    """The longest test starts first, so that the others run beside it."""
+    items.sort(key=lambda item: LONGEST not in item.name)
 
 
 @pytest.fixture(scope="session")
