@@ -1,4 +1,4 @@
-"""The linearised loop, which two files need; and how workers share the cores: one thread each, the longest test first."""
+"""The linearised loop, which two files need; how workers share the cores: one thread each, the longest test first."""
 
 import os
 
@@ -9,7 +9,6 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 import pytest
 
 import exodrake as exo
-
 
 LONGEST = "diagnose_case"  # an example that diagnoses a case, which takes longer than any file of tests
 
