@@ -71,7 +71,11 @@ def chapter() -> Chapter:
     rows = [
         (
             f"{degrees}°",
-            *(f"{1e3 * change(found.at(name, degrees)):.3f}" for change in (float, as_printed) for name in ROUTERS),
+            *(
+                f"{1e3 * change(found.at(name, degrees)):.3f}".replace("-", "−")
+                for change in (float, as_printed)
+                for name in ROUTERS
+            ),
         )
         for degrees in TABLE
     ]

@@ -12,10 +12,11 @@ LIKELY = 1e-9  # agreement to rounding
 DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 
-def chapter(numbers) -> Chapter:
-    """Equations that are wrong as printed. numbers: the robot's `systems.tendon_finger.Numbers`."""
+def chapter(robot) -> Chapter:
+    """Equations that are wrong as printed."""
     from exodrake.diagnosis.report import markup
     from exodrake.paper import loop_sign
+    from exodrake.paper.study import numbers_of
 
     rows = [
         (f"{degrees}°", f"{residue(degrees, False):.0e}", f"{residue(degrees, True):.2f}",
@@ -33,7 +34,7 @@ def chapter(numbers) -> Chapter:
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"
         " not look as it does."
     )
-    claims = (*control(), *screws(), *statics(numbers))
+    claims = (*control(), *screws(), *statics(numbers_of(robot), robot.limits["F_max"]))
     return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, markup.pair(drawing, table), claims)
 
 
@@ -43,8 +44,8 @@ def control() -> tuple[Claim, ...]:
 
     printed, ours = (100.0 * overshoot(sign) for sign in (1.0, -1.0))
     why = (
-        "With any lag in the loop the printed sign takes damping away. A matter of convention if the authors' kd is"
-        " negative; no gains are printed."
+        "With lag in the loop the printed sign takes damping away; with neither lag nor delay it is harmless at this"
+        " gain. A matter of convention if the authors' kd is negative; no gains are printed."
     )
     return (
         Claim("Eq. 3", "+ kd dF/dt in the tension law", f"overshoot {printed:.0f} %", f"− kd dF/dt: {ours:.1f} %",
@@ -105,8 +106,8 @@ def screws() -> tuple[Claim, ...]:
     )  # fmt: skip
 
 
-def statics(numbers) -> tuple[Claim, ...]:
-    """Eq. 21, 22 and the sign rules of the text."""
+def statics(numbers, limits) -> tuple[Claim, ...]:
+    """Eq. 21, 22 and the sign rules of the text. limits: largest tension per wire [N]."""
     from exodrake.identification import stiffness
 
     kappa, bent = np.array(numbers.kappa), np.array([0.0, PIP_ONLY, 0.0])
@@ -128,7 +129,7 @@ def statics(numbers) -> tuple[Claim, ...]:
             "The printed entry has another unit than its neighbours.",
         ),
         dip_alone(kappa),
-        pip_alone(stiffness.tension_map(arms, kappa) @ bent, numbers),
+        pip_alone(stiffness.tension_map(arms, kappa) @ bent, numbers, limits),
         alone(numbers),
     )  # fmt: skip
 
@@ -152,7 +153,7 @@ def dip_alone(kappa: np.ndarray) -> Claim:
     )  # fmt: skip
 
 
-def pip_alone(tension: np.ndarray, numbers) -> Claim:
+def pip_alone(tension: np.ndarray, numbers, limits) -> Claim:
     """Wide pinch: the tensions that bend the PIP alone, from a rest posture of zero as in the paper, and from ours."""
     from exodrake.identification.stiffness import router_arms, tension_map
 
@@ -163,6 +164,8 @@ def pip_alone(tension: np.ndarray, numbers) -> Claim:
         " same routers, so MF is zero at equal angles; from our rest posture, MCP bent more than DIP, it would be"
         f" {ours:+.1f} N."
     ).replace("-", "−")
+    over = [wire for wire, value in zip(limits, tension) if value > limits[wire]]
+    why += f" The tensions exceed the assumed limits of {' and '.join(over)}." if over else ""
     words = "AF {:.1f}, MF {:.1f}, AE {:.1f} N".format(*(tension.round(9) + 0.0))
     good = AGREES if np.all(tension > -LIKELY) else DOES_NOT
     return Claim("2.2.2", "PIP alone is possible with these routers", "possible", words, good, why)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from html import escape
 
 from exodrake import __version__
@@ -93,9 +94,14 @@ def group(chapter: Chapter) -> str:
 def row(claim: Claim) -> str:
     """One claim."""
     mark = f'<span class="mark {MARKS[claim.verdict]}">{claim.verdict}</span>'
-    words = (markup.text(part) for part in (claim.where, claim.what, claim.printed, claim.ours))
+    words = (markup.text(minus(part)) for part in (claim.where, claim.what, claim.printed, claim.ours))
     cells = [*words, mark, markup.text(claim.reason)]
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def minus(words: str) -> str:
+    """Negative numbers with a true minus sign."""
+    return re.sub(r"(?<!\w)-(?=\d)", "−", words)
 
 
 def chapter_html(chapter: Chapter) -> str:

@@ -15,8 +15,8 @@ def chapter(robot, tensions: int) -> Chapter:
     wired = assisted(robot, tensions)
     caption = (
         "Computed from the lengths of Table 1 and the ranges S.M. of Table 2, pin joints; MCP at the origin, palmar"
-        " down. Assisted: statics of the nominal robot, whose stiffness and largest tensions are assumed, over its"
-        " tensions."
+        " down. Assisted: statics of the nominal robot, whose stiffness and largest tensions are assumed; red leaves"
+        " the grey where the extensor straightens PIP and DIP beyond the spontaneous range."
     )
     lead = (
         "The printed areas K.M. and S.M. do not follow from the printed lengths and ranges: K.M. is twice what the"
@@ -47,7 +47,7 @@ def table_rows(wired) -> list[tuple[str, ...]]:
     kinds = (FINGERTIP, DISTAL)
     whole = [f"{1e6 * reach(LENGTHS, SPONTANEOUS, what).area:.0f}" for what in kinds]
     part = [f"{1e6 * wired.region(LENGTHS, what).area:.0f}" for what in kinds]
-    ranges = [[f"{low:.2f} … {high:.2f}" for low, high in spans] for spans in (SPONTANEOUS, ASSISTED)]
+    ranges = [[f"{low:.2f} … {high:.2f}".replace("-", "−") for low, high in spans] for spans in (SPONTANEOUS, ASSISTED)]
     return [
         ("K.M., kinematically possible", "–", "–", "–", f"{AREAS['K.M.']:.2f}", *whole),
         ("S.M., spontaneous", *ranges[0], f"{AREAS['S.M.']:.2f}", *(f"at most {area}" for area in whole)),

@@ -32,7 +32,7 @@ def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
 
     from exodrake.diagrams.robot import load_robot
     from exodrake.paper import arms, centres, equations, estimation, hardware, reach
-    from exodrake.paper.study import numbers_of, study
+    from exodrake.paper.study import study
 
     start, robot = perf_counter(), load_robot()
     with threadpool_limits(1):  # many small products: a second thread only waits
@@ -40,7 +40,7 @@ def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
     chapters = (
         estimation.chapter(found),
         arms.chapter(),
-        equations.chapter(numbers_of(robot)),
+        equations.chapter(robot),
         hardware.chapter(robot, found.rate),
         centres.chapter(centres.record(effort.marker_seconds, seed)),
         reach.chapter(robot, effort.tensions),
