@@ -20,7 +20,16 @@ from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
 
 SCATTER, SCATTER_ANGLE, CLIP = 0.03, 0.01, 2.5  # relative; rad, for angles near 0; standard deviations
-EXACT = ("sensor.sigma_F", "sensor.q_F", "encoder", "mocap", "controller", "motor.N", "motor.r_set", "tendon.presliding")
+EXACT = (
+    "sensor.sigma_F",
+    "sensor.q_F",
+    "encoder",
+    "mocap",
+    "controller",
+    "motor.N",
+    "motor.r_set",
+    "tendon.presliding",
+)
 FALSE_ALARMS = 0.02  # diagnosis.md
 
 
@@ -72,7 +81,9 @@ def main(seed: int, robots: int) -> None:
         click.echo(f"robot {k}: {found[-1][0]:.3f} over all signals, {found[-1][1]:.3f} in the worst")
     whole, worst = np.array(found).T
     for name, values in (("quiet", whole), ("quiet_column", worst)):
-        click.echo(f"{name}: median {np.median(values):.3f}, {1 - FALSE_ALARMS:.0%} quantile {np.quantile(values, 1 - FALSE_ALARMS):.3f}")
+        click.echo(
+            f"{name}: median {np.median(values):.3f}, {1 - FALSE_ALARMS:.0%} quantile {np.quantile(values, 1 - FALSE_ALARMS):.3f}"
+        )
 
 
 if __name__ == "__main__":

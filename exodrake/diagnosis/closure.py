@@ -64,7 +64,9 @@ def blocks(residuals: list[np.ndarray], length: int) -> np.ndarray:
     return np.array(found or [np.mean(r**2) for r in residuals])
 
 
-def signal(problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]) -> SignalGap:
+def signal(
+    problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]
+) -> SignalGap:
     """Gap of one signal in its unit."""
     floor = float(problem.floor[i])
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))

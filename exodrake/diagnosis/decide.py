@@ -25,6 +25,7 @@ class Thresholds:
     rival: float
     alike: float
     form: float
+    margin: float
     pair: float
 
 
@@ -98,23 +99,41 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
     limits = limits or thresholds()
     if is_quiet(problem, search.nominal, limits):
         return Decision(NO_GAP, search.nominal, (), {}, ("the nominal robot explains every signal to its floor",))
-    if is_quiet(problem, search.retuned, limits) or not search.singles:
-        return Decision(RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",))
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
     best = ranked[0]
+    if is_quiet(problem, search.retuned, limits) and search.retuned.score - best.score < limits.margin:
+        return Decision(
+            RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",)
+        )
     chance = probabilities(ranked, misfit(problem, best), limits)
     left, final = left_over(problem, best, search.retuned), misfit(problem, best)
     if not explains(problem, best, search.retuned, limits):
         if search.lossy:
             lost = next(f for f in ranked if LOSING in f.point.hypothesis.effects)
-            return Decision(NAMED, lost, (lost,), chance, ("commands were seen to be lost, one by one; those lost unseen leave the rest",))
+            return Decision(
+                NAMED,
+                lost,
+                (lost,),
+                chance,
+                ("commands were seen to be lost, one by one; those lost unseen leave the rest",),
+            )
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
         return Decision(UNKNOWN, best, (), chance, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
-    rivals = [f for f in same if chance[f.name] >= limits.rival * chance[best.name] or as_good(problem, f, best, limits)]
-    rivals += [f for f in same if f not in rivals and simpler(f, best) and left_over(problem, f, search.retuned) <= limits.form]
+    rivals = [
+        f for f in same if chance[f.name] >= limits.rival * chance[best.name] or as_good(problem, f, best, limits)
+    ]
+    rivals += [
+        f for f in same if f not in rivals and simpler(f, best) and left_over(problem, f, search.retuned) <= limits.form
+    ]
     rivals.sort(key=lambda f: len(f.point.u))
     best = rivals[0]
     if len(rivals) > 1:
-        return Decision(AMBIGUOUS, best, tuple(rivals), chance, ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),))
+        return Decision(
+            AMBIGUOUS,
+            best,
+            tuple(rivals),
+            chance,
+            ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),),
+        )
     return Decision(NAMED, best, tuple(rivals), chance, (f"{best.name} leaves {left:.1%} of the gap",))

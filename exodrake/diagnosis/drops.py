@@ -57,7 +57,9 @@ WRITE_AFTER_READ = 4  # slots from a wire's bus read to its bus write: `model.md
 
 def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> Drops:
     """Lost commands of one log. command [m/s], stroke [m], tension [N]: (n, wires), as logged."""
-    command, stroke, tension = (np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension))
+    command, stroke, tension = (
+        np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension)
+    )
     drive = Drive(machine, values)
     lottery, applied, state = np.ones_like(command), np.zeros(command.shape[1]), drive.state
     events = lost = 0
@@ -75,7 +77,16 @@ def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np
     return Drops(lottery, events, lost)
 
 
-def error(drive: Drive, state: np.ndarray, before: np.ndarray, now: np.ndarray, n: int, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> np.ndarray:
+def error(
+    drive: Drive,
+    state: np.ndarray,
+    before: np.ndarray,
+    now: np.ndarray,
+    n: int,
+    command: np.ndarray,
+    stroke: np.ndarray,
+    tension: np.ndarray,
+) -> np.ndarray:
     """Squared error of the strokes (wires,) [m2] over the next frames if `now` is the speed from frame n on."""
     trial, total, start = state.copy(), np.zeros(len(now)), None
     speeds = [before, now, *command[n + 1 : n + AHEAD]]
@@ -105,7 +116,10 @@ def probability(drops: list[Drops]) -> tuple[float, float, float]:
     return k / n, float(max(centre - half, 0.0)), float(min(centre + half, 1.0))
 
 
-LOSSY, BROKEN = 0.05, 0.5  # share of lost commands that counts as evidence, and beyond which a drive is late or weak rather than deaf
+LOSSY, BROKEN = (
+    0.05,
+    0.5,
+)  # share of lost commands that counts as evidence, and beyond which a drive is late or weak rather than deaf
 
 
 def lossy(drops: list[Drops]) -> bool:

@@ -32,7 +32,9 @@ def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dic
     """
     best: dict[str, Any] = {}
     for name, reference in menu(problem.robot).items():
-        trial = Trial(name, "holdout", reference.tension, np.full((len(reference.tension), len(problem.columns)), np.nan))
+        trial = Trial(
+            name, "holdout", reference.tension, np.full((len(reference.tension), len(problem.columns)), np.nan)
+        )
         logs = problem.predict(rows, trial) / problem.floor
         apart = min(
             float(np.sqrt(np.mean((logs[i] - logs[k]) ** 2))) for i in range(len(rows)) for k in range(i + 1, len(rows))
@@ -46,4 +48,6 @@ def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dic
     return best
 
 
-ADVICE = "measure at a known state instead (mechanical stop for the encoder's zero, dead weights on a wire, clamped finger)"
+ADVICE = (
+    "measure at a known state instead (mechanical stop for the encoder's zero, dead weights on a wire, clamped finger)"
+)

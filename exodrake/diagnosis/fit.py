@@ -7,7 +7,7 @@ by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from exodrake.diagnosis.problem import Problem
 
 NUDGE = 1e-2  # step of a difference quotient in units of a knob's scale
 NUDGE_NUMBER = 5e-3  # of a nominal number, relative [-] or [rad]
-GAIN_ENOUGH = 2e-3  # a fit ends when a step lowers the cost by less than this fraction
+DAMPING = 1e-8  # of the curvature, at first: the prior of the nominal numbers bounds the valleys
+GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,9 @@ class Fitter:
 
     def scored(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray, residual: np.ndarray) -> Point:
         """A point whose residual is known."""
-        return Point(hypothesis, u, x, residual, 0.5 * float(residual @ residual) + 0.5 * float(np.sum((x / self.spread) ** 2)))
+        return Point(
+            hypothesis, u, x, residual, 0.5 * float(residual @ residual) + 0.5 * float(np.sum((x / self.spread) ** 2))
+        )
 
     def responses(self, point: Point) -> np.ndarray:
         """d residual / d x at a point, (samples, nominal knobs)."""
@@ -71,12 +74,14 @@ class Fitter:
         steps = np.where(point.u + steps > point.hypothesis.bounds[:, 1], -steps, steps)
         if not len(steps):
             return np.zeros((len(point.residual), 0))
-        rows = [self.values(point.hypothesis, point.u + steps[i] * row, point.x) for i, row in enumerate(np.eye(len(steps)))]
+        rows = [
+            self.values(point.hypothesis, point.u + steps[i] * row, point.x) for i, row in enumerate(np.eye(len(steps)))
+        ]
         return ((self.problem.residual(np.array(rows), self.problem.fit) - point.residual) / steps[:, None]).T
 
     def fit(self, start: Point, responses: np.ndarray, steps: int = 8, gram: np.ndarray | None = None) -> Point:
         """Levenberg-Marquardt from a point; `responses` (samples, nominal knobs) of a point nearby."""
-        point, damping = start, 1e-3
+        point, damping = start, DAMPING
         gram = responses.T @ responses if gram is None else gram
         for _ in range(steps):
             slopes = self.slopes(point)
@@ -87,15 +92,17 @@ class Fitter:
                 if trial.cost < point.cost:
                     better = trial
                     break
-                damping *= 10.0
+                damping = max(100.0 * damping, 1e-5)
             if better is None:
                 return point
-            gain, point, damping = 1.0 - better.cost / point.cost, better, max(0.1 * damping, 1e-6)
+            gain, point, damping = 1.0 - better.cost / point.cost, better, max(0.1 * damping, DAMPING)
             if gain < GAIN_ENOUGH:
                 return point
         return point
 
-    def step(self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+    def step(
+        self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """u and x after one damped Gauss-Newton step within bounds."""
         scales = point.hypothesis.scales
         scaled = slopes * scales
@@ -116,28 +123,16 @@ class Fitter:
 
 
 def bounded_solve(normal: np.ndarray, descent: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Solution of a quadratic problem within bounds, by holding at its bound whatever leaves it (a few rounds suffice)."""
-    move, held = np.zeros(len(descent)), np.zeros(len(descent), bool)
-    for _ in range(6):
-        free = ~held
-        rest = descent[free] - normal[np.ix_(free, held)] @ move[held]
-        move[free] = np.linalg.solve(normal[np.ix_(free, free)], rest)
-        out = free & ((move < low) | (move > high))
-        move = np.clip(move, low, high)
-        if not out.any():
-            break
-        held |= out
-    return move
+    """Minimum of 1/2 m'N m - d'm within bounds, by the active-set method for bounded least squares."""
+    from scipy.linalg import cho_factor, solve_triangular
+    from scipy.optimize import lsq_linear
 
-
-def linear_cost(residual: np.ndarray, directions: np.ndarray, inverse: np.ndarray, responses: np.ndarray) -> np.ndarray:
-    """Amplitudes (k,) of `directions` (samples, k), the nominal knobs marginalised; weak pull to 0 keeps them finite."""
-    cross = responses.T @ directions
-    projected = directions - responses @ (inverse @ cross)
-    normal = projected.T @ directions
-    return np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)) + 1e-12 * np.eye(len(normal)), -projected.T @ residual)
-
-
-def renamed(point: Point, hypothesis: Hypothesis) -> Point:
-    """The same point seen as another hypothesis of the same knobs."""
-    return replace(point, hypothesis=hypothesis)
+    size = np.sqrt(np.diag(normal))
+    scaled = normal / np.outer(size, size) + 1e-12 * np.eye(len(size))
+    factor = np.triu(cho_factor(scaled)[0])
+    target = solve_triangular(factor, descent / size, trans=1)
+    free = solve_triangular(factor, target) / size
+    if np.all((free >= low) & (free <= high)):
+        return free
+    high = np.maximum(high, low + 1e-12)
+    return np.clip(lsq_linear(factor, target, (low * size, high * size), method="bvls").x / size, low, high)

@@ -6,6 +6,8 @@ Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of on
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from exodrake.case import Case
@@ -20,7 +22,10 @@ ROBUST = 1.4826  # standard deviation of a normal law over its median absolute d
 def sensor_floor(robot: Robot) -> dict[str, float]:
     """Floor per kind of signal from the robot's numbers: N, m, m/s, rad."""
     tension = np.sqrt(robot["sensor.sigma_F"] ** 2 + TWELFTH * robot["sensor.q_F"] ** 2)
-    damped = np.hypot(robot["controller.kp"] + robot["controller.kd"] / robot["controller.period"], robot["controller.kd"] / robot["controller.period"])
+    damped = np.hypot(
+        robot["controller.kp"] + robot["controller.kd"] / robot["controller.period"],
+        robot["controller.kd"] / robot["controller.period"],
+    )
     step = robot["encoder.q_theta"] * robot["encoder.radius"]
     return {
         "tension": float(tension),
@@ -35,7 +40,7 @@ def repeat_floor(case: Case, column: str) -> float | None:
     spreads = []
     for group in case.repeat_groups:
         logs = [item.log for item in group if item.log.has(column)]
-        for a, b in zip(logs, logs[1:], strict=False):
+        for a, b in pairwise(logs):
             n = min(len(a), len(b))
             difference = a[column][:n] - b[column][:n]
             spreads.append(ROBUST * np.nanmedian(np.abs(difference - np.nanmedian(difference))) / np.sqrt(2.0))

@@ -67,7 +67,11 @@ def block_edges(fitter: Fitter, samples: int) -> np.ndarray:
 def affected(estimate: Spread, effect: str) -> list[int]:
     """Knobs of an effect's first number whose lanes count as affected; at least the strongest."""
     knobs = estimate.point.hypothesis.knobs
-    mine = [i for i, k in enumerate(knobs) if k.effect == effect and len(k.lanes) == 1 and (k.first or k.number.name == lead(knobs, effect))]
+    mine = [
+        i
+        for i, k in enumerate(knobs)
+        if k.effect == effect and len(k.lanes) == 1 and (k.first or k.number.name == lead(knobs, effect))
+    ]
     strength = np.abs(estimate.point.u[mine])
     sure = strength > PRESENT * np.maximum(estimate.deviations[mine], 1e-12)
     chosen = [i for i, s, ok in zip(mine, strength, sure, strict=True) if ok and s > MINOR * strength.max()]
@@ -85,12 +89,16 @@ def describe(estimate: Spread, effect: str, over: str, probability: float, lanes
     Args: over: what the effect runs over; lanes: all lanes of that kind.
     """
     point, knobs = estimate.point, estimate.point.hypothesis.knobs
-    chosen = affected(estimate, effect) if any(len(k.lanes) == 1 and k.lanes[0] for k in knobs if k.effect == effect) else []
+    chosen = (
+        affected(estimate, effect) if any(len(k.lanes) == 1 and k.lanes[0] for k in knobs if k.effect == effect) else []
+    )
     sits = tuple(knobs[i].lanes[0] for i in chosen) or tuple(x for x in lanes if x)
     parameters, by_lane = {}, {}
     if chosen:
         number = knobs[chosen[0]].number
-        by_lane[number.name] = {knobs[i].lanes[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen}
+        by_lane[number.name] = {
+            knobs[i].lanes[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen
+        }
         mean, deviation = pooled(point.u[chosen], estimate.covariance[np.ix_(chosen, chosen)])
         parameters[number.name] = interval(knobs[chosen[0]], mean, deviation)
     for i, knob in enumerate(knobs):

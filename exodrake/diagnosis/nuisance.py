@@ -31,18 +31,31 @@ class Knob:
 
 
 RELATIVE = (
-    "tendon.k.{w}", "finger.kappa.{j}", "finger.B.{j}", "finger.q_f.{j}", "finger.beta", "finger.A",
+    "tendon.k.{w}", "finger.kappa.{j}", "finger.B.{j}", "finger.q_f.{j}", "finger.beta.{j}", "finger.A.{j}",
     "router.a_f.{j} router.b_f.{j}", "router.m_f.{j} router.n_f.{j}", "router.a_e.{j} router.b_e.{j}", "router.m_e.{j} router.n_e.{j}",
-    "motor.kM.{w}", "motor.J.{w}", "motor.Ki.{w}", "motor.r.{w}", "sensor.tau_F",
+    "motor.kM.{w}", "motor.J.{w}", "motor.Ki.{w}", "sensor.tau_F",
 )  # fmt: skip
+MACHINED = ("motor.r.{w}",)  # turned on a lathe: scatters less; assumed
+SPREAD_MACHINED, LIMIT_MACHINED = 0.01, 0.03
 ADDED = ("finger.q0.{j}", "finger.q_e.{j}")
+SPREAD_LOOSE, LIMIT_LOOSE = 1.0, 2.5  # of the logarithm
 LOOSE = ("tendon.presliding",)  # known in order of magnitude; acts only where a friction effect does
 
 
 def knobs(machine: Machine) -> tuple[Knob, ...]:
     """All knobs of a machine."""
-    table = ((RELATIVE, SCALES, SPREAD, LIMIT), (ADDED, ADDS, SPREAD_ANGLE, LIMIT_ANGLE), (LOOSE, STRETCHES, 1.0, 2.5))
-    return tuple(make(machine, name, *rest) for patterns, *rest in table for p in patterns for name in expand(machine, p))
+    table: tuple[tuple[tuple[str, ...], str, float, float], ...] = (
+        (RELATIVE, SCALES, SPREAD, LIMIT),
+        (MACHINED, SCALES, SPREAD_MACHINED, LIMIT_MACHINED),
+        (ADDED, ADDS, SPREAD_ANGLE, LIMIT_ANGLE),
+        (LOOSE, STRETCHES, SPREAD_LOOSE, LIMIT_LOOSE),
+    )
+    return tuple(
+        make(machine, name, how, spread, limit)
+        for patterns, how, spread, limit in table
+        for pattern in patterns
+        for name in expand(machine, pattern)
+    )
 
 
 def expand(machine: Machine, pattern: str) -> list[str]:

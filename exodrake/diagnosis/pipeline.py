@@ -50,8 +50,6 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if ranking.enough(nominal):
         return Search(nominal, nominal)
     retuned = ranking.retuned()
-    if ranking.enough(retuned):
-        return Search(nominal, retuned)
     singles, screened = ranking.singles()
     if misfit(problem, singles[0]) <= limits.near:
         return Search(nominal, retuned, tuple(singles), (), tuple(screened))
@@ -74,7 +72,11 @@ def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) ->
     """The robot of a fitted point: the problem's own, with its retuned numbers and effects."""
     point = fitted.point
     values = nuisance.turned(problem.robot.values, ranking.full.fitter.knobs, point.x)
-    changed = {e.name: f"fitted to {source}" for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True) if a != b}
+    changed = {
+        e.name: f"fitted to {source}"
+        for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True)
+        if a != b
+    }
     values = point.hypothesis.apply(values, point.u)
     return Robot(
         problem.robot.machine, values, {**problem.robot.sources, **changed}, problem.robot.ranges,
@@ -107,7 +109,9 @@ def counted(problem: Problem, named: NamedEffect) -> NamedEffect:
 def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:
     """All fitted hypotheses, best first: score 1 explains the gap to the floor, 0 no better than retuned numbers."""
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
-    return tuple(Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.misfit, f.held_misfit) for f in ranked)
+    return tuple(
+        Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.misfit, f.held_misfit) for f in ranked
+    )
 
 
 def baselines_of(search: Search) -> dict[str, str]:
@@ -123,7 +127,9 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(case: Case, problem: Problem, ranking: Ranking, search: Search, decision: Decision, begun: float, progress: Progress) -> Diagnosis:
+def answer(
+    case: Case, problem: Problem, ranking: Ranking, search: Search, decision: Decision, begun: float, progress: Progress
+) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
     best, named = decision.best, decision.verdict in (NAMED, AMBIGUOUS)
     robots = {
@@ -131,7 +137,7 @@ def answer(case: Case, problem: Problem, ranking: Ranking, search: Search, decis
         "retuned": robot_of(problem, ranking, search.retuned, case.name),
         "improved": robot_of(problem, ranking, best, case.name),
     }
-    closure = measure(problem, *robots.values())
+    closure = measure(problem, robots["nominal"], robots["retuned"], robots["improved"])
     effects = effects_of(problem, ranking, best, decision.probability) if named else ()
     experiment = None
     if decision.verdict == AMBIGUOUS:
@@ -146,7 +152,9 @@ def answer(case: Case, problem: Problem, ranking: Ranking, search: Search, decis
         verdict=decision.verdict,
         where=where,
         effects=effects,
-        equivalents=tuple(i for f in decision.rivals for i in f.point.hypothesis.effects) if decision.verdict == AMBIGUOUS else (),
+        equivalents=tuple(i for f in decision.rivals for i in f.point.hypothesis.effects)
+        if decision.verdict == AMBIGUOUS
+        else (),
         closure=closure,
         next_experiment=experiment,
         candidates=candidates_of(problem, search),

@@ -29,7 +29,9 @@ def block_shares(search: Search) -> dict[str, float]:
     return {b: v / total for b, v in sorted(best.items(), key=lambda i: -i[1])} if total else {}
 
 
-def place(problem: Problem, searcher: Searcher, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]) -> Where:
+def place(
+    problem: Problem, searcher: Searcher, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]
+) -> Where:
     """Block, lanes, Shapley shares of the segments, replay gaps and regime."""
     if decision.verdict in (NO_GAP, RETUNE):
         return Where(block="none")
@@ -38,8 +40,12 @@ def place(problem: Problem, searcher: Searcher, search: Search, decision: Decisi
     residuals = split(problem, search.retuned)
     shares = block_shares(search)
     block = effects[0].id.split(".")[0] if effects else next(iter(shares), max(segments, key=lambda s: segments[s]))
-    wires = tuple(dict.fromkeys(w for e in effects for w in e.wires)) or (() if effects else traced(problem, residuals, "wires"))
-    joints = tuple(dict.fromkeys(j for e in effects for j in e.joints)) or (() if effects else traced(problem, residuals, "joints"))
+    wires = tuple(dict.fromkeys(w for e in effects for w in e.wires)) or (
+        () if effects else traced(problem, residuals, "wires")
+    )
+    joints = tuple(dict.fromkeys(j for e in effects for j in e.joints)) or (
+        () if effects else traced(problem, residuals, "joints")
+    )
     return Where(block, wires, joints, shares, segments, replay, regime(problem, residuals))
 
 
@@ -61,7 +67,7 @@ def split(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
 def traced(problem: Problem, residuals: dict[str, np.ndarray], kind: str) -> tuple[str, ...]:
     """Wires or joints whose signals hold most of the residual."""
     lanes = getattr(problem.robot.machine.lanes, kind)
-    power = {lane: 0.0 for lane in lanes}
+    power = dict.fromkeys(lanes, 0.0)
     for rows in residuals.values():
         for i, column in enumerate(problem.columns):
             lane = column.rsplit("_", 1)[1]

@@ -76,7 +76,9 @@ class Problem:
         parts = []
         for trial in trials:
             difference = (trial.measured[None] - self.predict(rows, trial)) / self.floor
-            parts.append(np.nan_to_num(difference, nan=0.0, posinf=WILD, neginf=-WILD).clip(-WILD, WILD).reshape(len(rows), -1))
+            parts.append(
+                np.nan_to_num(difference, nan=0.0, posinf=WILD, neginf=-WILD).clip(-WILD, WILD).reshape(len(rows), -1)
+            )
         return np.concatenate(parts, axis=1)
 
     def with_drops(self, trial: Trial) -> Trial:
@@ -84,7 +86,9 @@ class Problem:
         kinds = [c.rsplit("_", 1)[0] for c in self.columns]
         if "speed_cmd" not in kinds:
             return trial
-        command, stroke, tension = (trial.measured[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension"))
+        command, stroke, tension = (
+            trial.measured[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension")
+        )
         return replace(trial, drops=decode(self.robot.machine, self.silent(), command, stroke, tension))
 
     def shortened(self, share: float) -> Problem:
@@ -137,4 +141,6 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     if not held and len(fit) > 1:
         held = [fit.pop()]
     problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))
-    return replace(problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit)))
+    return replace(
+        problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit))
+    )

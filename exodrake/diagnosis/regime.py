@@ -57,7 +57,11 @@ def explained(residual: np.ndarray, condition: np.ndarray) -> float:
     if total == 0.0 or len(edges) < 2:
         return 0.0
     values = np.unique(condition)
-    bins = np.searchsorted(values, condition) if len(values) <= BINS else np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    bins = (
+        np.searchsorted(values, condition)
+        if len(values) <= BINS
+        else np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    )
     count = np.bincount(bins)
     means = np.bincount(bins, residual) / np.maximum(count, 1)
     between = float(np.sum(count * (means - residual.mean()) ** 2) / len(residual))
@@ -77,7 +81,9 @@ def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, floa
             power = float(residual[:, c] @ residual[:, c])
             for name, condition in conditions(problem, trial, lane_of(problem, column)).items():
                 shares[name] = shares.get(name, 0.0) + power * explained(residual[:, c], condition)
-            shares["frequency below 1 Hz"] = shares.get("frequency below 1 Hz", 0.0) + power * slow_share(residual[:, c], problem)
+            shares["frequency below 1 Hz"] = shares.get("frequency below 1 Hz", 0.0) + power * slow_share(
+                residual[:, c], problem
+            )
             weight += power
     return {name: value / max(weight, 1e-12) for name, value in sorted(shares.items(), key=lambda item: -item[1])}
 

@@ -25,7 +25,7 @@ from exodrake.diagrams.leaves import held_wires, outer_reads
 from exodrake.diagrams.machine import Machine, feedthrough_order
 from exodrake.diagrams.simulate import QUANTA, Reference, record
 from exodrake.systems import routers
-from exodrake.systems.tendon_finger import Q, RATE, TAKEN
+from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 
 SEGMENTS = {"motor": "stroke", "tendon": "tension", "finger": "angle"}
 SOFT = 1e-3  # N/m: a wire this soft is a source of force
@@ -45,7 +45,10 @@ class Loop:
         self.module.begin(values, state)
         for block in machine.blocks:
             size, count = sum(machine.part_size(block)), sum(e.block == block.name for e in machine.entries)
-            self.states[block.name], self.numbers[block.name] = state[at : at + size].copy(), values[p_at : p_at + count].copy()
+            self.states[block.name], self.numbers[block.name] = (
+                state[at : at + size].copy(),
+                values[p_at : p_at + count].copy(),
+            )
             at, p_at = at + size, p_at + count
             self.call(block, "hold")
         self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
@@ -63,7 +66,11 @@ class Loop:
             self.wires[name][:] = value
         for block, output in self.direct:
             entry = getattr(self.module, f"{block.name}__leaf__{output.function}")
-            entry(self.states[block.name], self.numbers[block.name], *(self.wires[n] for n in (*output.reads, *output.writes)))
+            entry(
+                self.states[block.name],
+                self.numbers[block.name],
+                *(self.wires[n] for n in (*output.reads, *output.writes)),
+            )
             for name in set(output.writes) & set(imposed):
                 self.wires[name][:] = imposed[name]
 
@@ -76,7 +83,13 @@ class Loop:
                     self.call(block, task.function, lane, tuple(self.wires[n] for n in outer_reads(block, task.reads)))
         self.pass_through(imposed)
 
-    def tick(self, dt: float, imposed: dict[str, np.ndarray], forced: tuple[np.ndarray, np.ndarray] | None, held: np.ndarray | None) -> None:
+    def tick(
+        self,
+        dt: float,
+        imposed: dict[str, np.ndarray],
+        forced: tuple[np.ndarray, np.ndarray] | None,
+        held: np.ndarray | None,
+    ) -> None:
         """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in place of its own."""
         before = {name: values.copy() for name, values in self.wires.items()}
         for block in self.machine.blocks:
@@ -123,7 +136,7 @@ def smoothed(rows: np.ndarray) -> np.ndarray:
     from scipy.signal import savgol_filter
 
     whole = np.column_stack([filled(rows[:, i]) for i in range(rows.shape[1])])
-    return savgol_filter(whole, WINDOW, ORDER, axis=0) if len(whole) > WINDOW else whole
+    return np.asarray(savgol_filter(whole, WINDOW, ORDER, axis=0)) if len(whole) > WINDOW else whole
 
 
 def measured_of(problem: Problem, trial: Trial, kind: str) -> np.ndarray:
@@ -181,7 +194,9 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
 
 def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
     """The trial as the robot itself would have logged it, with noise and rounding."""
-    robot = replace(problem.robot, values=np.where(np.isin(np.arange(len(values)), noisy(problem)), problem.robot.values, values))
+    robot = replace(
+        problem.robot, values=np.where(np.isin(np.arange(len(values)), noisy(problem)), problem.robot.values, values)
+    )
     run = record(robot, Reference(trial.reference, trial.name), seed=0)
     flat = np.concatenate([run.wires[w.name] for w in problem.robot.machine.wires], axis=1)
     return replace(trial, measured=flat[:, problem.wires])

@@ -78,7 +78,9 @@ class Searcher:
         """Common effects that are not yet in the hypothesis of a point."""
         return [e for e in self.problem.robot.machine.shelf if e.id in COMMON and e.id not in point.hypothesis.effects]
 
-    def screen(self, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[tuple[float, Hypothesis, np.ndarray, np.ndarray]]:
+    def screen(
+        self, point: Point, responses: np.ndarray, gram: np.ndarray
+    ) -> list[tuple[float, Hypothesis, np.ndarray, np.ndarray]]:
         """Each effect's linearised cost, with the hypothesis, the amplitudes and the nominal knobs to start its fit from; best first."""
         found = []
         for effect in self.shelf(point):
@@ -91,20 +93,29 @@ class Searcher:
             found.append((best[0], point.hypothesis.joined(extra), best[1], best[2]))
         return sorted(found, key=lambda item: item[0])
 
-    def linearised(self, point: Point, extra: Hypothesis, probe: np.ndarray, responses: np.ndarray, gram: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    def linearised(
+        self, point: Point, extra: Hypothesis, probe: np.ndarray, responses: np.ndarray, gram: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, u and x of the best combination of the effect's responses lane by lane and of the nominal knobs, within bounds."""
         both = point.hypothesis.joined(extra)
         lanes = [i for i, knob in enumerate(extra.knobs) if knob.first]
-        rows = [self.fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x) for lane in lanes or [0]]
+        rows = [
+            self.fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x)
+            for lane in lanes or [0]
+        ]
         directions = (self.problem.residual(np.array(rows), self.problem.fit) - point.residual).T
         count = directions.shape[1]
         cross = directions.T @ responses
         normal = np.block([[directions.T @ directions, cross], [cross.T, gram + np.diag(1.0 / self.fitter.spread**2)]])
         normal[np.diag_indices(count)] += 1e-9 * np.trace(normal[:count, :count]) + 1e-9
-        descent = -np.concatenate([directions.T @ point.residual, responses.T @ point.residual + point.x / self.fitter.spread**2])
+        descent = -np.concatenate(
+            [directions.T @ point.residual, responses.T @ point.residual + point.x / self.fitter.spread**2]
+        )
         low, high = amplitude_bounds(extra, probe, lanes)
         limit = self.fitter.limit
-        move = bounded_solve(normal, descent, np.concatenate([low, -limit - point.x]), np.concatenate([high, limit - point.x]))
+        move = bounded_solve(
+            normal, descent, np.concatenate([low, -limit - point.x]), np.concatenate([high, limit - point.x])
+        )
         u = probe.copy()
         u[lanes] = probe[lanes] * move[:count]
         cost = point.cost - float(descent @ move) + 0.5 * float(move @ normal @ move)
@@ -150,9 +161,16 @@ TURNS = 5  # values at which a number without a neutral value is tried
 
 LOSING = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
-SHORTLIST, SURVIVORS, REFINED = 10, 4, 2  # effects raced; fitted to the end; refined on whole trials with their own responses
+SHORTLIST, SURVIVORS, REFINED = (
+    10,
+    4,
+    2,
+)  # effects raced; fitted to the end; refined on whole trials with their own responses
 SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
-NEARBY = 60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
+RETUNES, SETTLED = 6, 50.0  # rounds at most; a round that lowers the cost by less is the last
+NEARBY = (
+    60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
+)
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -172,18 +190,19 @@ class Ranking:
         return self.full.complete(self.origin)
 
     def retuned(self) -> Fitted:
-        """The nominal numbers fitted, their responses taken anew once."""
+        """The nominal numbers fitted, their responses taken anew until that gains no more."""
         self.progress("retuning the nominal numbers")
-        fitter = self.full.fitter
-        self.responses = fitter.responses(self.origin)
-        found = self.full.complete(fitter.fit(self.origin, self.responses, steps=3))
-        if self.enough(found):
-            return found
-        responses = fitter.responses(found.point)
-        found = self.full.complete(fitter.fit(found.point, responses, steps=3))
-        if found.misfit < NEARBY:
-            self.base, self.responses = found.point, responses
-        return found
+        fitter, point = self.full.fitter, self.origin
+        for _ in range(RETUNES):
+            responses = fitter.responses(point)
+            self.responses = responses if self.responses is None else self.responses
+            better = fitter.fit(point, responses, steps=3)
+            if better.misfit < NEARBY:
+                self.base, self.responses = better, responses
+            gain, point = point.cost - better.cost, better
+            if gain < SETTLED:
+                break
+        return self.full.complete(point)
 
     def singles(self) -> tuple[list[Fitted], list[tuple[str, float]]]:
         """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects."""
@@ -203,7 +222,9 @@ class Ranking:
                 return f
         h = hypothesis(self.full.problem.robot.machine, self.full.problem.robot.machine.effect(LOSING))
         assert self.responses is not None
-        return self.full.complete(self.full.fitter.fit(self.full.fitter.at(h, h.start, self.base.x), self.responses, steps=4))
+        return self.full.complete(
+            self.full.fitter.fit(self.full.fitter.at(h, h.start, self.base.x), self.responses, steps=4)
+        )
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""
@@ -241,7 +262,9 @@ class Ranking:
         """Second effects beside a fitted first one: screened at its point, raced, the best refined."""
         self.progress(f"a second effect beside {first.name}")
         point = self.quick.fitter.at(first.point.hypothesis, first.point.u, first.point.x)
-        responses = self.kept_rows(self.own[first.name]) if first.name in self.own else self.quick.fitter.responses(point)
+        responses = (
+            self.kept_rows(self.own[first.name]) if first.name in self.own else self.quick.fitter.responses(point)
+        )
         gram = responses.T @ responses
         screened = self.quick.screen(point, responses, gram)
         return self.refine(self.race(screened[:SECONDS], responses, gram, SECOND_SURVIVORS), 1)

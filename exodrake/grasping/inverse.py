@@ -46,7 +46,8 @@ def numbers_of(robot: Robot) -> Numbers:
 
 def passive(angles: np.ndarray, n: Numbers) -> np.ndarray:
     """Passive torque (k, 3) [N m] at angles (k, 3) [rad]."""
-    stop = np.vectorize(end_stop, otypes=[float])(angles, np.array(n.q_f), np.array(n.q_e), n.beta, n.A)
+    ends = [np.array(values) for values in (n.q_f, n.q_e, n.beta, n.A)]
+    stop = np.vectorize(end_stop, otypes=[float])(angles, *ends)
     return np.array(n.kappa) * (angles - np.array(n.q0)) + stop
 
 

@@ -60,7 +60,7 @@ def excess(i, angle, tension, n):
     """Torque of the wires less the passive torque at joint i [N m]."""
     af, mf, ae = joint_paths(i, angle, n)
     pulled = tension[0] * af + tension[1] * mf + tension[2] * ae
-    return pulled - n.kappa[i] * (angle - n.q0[i]) - end_stop(angle, n.q_f[i], n.q_e[i], n.beta, n.A)
+    return pulled - n.kappa[i] * (angle - n.q0[i]) - end_stop(angle, n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
 
 
 @compiled

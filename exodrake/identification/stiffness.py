@@ -50,7 +50,7 @@ class Stiffness:
 
 def linear(n: Numbers) -> Numbers:
     """The numbers without end stops: constant stiffness, as the paper's model-based estimate has it."""
-    return n._replace(A=0.0)
+    return n._replace(A=(0.0, 0.0, 0.0))
 
 
 def router_arms(angle: np.ndarray, n: Numbers) -> np.ndarray:

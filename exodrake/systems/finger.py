@@ -81,4 +81,5 @@ def passive_torque(e, z, i, angle, rate, clock, n):
     """Torque at joint i that resists flexion, without damping [N m]."""
     bend = angle - n.q0[i]
     elastic = n.kappa[i] * bend
-    return passive(e, z, i, elastic + end_stop(angle, n.q_f[i], n.q_e[i], n.beta, n.A), bend, rate, elastic, clock)
+    torque = elastic + end_stop(angle, n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
+    return passive(e, z, i, torque, bend, rate, elastic, clock)
