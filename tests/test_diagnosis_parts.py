@@ -1,0 +1,150 @@
+"""Pieces of the diagnosis against closed forms, identities and planted truths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exodrake.case import Case, CaseLog
+from exodrake.diagnosis import drops, replay
+from exodrake.diagnosis.calibrate import healthy_case
+from exodrake.diagnosis.candidates import hypothesis
+from exodrake.diagnosis.closure import closure
+from exodrake.diagnosis.decide import decide, thresholds
+from exodrake.diagnosis.fit import Fitter, bounded_solve
+from exodrake.diagnosis.floor import noise_floor, sensor_floor
+from exodrake.diagnosis.problem import columns_of, make_problem
+from exodrake.diagnosis.regime import explained, since_reversal
+from exodrake.diagnosis.search import Fitted, Search
+from exodrake.diagrams.late import cubic
+from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.simulate import Reference, simulate
+from exodrake.identification import protocols
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot()
+
+
+def short_case(robot, seconds=10.0, repeats=False):
+    """Two short logs of a robot: holds to fit (twice where asked), steps held out."""
+    frames = round(seconds / robot.machine.frame)
+    holds = Reference(protocols.holds(robot, seed=3, dwell=2.5).tension[:frames], "holds")
+    steps = Reference(protocols.steps(robot).tension[:frames], "steps")
+    logs = [CaseLog(simulate(robot, holds, seed=1), "holds", "fit", None, "holds.csv")]
+    if repeats:
+        logs.append(CaseLog(simulate(robot, holds, seed=2), "holds", "fit", "holds.csv", "again.csv"))
+    logs.append(CaseLog(simulate(robot, steps, seed=4), "steps", "holdout", None, "steps.csv"))
+    return Case("short", {}, tuple(logs))
+
+
+def test_bounded_solve_meets_the_optimality_conditions():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        root = rng.standard_normal((12, 6))
+        normal, descent = root.T @ root, 10.0 * rng.standard_normal(6)
+        low, high = -rng.random(6), rng.random(6)
+        move = bounded_solve(normal, descent, low, high)
+        slope = normal @ move - descent
+        assert np.all((move >= low - 1e-12) & (move <= high + 1e-12))
+        inside = (move > low + 1e-9) & (move < high - 1e-9)
+        assert np.allclose(slope[inside], 0.0, atol=1e-6)
+        assert np.all(slope[move <= low + 1e-9] > -1e-6) and np.all(slope[move >= high - 1e-9] < 1e-6)
+
+
+def test_shapley_of_an_additive_game_is_the_additive_part():
+    worth = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
+    power = {s: 10.0 - sum(worth[x] for x in s) for s in replay.subsets()}
+    assert replay.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
+
+
+def test_interpreted_loop_equals_the_compiled_twin(robot):
+    problem = make_problem(short_case(robot, 3.0), robot)
+    trial = problem.holdout[0]
+    whole = problem.predict(problem.silent()[None], trial)[0]
+    assert np.array_equal(replay.replayed(problem, problem.silent(), replace(trial, drops=None), frozenset()), whole)
+
+
+def test_closure_of_known_gaps():
+    assert closure(np.array([5.0]), np.array([1.0])) == 1.0
+    assert closure(np.array([5.0]), np.array([3.0])) == pytest.approx(0.5)
+    assert closure(np.array([5.0]), np.array([5.0])) == 0.0
+
+
+def test_a_condition_that_makes_the_residual_explains_it_and_another_does_not():
+    rng = np.random.default_rng(1)
+    condition = rng.standard_normal(4000)
+    assert explained(np.sign(condition), condition) > 0.9
+    assert explained(rng.standard_normal(4000), condition) < 0.02
+
+
+def test_time_since_reversal():
+    assert since_reversal(np.array([1.0, 1.0, -1.0, -1.0, -1.0]), 0.5) == pytest.approx([0.0, 0.5, 0.0, 0.5, 1.0])
+
+
+def test_cubic_interpolation_is_exact_for_a_parabola():
+    x = np.arange(20.0)
+    at = np.linspace(2.0, 16.0, 37)
+    assert np.allclose(cubic((x**2)[:, None], at)[:, 0], at**2)
+
+
+def test_floor_from_repeats_and_from_numbers_agree_for_white_signals(robot):
+    case = short_case(robot, repeats=True)
+    columns = columns_of(case)
+    floor = dict(zip(columns, noise_floor(case, robot, columns), strict=True))
+    assert floor["angle_MCP"] == pytest.approx(sensor_floor(robot)["angle"], rel=0.15)
+    assert floor["tension_AF"] == pytest.approx(sensor_floor(robot)["tension"], rel=0.35)
+
+
+def test_lost_commands_are_decoded(robot):
+    reference = Reference(protocols.steps(robot, dwell=0.6).tension, "steps")
+    shares = []
+    for seed in range(3):
+        log = simulate(robot.splice("timing.dropped_commands", {"probability": 0.3}), reference, seed=seed)
+        arrays = [log.array(kind) for kind in ("speed_cmd", "stroke", "tension")]
+        shares.append(drops.decode(robot.machine, robot.values, *arrays))
+    _, low, high = drops.probability(shares)
+    assert low < 0.3 < high and sum(d.events for d in shares) > 20
+    clean = simulate(robot, reference, seed=9)
+    whole = drops.decode(robot.machine, robot.values, *(clean.array(k) for k in ("speed_cmd", "stroke", "tension")))
+    assert whole.lost <= 0.05 * max(whole.events, 1) + 1
+
+
+@pytest.mark.parametrize(
+    "identity, numbers, lanes",
+    [
+        ("sensor.gain", {"gain": 0.08}, ("AF",)),
+        ("tendon.compliance", {"stiffness": 3000.0}, ()),
+        ("finger.stiffness", {"factor": 1.4}, ("PIP",)),
+        ("encoder.homing_offset", {"offset": 1e-3}, ("MF",)),
+        ("timing.command_latency", {"frames": 2.0}, ()),
+    ],
+)
+def test_a_planted_effect_is_recovered(robot, identity, numbers, lanes):
+    effect = robot.machine.effect(identity)
+    problem = make_problem(short_case(robot.splice(identity, numbers, lanes)), robot)
+    fitter, h = Fitter(problem), hypothesis(robot.machine, effect, lanes)
+    start = fitter.at(h, 0.5 * h.start, np.zeros(len(fitter.knobs)))
+    responses = np.zeros((len(start.residual), len(fitter.knobs)))
+    found = fitter.fit(start, responses, steps=15)
+    value = next(iter(numbers.values()))
+    assert [k.value(u) for k, u in zip(h.knobs, found.u, strict=True)] == pytest.approx(
+        [value] * len(h.knobs), rel=0.06
+    )
+    assert found.misfit < 1.3
+
+
+def test_the_nominal_robot_shows_no_gap(robot):
+    problem = make_problem(short_case(robot), robot)
+    fitter = Fitter(problem)
+    point = fitter.at(hypothesis(robot.machine, robot.machine.shelf[0]), np.zeros(3), np.zeros(len(fitter.knobs)))
+    held = problem.residual(problem.silent()[None], problem.holdout)[0]
+    fitted = Fitted(point, held)
+    assert decide(problem, Search(fitted, fitted)).verdict == "NO_GAP"
+
+
+def test_healthy_robots_scatter_every_number_and_no_effect(robot):
+    case = healthy_case(robot, 5)
+    assert [item.role for item in case.logs] == ["fit", "fit", "fit", "holdout"]
+    assert thresholds().quiet > 1.0
