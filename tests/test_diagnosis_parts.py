@@ -148,3 +148,11 @@ def test_healthy_robots_scatter_every_number_and_no_effect(robot):
     case = healthy_case(robot, 5)
     assert [item.role for item in case.logs] == ["fit", "fit", "fit", "holdout"]
     assert thresholds().quiet > 1.0
+
+
+def test_late_motion_capture_shows_in_a_simulated_log(robot):
+    reference = Reference(protocols.steps(robot).tension[:400], "steps")
+    plain = simulate(robot, reference, seed=None, quantisation=False)
+    late = simulate(robot.splice("timing.mocap_delay", {"delay": 0.04}), reference, seed=None, quantisation=False)
+    assert np.allclose(late["angle_MCP"][2:], plain["angle_MCP"][:-2], atol=1e-12)
+    assert np.array_equal(late["stroke_AF"], plain["stroke_AF"])

@@ -12,7 +12,7 @@ import numpy as np
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import Reference, record
+from exodrake.diagrams.simulate import Recording, Reference, record
 
 BLOCK = 2.0  # s, longer than the loop's memory
 DRAWS = 400
@@ -28,15 +28,9 @@ def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.n
     return found
 
 
-def shown(problem: Problem, run) -> np.ndarray:
+def shown(problem: Problem, run: Recording) -> np.ndarray:
     """The problem's columns of a noise-free recording (n, columns) [SI]."""
-    from exodrake.diagrams.late import seen_late
-    from exodrake.diagrams.simulate import offsets
-
-    machine = problem.robot.machine
-    flat = np.concatenate([run.wires[w.name] for w in machine.wires], axis=1)
-    assert flat.shape[1] == max(s.stop for s in offsets(machine).values())
-    return seen_late(machine, flat[None], problem.wires)[0]
+    return np.concatenate([run.wires[w.name] for w in problem.robot.machine.wires], axis=1)[:, problem.wires]
 
 
 def closure(before: np.ndarray, after: np.ndarray) -> float:

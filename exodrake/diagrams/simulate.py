@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.diagrams.compose import compile_machine
+from exodrake.diagrams.late import cubic
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
 from exodrake.errors import InputError
@@ -124,8 +125,17 @@ def record(
         rows = run_compiled(machine, values, reference, chance, substeps)
     else:
         raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
+    see_late(machine, rows, values[machine.index["mocap.sigma_q"]] * chance.angle)
     time = machine.frame * np.arange(frames)
     return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
+
+
+def see_late(machine: Machine, rows: np.ndarray, noise: np.ndarray) -> None:
+    """Late pictures replace the angles read in `rows` where motion capture is late; noise (frames, joints) [rad] stays."""
+    at = offsets(machine)
+    late, angle = rows[:, at["mocap_lateness"].start], at["angle_read"]
+    if late.any():
+        rows[:, angle] = cubic(rows[:, angle] - noise, np.arange(len(rows)) - late / machine.frame) + noise
 
 
 def run_compiled(
@@ -143,7 +153,7 @@ def run_compiled(
     return rows
 
 
-def log_of(recording: Recording, noise_angle: np.ndarray | None = None) -> Log:
+def log_of(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of the machine's table."""
     machine, signals = recording.robot.machine, {}
     for column in machine.columns:
