@@ -131,7 +131,7 @@ def record(
 
 
 def see_late(machine: Machine, rows: np.ndarray, noise: np.ndarray) -> None:
-    """Late pictures replace the angles read in `rows` where motion capture is late; noise (frames, joints) [rad] stays."""
+    """Late pictures replace the angles read in `rows` where motion capture is late; noise (frames, joints) [rad]."""
     at = offsets(machine)
     late, angle = rows[:, at["mocap_lateness"].start], at["angle_read"]
     if late.any():
