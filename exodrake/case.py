@@ -96,13 +96,14 @@ def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: fl
     mended and noted; a clock that steps backwards is refused.
     """
     from exodrake.casefile import find_logs, read_case_file
+    from exodrake.files import is_file, is_folder
     from exodrake.formats.table import stem
 
     place = Path(folder)
-    if place.is_file() and place.name != FILE:
+    if is_file(place) and place.name != FILE:
         return _case(stem(place), place.parent, [{"file": place.name}], {}, period or PERIOD, required)
-    place = place.parent if place.name == FILE and place.is_file() else place
-    if not place.is_dir():
+    place = place.parent if place.name == FILE and is_file(place) else place
+    if not is_folder(place):
         raise InputError(f"{folder}: no such folder")
     name = place.resolve().name
     if not (place / FILE).is_file():

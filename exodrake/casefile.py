@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from exodrake.errors import InputError
-from exodrake.files import read_bytes
+from exodrake.files import read_yaml
 
 if TYPE_CHECKING:
     from exodrake.case import Case
@@ -26,18 +26,6 @@ class CaseFile:
     robot: dict[str, Any]
     period: float | None
     logs: tuple[dict[str, Any], ...]
-
-
-def read_yaml(path: str | Path) -> Any:
-    """A YAML file's content. InputError naming file and line for one that does not parse."""
-    try:
-        return yaml.safe_load(read_bytes(path))
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{path}{line}: not YAML ({getattr(error, 'problem', None) or 'unreadable'})") from None
-    except (RecursionError, ValueError, TypeError, OverflowError) as error:
-        raise InputError(f"{path}: not YAML ({type(error).__name__})") from None
 
 
 def check_keys(given: Any, allowed: Sequence[str], where: str) -> Mapping[str, Any]:

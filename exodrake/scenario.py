@@ -22,9 +22,10 @@ import numpy as np
 from exodrake import __version__
 from exodrake.diagrams.machine import nearest
 from exodrake.diagrams.robot import Robot, build, load_robot
+from exodrake.diagrams.robot_check import check_content
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.errors import InputError
-from exodrake.files import read_bytes
+from exodrake.files import is_file, parse_yaml, read_bytes, read_yaml
 from exodrake.identification.asked import from_log, protocol, split_options
 from exodrake.log import Log
 from exodrake.units import si_unit, to_si
@@ -99,36 +100,24 @@ def lanes_of(given: Mapping[str, Any]) -> list[str]:
 
 def read_scenario(path: str | Path) -> Scenario:
     """A scenario from its file; InputError naming file and key. Files it names are looked up beside it."""
-    import yaml
-
     name = Path(path).name
-    try:
-        content = yaml.safe_load(read_bytes(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{name}: not YAML: {error}") from None
-    if not isinstance(content, Mapping):
+    page = parse_yaml(read_bytes(path), name)
+    if not isinstance(page, Mapping):
         raise InputError(f"{name}: wanted a mapping of keys")
-    content = {k: v for k, v in content.items() if k != "exodrake"}
+    content: dict[str, Any] = {k: v for k, v in page.items() if k != "exodrake"}
     known = [f.name for f in fields(Scenario)]
     for key in content:
         if key not in known:
             raise InputError(f"{name}: unknown key {key!r}{nearest(str(key), known)}")
-    for key, kind in (
-        ("numbers", Mapping),
-        ("effects", Mapping),
-        ("parts", list),
-        ("protocol", str),
-        ("reference", str),
-    ):
-        if key in content and not isinstance(content[key], kind):
-            raise InputError(f"{name}: {key} is {content[key]!r}, wanted a {kind.__name__.lower()}")
-    for identity, given in content.get("effects", {}).items():
-        if not isinstance(given, Mapping):
-            raise InputError(f"{name}: effect {identity} is {given!r}, wanted its parameters")
+    check_content({key: content[key] for key in ("numbers", "effects", "parts") if key in content}, name)
+    for key in ("protocol", "reference"):
+        if not isinstance(content.get(key, ""), str):
+            raise InputError(f"{name}: {key} is {content[key]!r}, wanted text")
     if content.get("reference"):
         content["reference"] = str(Path(path).parent / content["reference"])
+    given: dict[str, Any] = {k: v for k, v in content.items() if v is not None or k == "seed"}
     try:
-        return Scenario(**content)
+        return Scenario(**given)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from None
 
@@ -144,12 +133,10 @@ def scenario_text(scenario: Scenario) -> str:
 
 def embedded(robot: str) -> str | Mapping[str, Any]:
     """A built-in robot's name as it is; a robot file's content, so that the scenario stands alone."""
-    import yaml
-
-    if not Path(robot).is_file():
+    if not is_file(robot):
         return robot
     load_robot(robot)
-    return yaml.safe_load(read_bytes(robot))
+    return read_yaml(robot)
 
 
 def parse_number(text: str, robot: Robot) -> tuple[str, float]:

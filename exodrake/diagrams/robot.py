@@ -10,8 +10,9 @@ A file either holds all numbers (`robots/exo_index.yaml`) or names a `base` and 
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
@@ -23,7 +24,9 @@ import numpy as np
 
 from exodrake.block import Effect
 from exodrake.diagrams.machine import Machine, nearest
+from exodrake.diagrams.robot_check import check_content
 from exodrake.errors import InputError
+from exodrake.files import is_file, parse_yaml, read_bytes, write_text
 
 MACHINES = {"exo_index": "exodrake.diagrams.exo_index"}
 
@@ -156,12 +159,22 @@ def flatten(numbers: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any
 
 
 def checked(name: str, value: Any, source: str) -> float:
-    """A finite number, or infinity where a stiffness is absent; InputError naming it otherwise."""
+    """A finite number, or infinity where a stiffness is absent; InputError naming it otherwise.
+
+    Text that is a number counts: YAML 1.1 reads 1e-3 as text.
+    """
+    if isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         raise InputError(f"{source or 'numbers'}: {name} is {value!r}, wanted a number")
-    if math.isnan(value):
+    try:
+        number = float(value)
+    except OverflowError:
+        raise InputError(f"{source or 'numbers'}: {name} is too large a number") from None
+    if math.isnan(number):
         raise InputError(f"{source or 'numbers'}: {name} is not a number (NaN)")
-    return float(value)
+    return number
 
 
 def check_lanes(machine: Machine, effect: Effect, lanes: Iterable[str]) -> tuple[str, ...]:
@@ -174,45 +187,54 @@ def check_lanes(machine: Machine, effect: Effect, lanes: Iterable[str]) -> tuple
     return wanted or known
 
 
-def load_robot(path: str | Path = "exo_index") -> Robot:
-    """The robot of a file, or a built-in one by name. Raises InputError naming file and key."""
-    import yaml
+def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:
+    """The robot of a file, or a built-in one by name. Raises InputError naming file and key.
 
+    above: files whose base this one is, for the message about a ring.
+    """
     shipped = files("exodrake.robots") / f"{path}.yaml"
-    if "/" not in str(path) and shipped.is_file():
-        text, source = shipped.read_text(), f"{path}.yaml"
+    if "/" not in str(path) and is_file(str(shipped)):
+        source, data = f"{path}.yaml", shipped.read_bytes()
     else:
         file = Path(path)
-        if not file.is_file():
+        if not is_file(file):
             raise InputError(f"no robot file {str(path)!r}")
-        text, source = file.read_text(), file.name
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(f"{source}: not YAML: {error}") from None
-    if not isinstance(content, Mapping):
-        raise InputError(f"{source}: wanted a mapping of keys")
-    return build(content, source)
+        source, data = file.name, read_bytes(file)
+    return build(parse_yaml(data, source), source, above or (str(path),))
 
 
-def build(content: Mapping[str, Any], source: str) -> Robot:
-    """A robot from a file's content."""
-    known = {"machine", "base", "numbers", "effects", "parts", "limits", "grasps", "notes"}
-    for key in content:
-        if key not in known:
-            raise InputError(f"{source}: unknown key {key!r}{nearest(str(key), sorted(known))}")
-    robot = load_robot(content["base"]) if "base" in content else blank(content, source)
-    robot = replace(robot, source=source)
+def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
+    """A robot from a file's content; above: bases that led to it. InputError naming file and key."""
+    check_content(content, source)
+    base = content.get("base")
+    if base in above:
+        raise InputError(f"{source}: base {base!r} comes back to itself")
+    robot = load_robot(base, (*above, base)) if base else blank(content, source)
+    with named(source):
+        return changed_by(content, replace(robot, source=source))
+
+
+def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
+    """The robot with what a file's content says of parts, numbers, effects, limits and grasps."""
     for page in content.get("parts") or ():
         robot = robot.with_part(page)
     numbers = content.get("numbers") or {}
-    robot = robot.with_numbers(numbers, source)
+    robot = robot.with_numbers(numbers, robot.source)
     robot = replace(robot, **stated(numbers, robot))
     for identity, given in (content.get("effects") or {}).items():
         lanes = {lane for v in given.values() if isinstance(v, Mapping) for lane in v}
         robot = robot.splice(identity, given, [lane for lane in lanes if lane])
-    limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, source)
+    limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, robot.source)
     return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
+
+
+@contextlib.contextmanager
+def named(source: str) -> Iterator[None]:
+    """Puts the file's name before a refusal that lacks it."""
+    try:
+        yield
+    except InputError as problem:
+        raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
 
 
 def blank(content: Mapping[str, Any], source: str) -> Robot:
@@ -247,7 +269,7 @@ def stated(numbers: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
 
 def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """Limits as plain values per wire."""
-    return {name: dict(item.get("value", item)) for name, item in limits.items()}
+    return {name: {w: float(v) for w, v in item.get("value", item).items()} for name, item in limits.items()}
 
 
 def check_limits(limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
@@ -263,7 +285,10 @@ def check_limits(limits: dict[str, dict[str, float]], source: str) -> dict[str, 
 
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
-    """Writes what differs from the built-in robot, effects included, as a robot file that `load_robot` takes."""
+    """Writes what differs from the built-in robot, effects included, as a robot file that `load_robot` takes.
+
+    InputError if it cannot be written; the file is whole or not there.
+    """
     import yaml
 
     base = load_robot(robot.machine.name)
@@ -279,6 +304,4 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
     parts = [p for p, (point, _, _) in VARIANTS.items() if point in robot.machine.variants]
     content = {"base": robot.machine.name, "numbers": numbers, "effects": effects, "parts": parts, "notes": notes}
     text = yaml.safe_dump({k: v for k, v in content.items() if v}, sort_keys=False)
-    part = Path(path).with_suffix(".part")
-    part.write_text(text)
-    part.replace(path)
+    write_text(path, text)

@@ -22,8 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from exodrake.casefile import check_keys, read_yaml
+from exodrake.casefile import check_keys
 from exodrake.errors import InputError
+from exodrake.files import read_yaml
 from exodrake.units import check_unit
 
 KEYS = ("time", "columns", "period", "hold", "separator", "decimal", "skip", "heading", "stamp")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.errors import InputError
-from exodrake.files import read_bytes
+from exodrake.files import read_yaml
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")
@@ -40,12 +40,7 @@ def read_layout(path: str | Path) -> Layout:
 
     InputError naming file and key for an unknown key, a triad of other than three names, or a marker named twice.
     """
-    import yaml
-
-    try:
-        content = yaml.safe_load(read_bytes(path))
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not YAML ({error})") from None
+    content = read_yaml(path)
     known = {field.name for field in fields(Layout)}
     if not isinstance(content, dict) or set(content) - known:
         odd = ", ".join(sorted(map(str, set(content) - known))) if isinstance(content, dict) else "no keys"
@@ -53,6 +48,9 @@ def read_layout(path: str | Path) -> Layout:
     for key in SEGMENTS:
         if key in content and not (isinstance(content[key], list) and len(content[key]) == 3):
             raise InputError(f"{path}: {key} wants three marker names")
+    for key, value in content.items():
+        if key != "tip" and not isinstance(value, list | None):
+            raise InputError(f"{path}: {key} wants a list of marker names")
     names: dict[str, Any] = {k: str(v) if k == "tip" else tuple(map(str, v or ())) for k, v in content.items()}
     layout = Layout(**names)
     twice = {name for name in layout.finger if layout.finger.count(name) > 1}

@@ -1,0 +1,80 @@
+"""A robot file: what is written is what is read, and what is wrong is refused by file and key."""
+
+import numpy as np
+import pytest
+import yaml
+
+import exodrake as exo
+from exodrake.errors import InputError
+from exodrake.files import is_file
+
+
+def refusal(path, content) -> str:
+    path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+    with pytest.raises(InputError) as caught:
+        exo.load_robot(path)
+    assert path.name in str(caught.value)
+    return str(caught.value)
+
+
+def test_round_trip(tmp_path):
+    """0.1 + 0.2 and a third have no short decimal; an infinite stiffness is an absent one."""
+    robot = exo.load_robot().with_numbers({"tendon.k.MF": 0.1 + 0.2, "finger.kappa": 1 / 3})
+    robot = robot.splice("tendon.capstan_friction", {"mu_phi": 0.1}, ["AE"]).with_part("controller_as_printed")
+    exo.write_robot(robot, tmp_path / "robot.yaml")
+    back = exo.load_robot(tmp_path / "robot.yaml")
+    np.testing.assert_array_equal(back.values, robot.values)
+    assert back.machine is robot.machine and [p.name for p in tmp_path.iterdir()] == ["robot.yaml"]
+
+
+def test_no_folder_is_refused_and_nothing_written(tmp_path):
+    with pytest.raises(InputError, match="nowhere"):
+        exo.write_robot(exo.load_robot(), tmp_path / "nowhere" / "robot.yaml")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_number_that_yaml_reads_as_text(tmp_path):
+    (tmp_path / "robot.yaml").write_text("base: exo_index\nnumbers: {controller.kd: 1e-5}\n")
+    assert exo.load_robot(tmp_path / "robot.yaml")["controller.kd"] == 1e-5
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        ("base: robot.yaml", ["no robot file"]),
+        ("[1, 2", ["line 1", "not YAML"]),
+        ("\x00", ["not YAML"]),
+        ("", ["nothing"]),
+        ("5", ["5"]),
+        ({"base": 5}, ["base", "5"]),
+        ({"base": "exo_index", "nummers": {}}, ["'nummers'", "numbers"]),
+        ({"base": "exo_index", "numbers": [1]}, ["numbers", "[1]"]),
+        ({"base": "exo_index", "numbers": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),
+        ({"base": "exo_index", "numbers": {"tendon": {"k": 10**400}}}, ["tendon.k", "too large"]),
+        ({"base": "exo_index", "numbers": {"tendon": {"q": 1}}}, ["tendon.q", "tendon.k"]),
+        ({"base": "exo_index", "numbers": {"tendon": {"k": {"value": 1, "unit": "N"}}}}, ["'N'", "'N/m'"]),
+        ({"base": "exo_index", "numbers": {"tendon": {"k": {"value": 1, "range": 3}}}}, ["tendon.k.range", "3"]),
+        ({"base": "exo_index", "effects": {"tendon.slack": 0.1}}, ["tendon.slack", "0.1"]),
+        ({"base": "exo_index", "effects": {"tendon.slick": {}}}, ["tendon.slick", "tendon.slack"]),
+        ({"base": "exo_index", "parts": "controller_as_printed"}, ["parts", "list"]),
+        ({"base": "exo_index", "limits": {"F_max": 12}}, ["limits.F_max", "12"]),
+        ({"base": "exo_index", "limits": {"F_max": {"AF": "much"}}}, ["limits.F_max.AF", "'much'"]),
+        ({"base": "exo_index", "grasps": {"caging": [7, 1, 1]}}, ["grasps.caging"]),
+        ({"machine": "exo_thumb"}, ["exo_thumb"]),
+        ({"machine": "exo_index"}, ["is missing"]),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, content, parts):
+    message = refusal(tmp_path / "robot.yaml", content)
+    for part in parts:
+        assert part in message
+
+
+def test_a_ring_of_bases(tmp_path):
+    a, b = tmp_path / "a.yaml", tmp_path / "b.yaml"
+    a.write_text(f"base: {b}\n")
+    assert "comes back to itself" in refusal(b, {"base": str(a)})
+
+
+def test_a_name_too_long_is_no_file():
+    assert not is_file("x" * 5000)
