@@ -17,6 +17,7 @@ from exodrake.log import Log
 from exodrake.units import kind_of
 
 RECORD = "exodrake.log"
+LATEST = 2.0**64  # ns, MCAP's stamps
 BARE = "value"  # field of a column that has no wire or joint in its name
 
 
@@ -47,7 +48,9 @@ def write(log: Log) -> bytes:
     writer.start(library="exodrake")
     places = _places(log)
     channels = {topic: _channel(writer, topic, fields, log) for topic, fields in places.items()}
-    start = min(0.0, float(log.time.min(initial=0.0)))  # MCAP has no time before 0
+    start = min(0.0, float(log.time.min()))  # MCAP has no time before 0
+    if (float(log.time.max()) - start) * 1e9 >= LATEST:
+        raise InputError(f"{log.label}: column 'time': {log.time.max():g} s is beyond what MCAP can stamp")
     columns = {"time": log.time.tolist()} | {name: values.tolist() for name, values in log.signals.items()}
     for row, time in enumerate(columns["time"]):
         stamp = round((time - start) * 1e9)

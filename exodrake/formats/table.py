@@ -40,12 +40,24 @@ def read_table(path: str | Path) -> Log:
 
 
 def write_table(log: Log, path: str | Path) -> None:
-    """Write a log whole or not at all. InputError for an infinite sample, which no format but a crash would hold."""
-    for name, values in {"time": log.time, **log.signals}.items():
-        if np.isinf(values).any():
-            row = int(np.flatnonzero(np.isinf(values))[0])
-            raise InputError(f"{path}: column {name!r}, row {row + 1}: infinite; the log is not written")
+    """Write a log whole or not at all. InputError for what no file would give back: see `check_writable`."""
+    check_writable(log, str(path))
     write_bytes(path, _format(path, "write")(log))
+
+
+def check_writable(log: Log, target: str) -> None:
+    """InputError for no rows, an infinite sample, a hole in the clock, and a column name that no heading can hold."""
+    if not len(log):
+        raise InputError(f"{target}: the log has no rows, it is not written")
+    for name, values in {"time": log.time, **log.signals}.items():
+        wrong = np.flatnonzero(np.isinf(values) | (np.isnan(values) if name == "time" else False))
+        if len(wrong):
+            row = int(wrong[0])
+            raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
+    for name in log.columns:
+        bare = name.isprintable() and name == name.strip() and not set(name) & set("[]") and name
+        if not bare or name == "time":
+            raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
 
 
 def heading(name: str, unit: str) -> str:
