@@ -2,7 +2,8 @@
 
     cost = 1/2 |r|^2 + 1/2 |x / spread|^2          r = (measured - simulated) / floor
 
-by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed once at a point and shared.
+by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed once at a point and shared;
+each step then corrects it along the way it went (Broyden 1965), so that a fit goes on converging.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from exodrake.diagnosis.problem import Problem
 NUDGE = 1e-2  # step of a difference quotient in units of a knob's scale
 NUDGE_NUMBER = 5e-3  # of a nominal number, relative [-] or [rad]
 DAMPING = 1e-8  # of the curvature, at first: the prior of the nominal numbers bounds the valleys
+SMALLEST_MOVE = 1e-6  # of the nominal knobs, squared and in units of their spread, from which a response can be corrected
 GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 
 
@@ -89,6 +91,7 @@ class Fitter:
             for _ in range(4):
                 u, x = self.step(point, slopes, responses, gram, damping)
                 trial = self.at(point.hypothesis, u, x)
+                responses, gram = self.corrected(responses, gram, slopes, point, trial)
                 if trial.cost < point.cost:
                     better = trial
                     break
@@ -99,6 +102,23 @@ class Fitter:
             if gain < GAIN_ENOUGH:
                 return point
         return point
+
+    def corrected(
+        self, responses: np.ndarray, gram: np.ndarray, slopes: np.ndarray, point: Point, trial: Point
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Responses to the nominal knobs, and their Gram matrix, after Broyden's update with the step from `point` to `trial`.
+
+        The effect's knobs get their part of the step's error, too, but their slopes are taken anew at each step.
+        """
+        aside, move = trial.u - point.u, trial.x - point.x
+        weight = move / self.spread**2
+        size = float(weight @ move) + float(np.sum((aside / point.hypothesis.scales) ** 2))
+        if size < SMALLEST_MOVE:
+            return responses, gram
+        error = trial.residual - point.residual - slopes @ aside - responses @ move
+        weight /= size
+        cross = np.outer(responses.T @ error, weight)
+        return responses + np.outer(error, weight), gram + cross + cross.T + float(error @ error) * np.outer(weight, weight)
 
     def step(
         self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float

@@ -167,7 +167,7 @@ SHORTLIST, SURVIVORS, REFINED = (
     2,
 )  # effects raced; fitted to the end; refined on whole trials with their own responses
 SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
-RETUNES, SETTLED = 6, 50.0  # rounds at most; a round that lowers the cost by less is the last
+RETUNES, SETTLED = 4, 50.0  # rounds at most; a round that lowers the cost by less is the last
 NEARBY = (
     60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
 )
@@ -196,7 +196,7 @@ class Ranking:
         for _ in range(RETUNES):
             responses = fitter.responses(point)
             self.responses = responses if self.responses is None else self.responses
-            better = fitter.fit(point, responses, steps=3)
+            better = fitter.fit(point, responses, steps=8)
             if better.misfit < NEARBY:
                 self.base, self.responses = better, responses
             gain, point = point.cost - better.cost, better
