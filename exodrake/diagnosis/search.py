@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -89,16 +89,28 @@ class Searcher:
             for probe in probes(extra):
                 tried = self.linearised(point, extra, probe, responses, gram)
                 best = tried if best is None or tried[0] < best[0] else best
+            for whole in turns(extra):
+                tried = self.linearised(point, extra, whole, responses, gram, lanes=())
+                best = tried if best is None or tried[0] < best[0] else best
             assert best is not None
             found.append((best[0], point.hypothesis.joined(extra), best[1], best[2]))
         return sorted(found, key=lambda item: item[0])
 
     def linearised(
-        self, point: Point, extra: Hypothesis, probe: np.ndarray, responses: np.ndarray, gram: np.ndarray
+        self,
+        point: Point,
+        extra: Hypothesis,
+        probe: np.ndarray,
+        responses: np.ndarray,
+        gram: np.ndarray,
+        lanes: Sequence[int] | None = None,
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Cost, u and x of the best combination of the effect's responses lane by lane and of the nominal knobs, within bounds."""
+        """Cost, u and x of the best combination of the effect's responses lane by lane and of the nominal knobs, within bounds.
+
+        lanes: knobs whose amplitudes may be scaled, all first ones by default; with none the probe is taken as it is.
+        """
         both = point.hypothesis.joined(extra)
-        lanes = [i for i, knob in enumerate(extra.knobs) if knob.first]
+        lanes = [i for i, knob in enumerate(extra.knobs) if knob.first] if lanes is None else list(lanes)
         rows = [
             self.fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x)
             for lane in lanes or [0]
@@ -139,6 +151,8 @@ def amplitude_bounds(extra: Hypothesis, probe: np.ndarray, lanes: list[int]) -> 
 
 def probes(extra: Hypothesis) -> list[np.ndarray]:
     """Values of u at which an effect's response is measured: a modest amplitude, and both ends of further numbers known by order only."""
+    if not any(knob.first for knob in extra.knobs):
+        return []
     first = extra.start
     for i, knob in enumerate(extra.knobs):
         if knob.first:
@@ -150,13 +164,20 @@ def probes(extra: Hypothesis) -> list[np.ndarray]:
             u = first.copy()
             u[i] = (0.3 * low + 0.7 * high) if first[i] < 0.5 * (low + high) else (0.7 * low + 0.3 * high)
             found.append(u)
-    if not any(knob.first for knob in extra.knobs):
-        low, high = extra.knobs[0].bounds
-        found = [np.concatenate([[value], first[1:]]) for value in np.linspace(low, high, TURNS)]
     return found
 
 
-TURNS = 5  # values at which a number without a neutral value is tried
+def turns(extra: Hypothesis) -> list[np.ndarray]:
+    """Values of u to be taken as they are: over the plausible range of an effect of the whole robot, whose response need not be
+    proportional to it (a contact, a direction of gravity, frames of latency)."""
+    lead = extra.knobs[0]
+    if len([k for k in extra.knobs if k.first]) > 1 or (lead.first and lead.lanes != ("",)):
+        return []
+    ends = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.bounds
+    return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(*ends, TURNS)]
+
+
+TURNS = 5  # values at which an effect of the whole robot is tried
 
 
 LOSING = "timing.dropped_commands"
