@@ -6,7 +6,6 @@ import pytest
 from click.testing import CliRunner
 
 from exodrake.blind import make as making
-from exodrake.blind import run as running
 from exodrake.blind.matching import covered
 from exodrake.blind.mix import CaseMix
 from exodrake.blind.score import binomial_interval, score
@@ -169,23 +168,3 @@ def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
         making.make(tmp_path / "set", seed=1, cases=1, labels=tmp_path / "elsewhere.json")
     with pytest.raises(InputError, match="inside the cases"):
         making.make(tmp_path / "other", seed=1, cases=1, labels=tmp_path / "other" / "labels.json")
-
-
-def test_run_skips_the_finished_and_keeps_the_failed_open(tiny, monkeypatch):
-    folder, _ = tiny
-    seen = []
-
-    def stub(case):
-        name = case.rsplit("/", 1)[1]
-        seen.append(name)
-        return (name, json.dumps(answer("NO_GAP")), None) if name == "case_1" else (name, None, "ValueError: no")
-
-    monkeypatch.setattr(running, "diagnose_one", stub)
-    (folder / "case_1" / "diagnosis.json").write_text("{half")
-    (folder / "case_2" / "diagnosis.json").unlink()
-    steps = []
-    failed = running.run(folder, 1, None, lambda done, total: steps.append((done, total)))
-    assert sorted(seen) == ["case_1", "case_2"]
-    assert failed == {"case_2": "ValueError: no"}
-    assert steps[0] == (7, 9) and steps[-1] == (9, 9)
-    assert running.finished(folder / "case_1") and not running.finished(folder / "case_2")

@@ -1,10 +1,12 @@
 """Making a blind set: case folders that say nothing about their contents, and labels sealed apart from them."""
 
 import hashlib
-import os
+import json
+import shutil
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,13 @@ from exodrake.blind.catalogue import ENTRIES, block_of
 from exodrake.blind.mix import CaseMix, draw_case, plan
 from exodrake.blind.reality import simulate, warm_up
 from exodrake.blind.seal import write_sealed
+from exodrake.case import FILE, Case, CaseLog, write_case
 from exodrake.errors import InputError
+from exodrake.files import write_text
+from exodrake.log import Log
+from exodrake.parallel import each
+
+Progress = Callable[[int, int, int], None]
 
 FLOORS = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
 DECIMALS = {
@@ -101,34 +109,39 @@ def rounded(columns):
     return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
 
 
-def write_logs(case, name, folder, seed):
-    """Case folder with case.yaml and its logs, whole or not at all."""
-    from exodrake.case import Case, CaseLog, write_case
-    from exodrake.log import Log
-
+def logs_of(case, name, seed):
+    """The case with its logs as the second reality would have written them."""
     logs = []
     for index, (log, (role, repeats)) in enumerate(ROLES.items()):
         columns = rounded(simulate(case.spec, case.protocols[log], [*seed, 5, index]))
         time = columns.pop("time")
         logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
-    write_case(Case(name, {}, tuple(logs)), folder)
+    return Case(name, {}, tuple(logs))
+
+
+def case_and_label(plan):
+    """A planned case with its logs, and its label; all of it follows from the plan's seed."""
+    case, gaps, whole = visible_case(plan)
+    return logs_of(case, plan.name, plan.seed), label_of(plan, case, gaps, whole)
 
 
 def make_case(plan, folder):
-    """Make one case (kept if its folder is already there, since it follows from its seed) and return its label."""
-    case, each, whole = visible_case(plan)
-    target = Path(folder) / plan.name
-    if not (target / "case.yaml").is_file():
-        write_logs(case, plan.name, target, plan.seed)
-    return label_of(plan, case, each, whole)
+    """Write one case into `folder` (kept if it is there already) and return its label."""
+    case, label = case_and_label(plan)
+    keep_case(case, Path(folder) / plan.name)
+    return label
+
+
+def keep_case(case, folder):
+    """Write a case, whole or not at all, unless it is there."""
+    if not (folder / FILE).is_file():
+        write_case(case, folder)
 
 
 def begin(folder, labels, stamp):
     """Open the folder for making. InputError if a set is finished there, or another one was begun, or the labels
     would lie inside.
     """
-    from exodrake.files import write_text
-
     if folder.resolve() in labels.resolve().parents:
         raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
     if labels.exists():
@@ -139,38 +152,80 @@ def begin(folder, labels, stamp):
     mark = folder / BEGUN
     if mark.is_file():
         if mark.read_text().strip() != stamp:
-            raise InputError(f"{folder}: begun with another seed, number of cases or mix")
+            raise InputError(f"{folder}: begun with another seed, number of cases, mix or code")
     elif any(folder.iterdir()):
         raise InputError(f"{folder}: not empty")
     write_text(mark, stamp + "\n")
+    for half in folder.glob(".*.part"):  # of a run that was killed
+        shutil.rmtree(half)
 
 
-def make(folder, seed, cases, labels=None, jobs=1, mix=None, progress=None):
+def stamp_of(seed, cases, mix):
+    """What a set follows from: seed, number, mix, and the code of the second reality."""
+    from exodrake.frozen import digest, pages_of
+
+    return hashlib.sha256(
+        f"{seed} {cases} {mix} {digest(sorted(pages_of(Path(__file__).parent)))}".encode()
+    ).hexdigest()
+
+
+def made(plan, folder, labels):
+    """Label of a case that is there already, whole; else None. `labels`: folder of labels by case."""
+    try:
+        return json.loads((labels / f"{plan.name}.json").read_text()) if (folder / plan.name / FILE).is_file() else None
+    except (OSError, ValueError):
+        return None
+
+
+def make(
+    folder,
+    seed,
+    cases,
+    labels=None,
+    jobs=1,
+    mix=None,
+    cluster=None,
+    progress: Progress = lambda done, failed, total: None,
+):
     """Make a set: `folder`/case_xx, `folder`/seal.txt, and the labels file outside it (default `folder`-labels.json).
 
-    An interrupted set is taken up where it stopped. progress: called with the number of cases done. Returns the labels'
-    path. InputError for bad numbers and as `begin`.
+    A case's folder appears whole, then its label in `labels`.part; the labels file and the seal when all are there. An
+    interrupted set is taken up where it stopped. jobs, cluster: as in `parallel.each`. progress: called with how many
+    are made, have failed, and are wanted. Returns the labels' path. InputError for bad numbers, as `begin`, and for
+    cases that could not be made, once all others are.
     """
-    from joblib import Parallel, delayed
-
     folder, mix = Path(folder), mix or CaseMix()
     labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
-    begin(folder, labels, hashlib.sha256(f"{seed} {cases} {mix}".encode()).hexdigest())
-    warm_up()
+    begin(folder, labels, stamp_of(seed, cases, mix))
+    parts = labels.with_name(labels.name + ".part")
+    parts.mkdir(parents=True, exist_ok=True)
     plans = plan(seed, cases, mix)
-    found = {}
-    work = (delayed(_named)(item, os.fspath(folder)) for item in plans)
-    results: Any = Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
-    for name, label in results:
-        found[name] = label
-        if progress:
-            progress(len(found))
+    found = {item.name: label for item in plans if (label := made(item, folder, parts)) is not None}
+    warm_up()
+    waiting, failed = [item for item in plans if item.name not in found], {}
+    progress(len(found), 0, cases)
+    with closing(each(case_and_label, ((item,) for item in waiting), jobs, cluster)) as outcomes:
+        for outcome in outcomes:
+            name = waiting[outcome.number].name
+            if outcome.reason is None:
+                case, label = outcome.value
+                found[name] = keep(name, case, label, folder, parts)
+            else:
+                failed[name] = outcome.reason
+            progress(len(found), len(failed), cases)
+    if failed:
+        raise InputError(f"{folder}: not made: " + "; ".join(f"{name} ({why})" for name, why in sorted(failed.items())))
     write_sealed({item.name: found[item.name] for item in plans}, labels, folder / SEAL)
+    shutil.rmtree(parts)
     (folder / BEGUN).unlink()
     return labels
 
 
-def _named(plan, folder):
-    return plan.name, make_case(plan, folder)
+def keep(name, case, label, folder, parts):
+    """Write a case, then its label; the label as it is read back."""
+    keep_case(case, folder / name)
+    text = json.dumps(label, indent=1) + "\n"
+    write_text(parts / f"{name}.json", text)
+    return json.loads(text)

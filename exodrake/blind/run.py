@@ -1,15 +1,26 @@
-"""Diagnosing every case of a blind set, resumably: a case with a whole diagnosis.json is done, any other is not."""
+"""Diagnosing every case of a blind set, resumably.
+
+Each answer is written as soon as it is there; a case with a whole diagnosis.json is done, any other is not. A case that
+fails leaves failed.json with the reason, does not end the run, and is tried again by the next. Every answer carries the
+configuration it was made with: a set answered by two of them would be no test of either.
+"""
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from exodrake.case import Case, read_case
 from exodrake.errors import InputError
+from exodrake.files import write_text
+from exodrake.parallel import each
 
-ANSWER = "diagnosis.json"
+ANSWER, FAILED = "diagnosis.json", "failed.json"
+Progress = Callable[[int, int, int], None]
 
 
-def cases_of(folder):
+def cases_of(folder: str | Path) -> list[Path]:
     """Case folders of a set, sorted. InputError if there is none."""
     folder = Path(folder)
     if not folder.is_dir():
@@ -20,71 +31,113 @@ def cases_of(folder):
     return cases
 
 
-def finished(case):
+def stored(case: Path) -> dict[str, Any] | None:
+    """The answer that lies in a case's folder; None if there is none that can be read."""
+    try:
+        answer = json.loads((case / ANSWER).read_text())
+        return answer if "verdict" in answer else None
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def finished(case: Path) -> bool:
     """True if the case has a diagnosis that can be read."""
-    try:
-        return "verdict" in json.loads((case / ANSWER).read_text())
-    except (OSError, ValueError):
-        return False
+    return stored(case) is not None
 
 
-def diagnose_one(case):
-    """Name, diagnosis as JSON text, and None; or name, None and the reason why there is none."""
-    from exodrake.case import read_case
+def diagnose_one(case: Case, configuration: dict[str, str]) -> dict[str, Any]:
+    """A case's answer as plain data. RuntimeError where another configuration is installed than was asked for."""
     from exodrake.diagnosis import diagnose
+    from exodrake.frozen import configuration as installed
+    from exodrake.frozen import told
 
-    case = Path(case)
-    try:
-        answer = diagnose(read_case(case)).to_json()
-        return case.name, answer if isinstance(answer, str) else json.dumps(answer, indent=1, default=float), None
-    except Exception as error:  # one bad case must not end a night's run
-        return case.name, None, f"{type(error).__name__}: {error}"
+    if installed() != configuration:
+        raise RuntimeError(f"this worker has {told(installed())}; asked for is {told(configuration)}")
+    return diagnose(case).to_json() | {"configuration": configuration}
 
 
-def backend(jobs, cluster):
-    """joblib configuration: processes here, or an existing Dask cluster. InputError if Dask is absent or nobody
-    answers.
+def waiting_cases(cases: list[Path], configuration: dict[str, str], redo: bool) -> list[Path]:
+    """Cases still to be diagnosed. InputError if some were answered with another configuration, unless they are to be
+    redone.
     """
-    from joblib import parallel_config
+    from exodrake.frozen import told
 
-    if not cluster:
-        return parallel_config(backend="loky", n_jobs=jobs)
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("--cluster: Dask is not installed; install exodrake[cluster]") from None
-    try:
-        client = Client(cluster, timeout="10s")
-    except (OSError, ValueError) as error:
-        raise InputError(f"--cluster {cluster}: no Dask scheduler answers ({error})") from None
-    return parallel_config(backend="dask", client=client, n_jobs=-1)
+    answers = {case: stored(case) for case in cases}
+    foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != configuration]
+    if foreign and not redo:
+        theirs = told((answers[foreign[0]] or {}).get("configuration"))
+        raise InputError(
+            f"{foreign[0]}: answered with {theirs}, and so are {len(foreign)} of {len(cases)} cases with another"
+            f" configuration than this one ({told(configuration)}); --redo answers them anew"
+        )
+    return [case for case in cases if answers[case] is None or case in foreign]
 
 
-def run(folder, jobs=1, cluster=None, progress=None):
-    """Diagnose the unfinished cases of a set; an interruption loses nothing that was written.
+class Book:
+    """Writes down what becomes of the cases of a set, each as soon as it is known, and counts."""
 
-    progress: called with (done, total). Returns {case: reason} for those that failed; they stay unfinished.
-    InputError as `cases_of`, `backend`.
+    def __init__(self, cases: list[Path], waiting: list[Path], progress: Progress) -> None:
+        self.total, self.answered, self.progress = len(cases), len(cases) - len(waiting), progress
+        self.failed: dict[str, str] = {}
+        self.tell()
+
+    def tell(self) -> None:
+        """Says how far it is."""
+        self.progress(self.answered, len(self.failed), self.total)
+
+    def keep(self, case: Path, answer: dict[str, Any]) -> None:
+        """An answer; what an earlier run failed at is settled."""
+        write_text(case / ANSWER, json.dumps(answer, indent=1, allow_nan=False) + "\n")
+        (case / FAILED).unlink(missing_ok=True)
+        self.answered += 1
+        self.tell()
+
+    def fail(self, case: Path, reason: str, trace: str = "") -> None:
+        """Why there is no answer; half an answer, or one of another configuration, goes."""
+        write_text(case / FAILED, json.dumps({"reason": reason, "traceback": trace.splitlines()}, indent=1) + "\n")
+        (case / ANSWER).unlink(missing_ok=True)
+        self.failed[case.name] = reason
+        self.tell()
+
+
+def run(
+    folder: str | Path,
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Progress = lambda done, failed, total: None,
+    redo: bool = False,
+) -> dict[str, str]:
+    """Diagnose the unfinished cases of a set; an interruption loses nothing that was done.
+
+    Args:
+        jobs, cluster: as in `parallel.each`. progress: called with how many are answered, have failed, and are there.
+        redo: answer anew what was answered with another configuration.
+    Returns:
+        {case: reason} for those that failed; they stay unfinished.
+    Raises:
+        InputError: as `cases_of`, `waiting_cases` and `parallel.each`.
     """
-    from joblib import Parallel, delayed
-
-    from exodrake.files import write_text
+    from exodrake.frozen import configuration
 
     cases = cases_of(folder)
-    waiting = [case for case in cases if not finished(case)]
-    done, failed = len(cases) - len(waiting), {}
-    report = progress or (lambda done, total: None)
-    report(done, len(cases))
-    if not waiting:
-        return failed
-    with backend(jobs, cluster):
-        work = (delayed(diagnose_one)(str(case)) for case in waiting)
-        results: Any = Parallel(return_as="generator_unordered")(work)
-        for name, text, reason in results:
-            if text is None:
-                failed[name] = reason
+    waiting = waiting_cases(cases, configuration(), redo)
+    book, sent = Book(cases, waiting, progress), []
+
+    def readable() -> Iterator[tuple[Case, dict[str, str]]]:
+        for case in waiting:
+            try:
+                read = read_case(case)
+            except Exception as error:  # as for a diagnosis that fails
+                book.fail(case, f"{type(error).__name__}: {error}")
+                continue
+            sent.append(case)
+            yield read, configuration()
+
+    with closing(each(diagnose_one, readable(), jobs, cluster)) as outcomes:
+        for outcome in outcomes:
+            case = sent[outcome.number]
+            if outcome.reason is None:
+                book.keep(case, outcome.value)
             else:
-                write_text(Path(folder) / name / ANSWER, text)
-            done += 1
-            report(done, len(cases))
-    return failed
+                book.fail(case, outcome.reason, outcome.trace)
+    return book.failed

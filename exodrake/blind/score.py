@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.blind.matching import accepted_blocks, accepted_ids, covered, found_ids, top_id
-from exodrake.blind.run import ANSWER, cases_of
+from exodrake.blind.run import ANSWER, FAILED, cases_of
 from exodrake.blind.seal import read_sealed
 from exodrake.errors import InputError
 
 VISIBLE = 2.0  # floors
 QUIET = ("NO_GAP", "RETUNE")
+FAILURE = "FAILED"  # in place of a verdict
 PATIENCE = 60.0  # s
 
 
@@ -37,8 +38,8 @@ class Share:
 
 @dataclass(frozen=True)
 class Score:
-    """Shares, plain numbers (name -> value), baselines, confusion (truth, answer) -> count, and the cases without a
-    diagnosis.
+    """Shares, plain numbers (name -> value), baselines, confusion (truth, answer) -> count, the cases that nobody has
+    diagnosed yet, and those that failed, which are among the `cases`.
     """
 
     shares: tuple[Share, ...]
@@ -47,6 +48,7 @@ class Score:
     confusion: dict[tuple[str, str], int]
     missing: tuple[str, ...]
     cases: int
+    failed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,9 @@ def share(name, outcomes, wanted=""):
 
 
 def read_answers(folder, labels):
-    """Cases with a diagnosis, and the names of those without. InputError for a broken seal, a foreign case or a
-    malformed diagnosis.
+    """Cases with a diagnosis or a reason why there is none (verdict FAILED: wrong wherever it counts), and the names
+    of the others. InputError for a broken seal, a foreign case, a malformed diagnosis, or answers of several
+    configurations.
     """
     sealed = read_sealed(labels, Path(folder) / "seal.txt")
     answered, missing = [], []
@@ -100,6 +103,9 @@ def read_answers(folder, labels):
         if case.name not in sealed:
             raise InputError(f"{case}: not among the sealed labels in {labels}")
         path = case / ANSWER
+        if not path.is_file() and (case / FAILED).is_file():
+            answered.append(Answered(case.name, sealed[case.name], {"verdict": FAILURE}))
+            continue
         if not path.is_file():
             missing.append(case.name)
             continue
@@ -109,9 +115,21 @@ def read_answers(folder, labels):
         except (ValueError, KeyError, TypeError):
             raise InputError(f"{path}: not a diagnosis (JSON with key 'verdict')") from None
     missing += sorted(set(sealed) - {case.name for case in cases_of(folder)})
+    check_configurations(answered, folder)
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
     return answered, tuple(missing)
+
+
+def check_configurations(answered, folder):
+    """InputError if the diagnoses were made with several versions or thresholds."""
+    from exodrake.frozen import told
+
+    found = {told(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    if len(found) > 1:
+        raise InputError(
+            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
+        )
 
 
 def right_block(case):
@@ -216,4 +234,6 @@ def confusion_of(cases):
 def score(folder, labels):
     """Score of a set. InputError for a broken seal, a foreign case, a malformed diagnosis, or none at all."""
     cases, missing = read_answers(folder, labels)
-    return Score(shares_of(cases), numbers_of(cases), baselines_of(cases), confusion_of(cases), missing, len(cases))
+    failed = tuple(case.name for case in cases if case.verdict == FAILURE)
+    counts = confusion_of(cases)
+    return Score(shares_of(cases), numbers_of(cases), baselines_of(cases), counts, missing, len(cases), failed)

@@ -27,7 +27,8 @@ def sections(score):
 
 def title_of(score):
     lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
-    return f"{score.cases} cases{lacking}"
+    failed = f", {len(score.failed)} of them failed" if score.failed else ""
+    return f"{score.cases} cases{failed}{lacking}"
 
 
 def as_table(score):
@@ -76,6 +77,7 @@ def as_json(score):
     return {
         "cases": score.cases,
         "missing": list(score.missing),
+        "failed": list(score.failed),
         "shares": {item.name: plain(item) for item in score.shares},
         "numbers": numbers,
         "baselines": {item.name: plain(item) for item in score.baselines},

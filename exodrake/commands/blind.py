@@ -4,19 +4,7 @@ from pathlib import Path
 
 import click
 
-
-def _bar(title: str):
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    return Progress(*columns, transient=False)
+from exodrake.counting import counted, where_to_run
 
 
 @click.group()
@@ -29,32 +17,33 @@ def command() -> None:
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")
 @click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
-@click.option("--jobs", default=1, show_default=True, help="Processes; -1 for one a core.")
-def make(seed: int, cases: int, out: Path, labels: Path | None, jobs: int) -> None:
-    """Draw robots from the second reality and write their logs; the labels are sealed apart."""
+@where_to_run
+def make(seed: int, cases: int, out: Path, labels: Path | None, jobs: int, cluster: str | None) -> None:
+    """Draw robots from the second reality and write their logs; the labels are sealed apart.
+
+    The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
+    """
     from exodrake.blind.make import make as make_set
 
-    with _bar("making") as bar:
-        task = bar.add_task("", total=cases)
-        path = make_set(out, seed, cases, labels, jobs, progress=lambda done: bar.update(task, completed=done))
+    with counted("making") as count:
+        path = make_set(out, seed, cases, labels, jobs, cluster=cluster, progress=count)
     click.echo(f"{cases} cases in {out}; labels in {path}, sealed in {out / 'seal.txt'}")
 
 
 @command.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--jobs", default=1, show_default=True, help="Processes; -1 for one a core.")
-@click.option("--cluster", default=None, help="Address of a Dask scheduler to run on.")
-def run(folder: Path, jobs: int, cluster: str | None) -> None:
-    """Diagnose every case of FOLDER that has no diagnosis yet."""
+@where_to_run
+@click.option("--redo", is_flag=True, help="Answer anew what another version or other thresholds answered.")
+def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
+    """Diagnose every case of FOLDER that has no diagnosis yet.
+
+    Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
+    that fails leaves its reason in failed.json, and is tried again.
+    """
     from exodrake.blind.run import run as run_set
 
-    with _bar("diagnosing") as bar:
-        task = bar.add_task("")
-
-        def progress(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        failed = run_set(folder, jobs, cluster, progress)
+    with counted("diagnosing") as count:
+        failed = run_set(folder, jobs, cluster, count, redo)
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if failed:

@@ -12,12 +12,14 @@ import click
 import numpy as np
 
 from exodrake.case import Case, CaseLog
+from exodrake.counting import counted, where_to_run
 from exodrake.diagnosis.decide import misfit, worst_column
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import Ranking
 from exodrake.diagrams.robot import Robot, load_robot
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
+from exodrake.parallel import each
 
 SCATTER, SCATTER_ANGLE, CLIP = 0.03, 0.01, 2.5  # relative; rad, for angles near 0; standard deviations
 EXACT = (
@@ -69,17 +71,26 @@ def retuned_misfits(seed: int, nominal: Robot) -> tuple[float, float]:
     return misfit(problem, found), worst_column(problem, found)
 
 
+def measured(seed: int) -> tuple[float, float]:
+    """What is measured on one robot, wherever it is run."""
+    return retuned_misfits(seed, load_robot())
+
+
 @click.command()
 @click.option("--seed", default=7, show_default=True)
-@click.option("--robots", default=40, show_default=True)
-def main(seed: int, robots: int) -> None:
+@click.option("--robots", default=40, show_default=True, type=click.IntRange(min=1))
+@where_to_run
+def main(seed: int, robots: int, jobs: int, cluster: str | None) -> None:
     """Measure the misfits of healthy robots."""
-    nominal = load_robot()
-    found = []
-    for k in range(robots):
-        found.append(retuned_misfits(seed * 10_000 + k, nominal))
-        click.echo(f"robot {k}: {found[-1][0]:.3f} over all signals, {found[-1][1]:.3f} in the worst")
-    whole, worst = np.array(found).T
+    found = {}
+    with counted("measuring", "none of it is kept") as count:
+        for item in each(measured, ((seed * 10_000 + k,) for k in range(robots)), jobs, cluster):
+            if item.reason is not None:
+                raise click.ClickException(f"robot {item.number}: {item.reason}")
+            found[item.number] = item.value
+            click.echo(f"robot {item.number}: {item.value[0]:.3f} over all signals, {item.value[1]:.3f} in the worst")
+            count(len(found), 0, robots)
+    whole, worst = np.array([found[k] for k in range(robots)]).T
     for name, values in (("quiet", whole), ("quiet_column", worst)):
         click.echo(
             f"{name}: median {np.median(values):.3f}, {1 - FALSE_ALARMS:.0%} quantile {np.quantile(values, 1 - FALSE_ALARMS):.3f}"

@@ -1,0 +1,43 @@
+"""Sets of very short cases of the model itself: healthy ones, diagnosed at once, and one with a stiff sheath."""
+
+import json
+from functools import cache
+
+import exodrake as exo
+from exodrake.blind.seal import write_sealed
+from exodrake.case import Case, CaseLog, write_case
+
+FRAMES = 150  # 3 s
+RUSTY = {"mu_phi": 0.3}
+
+
+@cache
+def short_case(name, seed, rusty):
+    """A case with a log to fit and one held out."""
+    robot = exo.load_robot()
+    ill = robot.splice("tendon.capstan_friction", RUSTY, lanes=["AF"]) if rusty else robot
+    logs = []
+    for place, role in enumerate(("fit", "holdout")):
+        reference = exo.Reference(exo.random_motion(robot, seed=10 * seed + place).tension[:FRAMES], role)
+        logs.append(CaseLog(exo.simulate(ill, reference, seed=seed), role, role, None, f"{role}.csv"))
+    return Case(name, {}, tuple(logs))
+
+
+def write_set(folder, healthy, rusty=0):
+    """Case folders, labels and seal: the healthy first by name. The labels' path."""
+    labels = {}
+    for number in range(healthy + rusty):
+        name, ill = f"case_{number:02d}", number >= healthy
+        write_case(short_case(name, number, ill), folder / name)
+        effect = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": []}
+        effects = [effect | {"parameters": RUSTY, "exact": True, "gap": 9.0}] if ill else []
+        labels[name] = {"kind": "single" if ill else "healthy", "effects": effects}
+    path = folder.with_name(folder.name + "-labels.json")
+    write_sealed(labels, path, folder / "seal.txt")
+    return path
+
+
+def answers(folder):
+    """Case -> its answer, without the seconds."""
+    found = {path.parent.name: json.loads(path.read_text()) for path in folder.glob("*/diagnosis.json")}
+    return {name: {key: value for key, value in answer.items() if key != "seconds"} for name, answer in found.items()}

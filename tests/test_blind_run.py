@@ -1,0 +1,140 @@
+"""Running and making a blind set: interrupted and taken up again, in one process and in two."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from exodrake.blind import make as making
+from exodrake.blind import run as running
+from exodrake.blind.mix import CaseMix
+from exodrake.blind.score import score
+from exodrake.blind.seal import read_sealed
+from exodrake.case import read_case
+from exodrake.errors import InputError
+from tests.short_sets import answers, write_set
+
+HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
+PACKAGE = Path(running.__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Answers to a set of three healthy cases and one with friction, found one after another."""
+    folder = tmp_path_factory.mktemp("blind") / "set"
+    write_set(folder, healthy=3, rusty=1)
+    steps = []
+    assert running.run(folder, progress=lambda *step: steps.append(step)) == {}
+    assert steps[0] == (0, 0, 4) and steps[-1] == (4, 0, 4)
+    return answers(folder)
+
+
+def command(*words):
+    environment = os.environ | {"PYTHONPATH": str(PACKAGE), "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    return subprocess.Popen(
+        [sys.executable, "-m", "exodrake", "blind", *words], stderr=subprocess.PIPE, text=True, env=environment
+    )
+
+
+def when_there(pattern, folder, process):
+    """Wait until a file appears or the process ends."""
+    while process.poll() is None and not list(folder.glob(pattern)):
+        time.sleep(0.01)
+
+
+def test_verdicts_of_the_short_cases(uninterrupted):
+    assert [answer["verdict"] for _, answer in sorted(uninterrupted.items())] == ["NO_GAP"] * 3 + ["NAMED"]
+
+
+@pytest.mark.parametrize(("jobs", "deadly"), [("2", signal.SIGTERM), ("1", signal.SIGKILL)])
+def test_killed_and_taken_up_again_gives_the_same_answers(uninterrupted, tmp_path, jobs, deadly):
+    write_set(tmp_path / "set", healthy=3, rusty=1)
+    process = command("run", str(tmp_path / "set"), "--jobs", jobs)
+    when_there("*/diagnosis.json", tmp_path / "set", process)
+    process.send_signal(deadly)
+    said = process.communicate()[1]
+    before = answers(tmp_path / "set")
+    assert 1 <= len(before) < 4
+    if deadly == signal.SIGTERM:
+        assert process.returncode == 130 and f"interrupted; {len(before)} of 4 done" in said
+        assert "Traceback" not in said
+    first = (tmp_path / "set" / "case_00" / "diagnosis.json").stat().st_mtime_ns
+    assert running.run(tmp_path / "set", jobs=2) == {}
+    assert answers(tmp_path / "set") == uninterrupted
+    assert (tmp_path / "set" / "case_00" / "diagnosis.json").stat().st_mtime_ns == first or "case_00" not in before
+
+
+def test_a_case_that_fails_is_recorded_tried_again_and_counted(tmp_path):
+    folder = tmp_path / "set"
+    labels = write_set(folder, healthy=2)
+    log = folder / "case_01" / "fit.csv"
+    whole = log.read_text()
+    log.write_text(whole[: len(whole) // 2].rsplit("\n", 1)[0] + "\n0.1,what,is,this\n")
+    failed = running.run(folder)
+    assert list(failed) == ["case_01"] and "fit.csv" in failed["case_01"]
+    assert json.loads((folder / "case_01" / "failed.json").read_text())["reason"] == failed["case_01"]
+    result = score(folder, labels)
+    assert result.failed == ("case_01",) and result.missing == () and result.cases == 2
+    assert next((s.hits, s.total) for s in result.shares if s.name == "false alarm on healthy") == (1, 2)
+    log.write_text(whole)
+    assert running.run(folder) == {}
+    assert sorted(answers(folder)) == ["case_00", "case_01"] and not list(folder.glob("*/failed.json"))
+
+
+def test_answers_of_another_configuration_are_refused_or_redone(tmp_path):
+    folder = tmp_path / "set"
+    labels = write_set(folder, healthy=2)
+    running.run(folder)
+    page = folder / "case_00" / "diagnosis.json"
+    answer = json.loads(page.read_text())
+    page.write_text(json.dumps(answer | {"configuration": answer["configuration"] | {"thresholds": "of yesterday"}}))
+    with pytest.raises(InputError, match=r"case_00: answered with .*thresholds of yesterday.*1 of 2.*--redo"):
+        running.run(folder)
+    with pytest.raises(InputError, match="several configurations"):
+        score(folder, labels)
+    kept = (folder / "case_01" / "diagnosis.json").stat().st_mtime_ns
+    running.run(folder, redo=True)
+    assert answers(folder)["case_00"] == {key: value for key, value in answer.items() if key != "seconds"}
+    assert (folder / "case_01" / "diagnosis.json").stat().st_mtime_ns == kept
+
+
+def test_a_worker_with_another_configuration_gives_no_answer(tmp_path):
+    write_set(tmp_path / "set", healthy=1)
+    with pytest.raises(RuntimeError, match=r"asked for is version of tomorrow"):
+        running.diagnose_one(read_case(tmp_path / "set" / "case_00"), {"version": "of tomorrow"})
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.glob("case_*/*")}
+
+
+def test_a_set_is_the_same_whatever_made_it_and_an_interrupted_one_is_completed(tmp_path):
+    labels = making.make(tmp_path / "one", 5, 3, mix=HEALTHY)
+    in_two = making.make(tmp_path / "two", 5, 3, mix=HEALTHY, jobs=2)
+
+    def stop(done, failed, total):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        making.make(tmp_path / "cut", 5, 3, mix=HEALTHY, progress=stop)
+    assert len(list((tmp_path / "cut").glob("case_*"))) == 1 and not (tmp_path / "cut-labels.json").exists()
+    (tmp_path / "cut" / ".case_02.123.part").mkdir()  # as a killed process leaves it
+    with pytest.raises(InputError, match="begun with another seed"):
+        making.make(tmp_path / "cut", 6, 3, mix=HEALTHY)
+    completed = making.make(tmp_path / "cut", 5, 3, mix=HEALTHY)
+    assert contents(tmp_path / "one") == contents(tmp_path / "two") == contents(tmp_path / "cut")
+    sealed = [
+        read_sealed(path, tmp_path / name / "seal.txt")
+        for path, name in ((labels, "one"), (in_two, "two"), (completed, "cut"))
+    ]
+    assert sealed[0] == sealed[1] == sealed[2] and len(sealed[0]) == 3
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        name + end for name in ("one", "two", "cut") for end in ("", "-labels.json")
+    )
+    assert sorted(path.name for path in (tmp_path / "cut").iterdir()) == ["case_00", "case_01", "case_02", "seal.txt"]

@@ -1,0 +1,110 @@
+"""Loops on a real Dask cluster of two worker processes, one of which is killed on the way."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from exodrake import parallel
+from exodrake.blind import make as making
+from exodrake.blind import run as running
+from exodrake.blind.mix import CaseMix
+from exodrake.blind.seal import read_sealed
+from exodrake.errors import InputError
+from exodrake.parallel import each
+from tests.short_sets import answers, write_set
+
+distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+CASES = 6
+
+
+@pytest.fixture
+def cluster():
+    """Two worker processes of one thread each, on this machine."""
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as found:
+        yield found
+
+
+def workers(cluster):
+    """Process ids of the workers."""
+    with distributed.Client(cluster.scheduler_address, set_as_default=False) as client:
+        return sorted(client.run(os.getpid).values())
+
+
+def slowly(number):
+    time.sleep(0.1)
+    return os.getpid(), number**2
+
+
+def threads():
+    import numba
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import threadpool_info
+
+    return max(item["num_threads"] for item in threadpool_info()), numba.get_num_threads()
+
+
+def test_a_killed_worker_loses_no_task(cluster):
+    before = workers(cluster)
+    found, helpers = {}, set()
+    for outcome in each(slowly, ((number,) for number in range(40)), cluster=cluster.scheduler_address):
+        assert outcome.number not in found
+        helper, found[outcome.number] = outcome.value
+        helpers.add(helper)
+        if len(found) == 10:
+            os.kill(before[0], signal.SIGKILL)
+    assert found == {number: number**2 for number in range(40)}
+    assert before[1] in helpers and workers(cluster) != before
+
+
+def test_every_task_has_one_thread(cluster):
+    assert [item.value for item in each(threads, [()], cluster=cluster.scheduler_address)] == [(1, 1)]
+
+
+def test_a_task_whose_workers_die_each_time_is_given_up_alone(cluster):
+    outcomes = list(each(os._exit, [(1,)], cluster=cluster.scheduler_address))
+    assert [item.value for item in outcomes] == [None] and "KilledWorker" in outcomes[0].reason
+    assert next(each(slowly, [(3,)], cluster=cluster.scheduler_address)).value[1] == 9
+
+
+def test_blind_run_with_a_killed_worker_answers_as_one_process_does(cluster, tmp_path):
+    write_set(tmp_path / "here", healthy=CASES - 1, rusty=1)
+    write_set(tmp_path / "there", healthy=CASES - 1, rusty=1)
+    victims = workers(cluster)
+    counted = []
+
+    def progress(done, failed, total):
+        if done == 1 and victims:
+            os.kill(victims.pop(), signal.SIGKILL)
+        counted.append((done, failed, total))
+
+    assert running.run(tmp_path / "there", cluster=cluster.scheduler_address, progress=progress) == {}
+    assert counted == [(done, 0, CASES) for done in range(CASES + 1)]
+    assert running.run(tmp_path / "here") == {}
+    assert answers(tmp_path / "there") == answers(tmp_path / "here") and len(answers(tmp_path / "here")) == CASES
+
+
+def test_a_set_made_there_is_the_set_made_here(cluster, tmp_path):
+    mix = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
+    made = {
+        where: making.make(tmp_path / where, 5, 2, mix=mix, cluster=address)
+        for where, address in (("here", None), ("there", cluster.scheduler_address))
+    }
+    logs = {
+        where: {path.relative_to(tmp_path / where): path.read_bytes() for path in (tmp_path / where).glob("*/*")}
+        for where in made
+    }
+    assert logs["here"] == logs["there"] and len(logs["here"]) == 12
+    sealed = [read_sealed(labels, tmp_path / where / "seal.txt") for where, labels in made.items()]
+    assert sealed[0] == sealed[1]
+
+
+def test_a_scheduler_that_goes_away_is_said_and_what_is_done_is_kept(monkeypatch):
+    monkeypatch.setattr(parallel, "PATIENCE", "2s")
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50)
+    outcomes = each(slowly, ((number,) for number in range(1000)), cluster=cluster.scheduler_address)
+    assert next(outcomes).reason is None
+    cluster.close()
+    with pytest.raises(InputError, match="the scheduler has gone"):
+        list(outcomes)

@@ -1,0 +1,86 @@
+"""Loops in several processes: the same outcomes, and no task lost to another's fault."""
+
+import os
+import signal
+import time
+
+import numba
+import pytest
+from threadpoolctl import threadpool_info
+
+from exodrake import parallel
+from exodrake.errors import InputError
+from exodrake.parallel import each
+
+
+def square(number):
+    time.sleep(0.02 * (3 - number % 4))  # so that they do not finish in order
+    return number**2
+
+
+def picky(number):
+    if number == 1:
+        raise ValueError("one is not wanted")
+    return number
+
+
+def deadly(number):
+    time.sleep(0.3)
+    if number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def threads(_):
+    import scipy.linalg  # noqa: F401
+
+    return max(item["num_threads"] for item in threadpool_info()), numba.get_num_threads()
+
+
+def values(outcomes):
+    return {item.number: item.value for item in outcomes}
+
+
+@pytest.mark.parametrize("jobs", [1, 2, -1])
+def test_outcomes_do_not_depend_on_the_number_of_processes(jobs):
+    assert values(each(square, ((number,) for number in range(9)), jobs)) == {n: n**2 for n in range(9)}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_task_that_raises_says_why_and_ends_nothing(jobs):
+    outcomes = {item.number: item for item in each(picky, ((number,) for number in range(4)), jobs)}
+    assert outcomes[1].reason == "ValueError: one is not wanted" and "in picky" in outcomes[1].trace
+    assert [outcomes[number].value for number in (0, 2, 3)] == [0, 2, 3]
+
+
+def test_only_the_task_that_kills_its_process_is_given_up():
+    outcomes = {item.number: item for item in each(deadly, ((number,) for number in range(6)), 2)}
+    assert {n: item.value for n, item in outcomes.items()} == {n: None if n == 2 else n for n in range(6)}
+    assert "died" in outcomes[2].reason
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_task_has_one_thread(jobs):
+    assert set(values(each(threads, [(0,), (1,)], jobs)).values()) == {(1, 1)}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_tasks_are_read_as_there_is_room(jobs):
+    read = []
+
+    def tasks():
+        for number in range(1000):
+            read.append(number)
+            yield (number,)
+
+    outcomes = each(square, tasks(), jobs)
+    next(outcomes)
+    outcomes.close()
+    assert len(read) <= 2 * jobs
+
+
+def test_absent_scheduler_is_named(monkeypatch):
+    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    monkeypatch.setattr(parallel, "PATIENCE", "1s")
+    with pytest.raises(InputError, match=r"127\.0\.0\.1:9.*no Dask scheduler answers"):
+        next(each(square, [(1,)], cluster="127.0.0.1:9"))
