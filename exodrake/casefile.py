@@ -14,6 +14,7 @@ from exodrake.files import read_yaml
 if TYPE_CHECKING:
     from exodrake.case import Case
 
+LONGEST_FRAME = 10.0  # s; a longer one is a mistaken unit: quasi-static logs have frames of a second
 KEYS = ("name", "robot", "period", "logs")
 LOG_KEYS = ("file", "role", "protocol", "repeats")
 
@@ -108,8 +109,8 @@ def _period(value: Any, path: Path) -> float | None:
     number = _numbers(value)
     if number is None:
         return None
-    if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number < 1:
-        raise InputError(f"{path}: key 'period': wanted seconds between 0 and 1, found {_shown(value)}")
+    if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number <= LONGEST_FRAME:
+        raise InputError(f"{path}: key 'period': wanted seconds between 0 and {LONGEST_FRAME:g}, found {_shown(value)}")
     return float(number)
 
 

@@ -55,7 +55,7 @@ def test_bounded_solve_meets_the_optimality_conditions():
 
 def test_shapley_of_an_additive_game_is_the_additive_part():
     worth = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
-    power = {s: 10.0 - sum(worth[x] for x in s) for s in replay.subsets()}
+    power = {s: 10.0 - sum(worth[x] for x in s) for s in replay.subsets(worth)}
     assert replay.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
 
 
@@ -91,7 +91,7 @@ def test_cubic_interpolation_is_exact_for_a_parabola():
 
 def test_floor_from_repeats_and_from_numbers_agree_for_white_signals(robot):
     case = short_case(robot, repeats=True)
-    columns = columns_of(case)
+    columns = columns_of(case, robot.machine)
     floor = dict(zip(columns, noise_floor(case, robot, columns), strict=True))
     assert floor["angle_MCP"] == pytest.approx(sensor_floor(robot)["angle"], rel=0.15)
     assert floor["tension_AF"] == pytest.approx(sensor_floor(robot)["tension"], rel=0.35)

@@ -39,13 +39,15 @@ def command(
     CASE is a folder of logs (see its case.yaml) or one log file.
     """
     from exodrake.case import read_case
+    from exodrake.diagnosis.problem import required_of
     from exodrake.diagnosis.report.summary import print_summary
     from exodrake.diagrams.robot import load_robot
 
     for path in (json_file, report, out_robot):
         check_target(path)
     limit_cores(jobs)
-    read, nominal = read_case(case), load_robot(robot) if robot else load_robot()
+    nominal = load_robot(robot) if robot else load_robot()
+    read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
     with progress_bar() as say:
         from exodrake.diagnosis.pipeline import diagnose
 

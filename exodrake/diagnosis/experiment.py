@@ -10,11 +10,25 @@ from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Reference
 from exodrake.identification import protocols
+from exodrake.systems import tendon_finger
 
 DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds
 
 
-def menu(robot: Robot) -> dict[str, Reference]:
+def menu(problem: Problem) -> dict[str, Reference]:
+    """Experiments that the robot can run, cheapest first: the Exo-Index's protocols, or its own motion at other sizes and speeds."""
+    if tendon_finger.BLOCK in problem.robot.machine.blocks:
+        return exo_menu(problem.robot)
+    own = problem.fit[0].reference
+    rest = own[0]
+    return {
+        "the same motion, twice as fast": Reference(own[::2], "faster"),
+        "the same motion at half size": Reference(rest + 0.5 * (own - rest), "smaller"),
+        "the same motion, half as fast": Reference(np.repeat(own, 2, axis=0), "slower"),
+    }
+
+
+def exo_menu(robot: Robot) -> dict[str, Reference]:
     """Experiments that any Exo-Index can run, cheapest first."""
     return {
         "steps": protocols.steps(robot),
@@ -31,7 +45,7 @@ def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dic
     Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [floors] between the closest pair.
     """
     best: dict[str, Any] = {}
-    for name, reference in menu(problem.robot).items():
+    for name, reference in menu(problem).items():
         trial = Trial(
             name, "holdout", reference.tension, np.full((len(reference.tension), len(problem.columns)), np.nan)
         )

@@ -11,28 +11,18 @@ from itertools import pairwise
 import numpy as np
 
 from exodrake.case import Case
+from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Reference, simulate
+from exodrake.errors import InputError
+from exodrake.log import Log
 
-KINDS = ("tension", "stroke", "speed_cmd", "angle")
-TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
 
 
 def sensor_floor(robot: Robot) -> dict[str, float]:
-    """Floor per kind of signal from the robot's numbers: N, m, m/s, rad."""
-    tension = np.sqrt(robot["sensor.sigma_F"] ** 2 + TWELFTH * robot["sensor.q_F"] ** 2)
-    damped = np.hypot(
-        robot["controller.kp"] + robot["controller.kd"] / robot["controller.period"],
-        robot["controller.kd"] / robot["controller.period"],
-    )
-    step = robot["encoder.q_theta"] * robot["encoder.radius"]
-    return {
-        "tension": float(tension),
-        "stroke": float(np.sqrt(TWELFTH) * step),
-        "speed_cmd": float(tension * damped),
-        "angle": robot["mocap.sigma_q"],
-    }
+    """Floor per kind of signal from the robot's numbers [SI]; none for a machine that states none."""
+    return robot.machine.floors(robot.__getitem__) if robot.machine.floors else {}
 
 
 def repeat_floor(case: Case, column: str) -> float | None:
@@ -47,9 +37,14 @@ def repeat_floor(case: Case, column: str) -> float | None:
     return float(np.median(spreads)) if spreads else None
 
 
+def asked_rows(machine: Machine, log: Log) -> np.ndarray:
+    """What a log's machine was asked to do (n, references) [SI]."""
+    return np.column_stack([log.array(c.kind, machine.lanes.of(machine.wire[c.wire].over)) for c in machine.asked])
+
+
 def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
     """Standard deviation of a run about its repeat [unit of the column], by simulation of the first fitted reference."""
-    reference = Reference(np.nan_to_num(case.fit_logs[0].log.array("tension_ref")), "floor")
+    reference = Reference(np.nan_to_num(asked_rows(robot.machine, case.fit_logs[0].log)), "floor")
     a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
@@ -60,6 +55,8 @@ def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> np.ndarra
     expected = {} if case.repeat_groups else simulated_floor(case, robot, columns)
     found = []
     for column in columns:
-        kind = next(k for k in KINDS if column.startswith(k))
-        found.append(max(numbers[kind], repeat_floor(case, column) or expected.get(column, 0.0)))
+        kind = column.rsplit("_", 1)[0]
+        found.append(max(numbers.get(kind, 0.0), repeat_floor(case, column) or expected.get(column, 0.0)))
+        if found[-1] <= 0.0:
+            raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
     return np.array(found)

@@ -1,7 +1,7 @@
 """Small errors of the nominal numbers, which every hypothesis may have: one knob for each number or set of numbers that errs together.
 
 A knob multiplies its numbers by 1 + x, adds x, or multiplies by exp(x) a number that is known in order of magnitude only; x has the
-standard deviation `spread`. 3 % of a number is what building and wearing scatter (`diagnosis.md`); a retune may use up to `LIMIT` of them.
+standard deviation `spread`, and a retune may use up to `limit`. Which numbers scatter, and how much, is said in the robot file.
 """
 
 from __future__ import annotations
@@ -10,18 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagrams.machine import Machine
+from exodrake.diagrams.machine import Machine, nearest
+from exodrake.errors import InputError
 
-SCALES, ADDS, STRETCHES = "scales", "adds", "stretches"
-SPREAD = 0.03  # relative scatter of the nominal numbers: diagnosis.md
-SPREAD_ANGLE = 0.01  # of a rest or limit angle that is near 0 [rad]: assumed
-LIMIT_ANGLE = 0.03  # rad: assumed
-LIMIT = 0.10  # relative; beyond it a number is not the nominal one any more: diagnosis.md, RETUNE
+SCALES, ADDS = "scales", "adds"
 
 
 @dataclass(frozen=True)
 class Knob:
-    """Places in the flat numbers that move together: `how` is SCALES (1 + x), ADDS (+ x) or STRETCHES (exp x)."""
+    """Places in the flat numbers that move together: `how` is SCALES (1 + x), ADDS (+ x) or stretches (exp x)."""
 
     name: str
     places: tuple[int, ...]
@@ -30,30 +27,12 @@ class Knob:
     limit: float
 
 
-RELATIVE = (
-    "tendon.k.{w}", "finger.kappa.{j}", "finger.B.{j}", "finger.q_f.{j}", "finger.beta.{j}", "finger.A.{j}",
-    "router.a_f.{j} router.b_f.{j}", "router.m_f.{j} router.n_f.{j}", "router.a_e.{j} router.b_e.{j}", "router.m_e.{j} router.n_e.{j}",
-    "motor.kM.{w}", "motor.J.{w}", "motor.Ki.{w}", "sensor.tau_F",
-)  # fmt: skip
-MACHINED = ("motor.r.{w}",)  # turned on a lathe: scatters less; assumed
-SPREAD_MACHINED, LIMIT_MACHINED = 0.01, 0.03
-ADDED = ("finger.q0.{j}", "finger.q_e.{j}")
-SPREAD_LOOSE, LIMIT_LOOSE = 1.0, 2.5  # of the logarithm
-LOOSE = ("tendon.presliding",)  # known in order of magnitude; acts only where a friction effect does
-
-
 def knobs(machine: Machine) -> tuple[Knob, ...]:
-    """All knobs of a machine."""
-    table: tuple[tuple[tuple[str, ...], str, float, float], ...] = (
-        (RELATIVE, SCALES, SPREAD, LIMIT),
-        (MACHINED, SCALES, SPREAD_MACHINED, LIMIT_MACHINED),
-        (ADDED, ADDS, SPREAD_ANGLE, LIMIT_ANGLE),
-        (LOOSE, STRETCHES, SPREAD_LOOSE, LIMIT_LOOSE),
-    )
+    """All knobs of a machine: its robot file's `scatter`, entry by entry."""
     return tuple(
-        make(machine, name, how, spread, limit)
-        for patterns, how, spread, limit in table
-        for pattern in patterns
+        make(machine, name, group.how, group.spread, group.limit)
+        for group in machine.scatter
+        for pattern in group.each
         for name in expand(machine, pattern)
     )
 
@@ -69,6 +48,9 @@ def expand(machine: Machine, pattern: str) -> list[str]:
 
 def make(machine: Machine, names: str, how: str, spread: float, limit: float) -> Knob:
     """A knob of the numbers in `names`."""
+    for name in names.split():
+        if name not in machine.index:
+            raise InputError(f"{machine.name}: scatter names {name!r}{nearest(name, list(machine.index))}")
     return Knob(names, tuple(machine.index[name] for name in names.split()), how, spread, limit)
 
 

@@ -16,7 +16,7 @@ from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is
 from exodrake.diagnosis.drops import lossy, probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.place import place
-from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import LOSING, Fitted, Ranking, Search
 from exodrake.diagrams.robot import Robot, load_robot
@@ -33,8 +33,9 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
     begun = time.perf_counter()
-    case = case if isinstance(case, Case) else read_case(case)
-    problem = make_problem(case, robot or load_robot())
+    robot = robot or load_robot()
+    case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
+    problem = make_problem(case, robot)
     limits = thresholds()
     progress("measuring the gap")
     ranking = Ranking(problem, progress, lambda fitted: is_quiet(problem, fitted, limits))
@@ -54,6 +55,10 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if misfit(problem, singles[0]) <= limits.near:
         return Search(nominal, retuned, tuple(singles), (), tuple(screened))
     pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
+    for _ in range(problem.robot.machine.depth - 2):
+        if not pairs or misfit(problem, pairs[-1]) <= limits.near:
+            break
+        pairs += worth(problem, pairs[-1], ranking.pairs(pairs[-1]), limits)[:1]
     best = min((*singles, *pairs), key=lambda f: f.score)
     losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
     if losing and LOSING not in best.point.hypothesis.effects:

@@ -36,10 +36,12 @@ def place(
     if decision.verdict in (NO_GAP, RETUNE):
         return Where(block="none")
     values = searcher.fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
-    segments, replay = segment_gaps(problem, values, problem.holdout[0])
+    segments, replay = segment_gaps(problem, values, problem.holdout[0]) if several(problem) else ({}, {})
     residuals = split(problem, search.retuned)
     shares = block_shares(search)
-    block = effects[0].id.split(".")[0] if effects else next(iter(shares), max(segments, key=lambda s: segments[s]))
+    block = (
+        effects[0].id.split(".")[0] if effects else next(iter(shares), None) or max(segments, key=lambda s: segments[s])
+    )
     wires = tuple(dict.fromkeys(w for e in effects for w in e.wires)) or (
         () if effects else traced(problem, residuals, "wires")
     )
@@ -47,6 +49,13 @@ def place(
         () if effects else traced(problem, residuals, "joints")
     )
     return Where(block, wires, joints, shares, segments, replay, regime(problem, residuals))
+
+
+def several(problem: Problem) -> bool:
+    """Whether measured wires cut the machine into segments, all of whose ends this case has."""
+    kinds = {c.rsplit("_", 1)[0] for c in problem.columns}
+    segments = problem.robot.machine.segments
+    return len(segments) > 1 and set(segments.values()) <= kinds
 
 
 def split(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:

@@ -8,19 +8,18 @@ import numpy as np
 
 from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.drops import Drops, decode
-from exodrake.diagnosis.floor import KINDS, noise_floor
+from exodrake.diagnosis.floor import asked_rows, noise_floor
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import seen_late
+from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import offsets, prepared, state_size, wire_count
-from exodrake.log import Log
-
-SILENT = ("sensor.sigma_F", "mocap.sigma_q")
+from exodrake.diagrams.simulate import Chance, given_rows, offsets, prepared, state_size, wire_count
+from exodrake.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One log of a case as arrays: `reference` (n, wires) [N], `measured` (n, columns) [SI], NaN where missing, and the commands that
+    """One log of a case as arrays: `reference` (n, references) [SI], `measured` (n, columns) [SI], NaN where missing, and the commands that
     seem lost (used by the effect of that name only)."""
 
     name: str
@@ -63,12 +62,12 @@ class Problem:
         machine = self.robot.machine
         module, count = compile_machine(machine), wire_count(machine)
         n = len(trial.reference)
-        still = np.zeros((n, 3))
-        never = trial.drops.lottery[:n] if trial.drops else np.ones((n, 3))
+        chance = Chance.draw(n, None, machine)
+        if trial.drops:
+            chance = replace(chance, lottery=trial.drops.lottery[:n])
+        given = given_rows(machine, trial.reference, chance).values()
         records = np.empty((len(rows), n, count))
-        module.batch(
-            np.ascontiguousarray(rows), state_size(machine), trial.reference, still, still, never, machine.slot, 1, records
-        )  # fmt: skip
+        module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records)
         return seen_late(machine, records, self.wires)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
@@ -84,7 +83,7 @@ class Problem:
     def with_drops(self, trial: Trial) -> Trial:
         """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
         kinds = [c.rsplit("_", 1)[0] for c in self.columns]
-        if "speed_cmd" not in kinds:
+        if not {"speed_cmd", "stroke", "tension"} <= set(kinds):
             return trial
         command, stroke, tension = (
             trial.measured[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension")
@@ -102,7 +101,7 @@ class Problem:
     def silent(self, robot: Robot | None = None) -> np.ndarray:
         """Flat numbers for prediction: no noise, no rounding."""
         values = prepared(robot or self.robot, quantisation=False)
-        for name in SILENT:
+        for name in self.robot.machine.noise:
             values[self.robot.machine.index[name]] = 0.0
         return values
 
@@ -110,22 +109,28 @@ class Problem:
 WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad, not infinite
 
 
-def columns_of(case: Case) -> tuple[str, ...]:
-    """Columns that every log of the case has, of the kinds that can be compared."""
+def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
+    """Columns that every log of the case has, of the kinds that can be compared, in the first log's order."""
+    over = {c.kind: machine.lanes.of(machine.wire[c.wire].over) for c in machine.columns}
     first = case.logs[0].log
-    wanted = [c for kind in KINDS for c in first.columns if c.startswith(f"{kind}_") and is_plain(c, kind)]
-    return tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
+    wanted = [c for k in machine.compared for c in first.columns if c in {f"{k}_{lane}" for lane in over[k]}]
+    found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
+    if not found:
+        raise InputError(
+            f"{case.name}: no log has a column to compare with {machine.name}: {', '.join(machine.compared)}"
+        )
+    return found
 
 
-def is_plain(column: str, kind: str) -> bool:
-    """Whether the column is `kind_lane`, and not of a longer kind such as tension_ref."""
-    return "_" not in column[len(kind) + 1 :]
+def required_of(machine: Machine) -> tuple[str, ...]:
+    """Column kinds that a log of the machine must have: what it was asked, and what the table requires."""
+    return tuple(dict.fromkeys(c.kind for c in machine.columns if c.required))
 
 
-def trial_of(item: CaseLog, columns: tuple[str, ...]) -> Trial:
+def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial:
     """A log as arrays; a missing reference keeps its last value."""
-    log: Log = item.log
-    reference = log.array("tension_ref")
+    log = item.log
+    reference = asked_rows(machine, log)
     for frame in range(1, len(reference)):
         lost = np.isnan(reference[frame])
         reference[frame, lost] = reference[frame - 1, lost]
@@ -135,9 +140,9 @@ def trial_of(item: CaseLog, columns: tuple[str, ...]) -> Trial:
 def make_problem(case: Case, robot: Robot) -> Problem:
     """The regression of a case. Repeats of a trial count for the floor only; without held-out logs the last fitted one is held out."""
     robot = robot.with_numbers(case.robot, source=case.name) if case.robot else robot
-    columns = columns_of(case)
-    fit = [trial_of(item, columns) for item in case.fit_logs if item.repeats is None]
-    held = [trial_of(item, columns) for item in case.holdout_logs]
+    columns = columns_of(case, robot.machine)
+    fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
+    held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
     if not held and len(fit) > 1:
         held = [fit.pop()]
     problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))

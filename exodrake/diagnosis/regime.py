@@ -20,6 +20,8 @@ SMOOTH = 15  # frames over which the encoder's steps are averaged for direction 
 def conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarray]:
     """Conditions of each frame (n,) for the wire or joint number `lane`, from what was measured."""
     table = {name: trial.measured[:, i] for i, name in enumerate(problem.columns)}
+    if not any(name.startswith("stroke_") for name in table):
+        return plain_conditions(problem, trial, lane)
     wires, joints = problem.robot.machine.lanes
     period = problem.robot.machine.frame
     time = period * np.arange(len(trial.reference))
@@ -40,6 +42,25 @@ def conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarra
     return found
 
 
+def plain_conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarray]:
+    """The same for a machine without wires: motion is that of the joint's first measured signal, load its last one."""
+    period = problem.robot.machine.frame
+    mine = [i for i, c in enumerate(problem.columns) if lane_of(problem, c) == lane]
+    place, last = (filled(trial.measured[:, i]) for i in (mine[0], mine[-1]))
+    width = min(SMOOTH, max(1, len(place) // SMOOTH))
+    speed = np.gradient(np.convolve(place, np.full(width, 1.0 / width), "same"), period)
+    direction = np.where(np.abs(speed) < CRAWL * np.abs(speed).max(), 0.0, np.sign(speed))
+    found = {
+        "direction of motion": direction,
+        "speed": np.abs(speed),
+        "position": place,
+        "time since reversal": since_reversal(direction, period),
+        "time in trial": period * np.arange(len(trial.reference)),
+    }
+    return found | ({"load": last} if len(mine) > 1 else {})
+
+
+CRAWL = 0.02  # of the fastest motion: slower joints count as at rest; assumed
 SLACK = 0.15  # N: a wire below half the anti-slack floor of 0.3 N counts as slack
 
 

@@ -1,6 +1,7 @@
 """Replay: each segment between measured wires is fed what was measured, so that it does not inherit an error from upstream.
 
-The measured wires cut the Exo-Index loop into four segments. What lies between two measured wires cannot be told apart by replay:
+The measured wires cut a machine into segments (`Machine.segments`). What lies between two measured wires cannot be told apart by replay;
+of the Exo-Index loop:
 
     controller   tension -> speed command        motor    speed command, tension -> stroke     (bus, drive, encoder)
     tendon       stroke, angle -> tension (cell) finger   tension -> angle                      (sheath, finger, motion capture)
@@ -11,6 +12,7 @@ fall of the gap over all orders of fixing, exact over all subsets.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
 from math import cos, factorial, sin
@@ -18,19 +20,18 @@ from math import cos, factorial, sin
 import numpy as np
 
 from exodrake.block import Block
-from exodrake.diagnosis.problem import SILENT, Problem, Trial
+from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.signals import filled
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.leaves import held_wires, outer_reads
 from exodrake.diagrams.machine import Machine, feedthrough_order
-from exodrake.diagrams.simulate import QUANTA, Reference, record
-from exodrake.systems import routers
+from exodrake.diagrams.simulate import Chance, Reference, given_rows, record
+from exodrake.systems import routers, tendon_finger
 from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 
-SEGMENTS = {"motor": "stroke", "tendon": "tension", "finger": "angle"}
 SOFT = 1e-3  # N/m: a wire this soft is a source of force
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
-LONGEST = 12.0  # s of a trial that is replayed: the loop is interpreted
+LONGEST, MOST = 12.0, 4000  # s and frames of a trial that are replayed: the loop is interpreted
 READING = 0.005  # s after the start of a frame: middle of the three bus reads
 
 
@@ -147,24 +148,18 @@ def measured_of(problem: Problem, trial: Trial, kind: str) -> np.ndarray:
 def replayed(problem: Problem, values: np.ndarray, trial: Trial, fixed: frozenset[str]) -> np.ndarray:
     """Log columns (n, columns) [SI] with the segments `fixed` overruled by what was measured."""
     machine = problem.robot.machine
-    loop, feeds = Loop(machine, values), {s: smoothed(measured_of(problem, trial, SEGMENTS[s])) for s in fixed}
+    loop = Loop(machine, values)
+    feeds = {s: smoothed(measured_of(problem, trial, machine.segments[s])) for s in fixed}
+    run_frame = exo_frame if tendon_finger.BLOCK in machine.blocks else plain_frame
     if "tendon" in fixed:
         loop.soften()
     rows, rates = np.zeros_like(trial.measured), {s: np.gradient(f, machine.frame, axis=0) for s, f in feeds.items()}
     shown = {c.kind: c.wire for c in machine.columns}
-    quiet, never = np.zeros(3), np.ones(3)
-    for frame, reference in enumerate(trial.reference):
-        loop.wires["tension_ref"][:] = reference
-        loop.wires["noise_tension"][:], loop.wires["noise_angle"][:], loop.wires["lottery"][:] = quiet, quiet, never
-        for slot in range(machine.slots):
-            later = (slot + 0.5) * machine.slot - READING
-            now = {s: f[frame] + later * rates[s][frame] for s, f in feeds.items()}
-            imposed = {"stroke": now["motor"], "wire_speed": rates["motor"][frame]} if "motor" in now else {}
-            if "tendon" in now:
-                imposed["tension"] = np.maximum(now["tendon"], 0.0)
-            forced = (imposed["tension"], rates["tendon"][frame]) if "tendon" in now else None
-            loop.tick(machine.slot, imposed, forced, now.get("finger"))
-            loop.tasks(slot, imposed)
+    given = given_rows(machine, trial.reference, Chance.draw(len(trial.reference), None, machine))
+    for frame in range(len(trial.reference)):
+        for name, values_now in given.items():
+            loop.wires[name][:] = values_now[frame]
+        run_frame(loop, frame, feeds, rates)
         for i, column in enumerate(problem.columns):
             kind, lane = column.rsplit("_", 1)
             lanes = machine.lanes.of(machine.wire[shown[kind]].over)
@@ -172,9 +167,33 @@ def replayed(problem: Problem, values: np.ndarray, trial: Trial, fixed: frozense
     return rows
 
 
-def subsets() -> list[frozenset[str]]:
+def plain_frame(loop: Loop, frame: int, feeds: dict[str, np.ndarray], rates: dict[str, np.ndarray]) -> None:
+    """A frame in which each fixed segment's wire takes its measured value."""
+    machine = loop.machine
+    shown = {c.kind: c.wire for c in machine.columns}
+    imposed = {shown[machine.segments[s]]: f[frame] for s, f in feeds.items()}
+    for slot in range(machine.slots):
+        loop.tick(machine.slot, imposed, None, None)
+        loop.tasks(slot, imposed)
+
+
+def exo_frame(loop: Loop, frame: int, feeds: dict[str, np.ndarray], rates: dict[str, np.ndarray]) -> None:
+    """A frame of the tendon-driven finger: its wires are stiff, so that a measured tension acts as a force and a measured angle as a hold."""
+    machine = loop.machine
+    for slot in range(machine.slots):
+        later = (slot + 0.5) * machine.slot - READING
+        now = {s: f[frame] + later * rates[s][frame] for s, f in feeds.items()}
+        imposed = {"stroke": now["motor"], "wire_speed": rates["motor"][frame]} if "motor" in now else {}
+        if "tendon" in now:
+            imposed["tension"] = np.maximum(now["tendon"], 0.0)
+        forced = (imposed["tension"], rates["tendon"][frame]) if "tendon" in now else None
+        loop.tick(machine.slot, imposed, forced, now.get("finger"))
+        loop.tasks(slot, imposed)
+
+
+def subsets(segments: Mapping[str, str]) -> list[frozenset[str]]:
     """All sets of segments."""
-    return [frozenset(s) for size in range(len(SEGMENTS) + 1) for s in combinations(SEGMENTS, size)]
+    return [frozenset(s) for size in range(len(segments) + 1) for s in combinations(segments, size)]
 
 
 def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[str, float], dict[str, float]]:
@@ -183,13 +202,14 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     What is fed in is noisy, and a stiff wire turns a micrometre into newtons: the same replay of a log that the robot itself would have
     written, noise and rounding included, is subtracted. No shares where nothing is left.
     """
-    frames = round(LONGEST / problem.robot.machine.frame)
+    frames = min(round(LONGEST / problem.robot.machine.frame), MOST)
     trial = replace(trial, reference=trial.reference[:frames], measured=trial.measured[:frames])
     power, alone = powers(problem, values, trial)
     floor, floor_alone = powers(problem, values, own_trial(problem, values, trial))
     net = {s: max(power[s] - floor[s], 0.0) for s in power}
     gaps = {s: float(np.sqrt(max(alone[s] ** 2 - floor_alone[s] ** 2, 0.0))) for s in alone}
-    return shapley(net), gaps
+    shares = shapley(net)
+    return {s: shares[s] for s in problem.robot.machine.segments}, gaps
 
 
 def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
@@ -204,27 +224,31 @@ def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
 
 def noisy(problem: Problem) -> list[int]:
     """Places of the numbers that prediction silences."""
-    return [problem.robot.machine.index[name] for name in (*SILENT, *QUANTA)]
+    return [
+        problem.robot.machine.index[name] for name in (*problem.robot.machine.noise, *problem.robot.machine.resolution)
+    ]
 
 
 def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[frozenset[str], float], dict[str, float]]:
     """Residual power [floor^2] of the signals that are not overruled, for each set of fixed segments; and each segment's replay gap [floors]."""
+    segments = problem.robot.machine.segments
     power, alone = {}, {}
-    for fixed in subsets():
+    for fixed in subsets(segments):
         difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.floor)
-        free = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] not in {SEGMENTS[s] for s in fixed}]
+        free = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] not in {segments[s] for s in fixed}]
         power[fixed] = float(np.sum(difference[:, free] ** 2))
-        if len(fixed) == len(SEGMENTS) - 1:
-            (segment,) = set(SEGMENTS) - fixed
-            own = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == SEGMENTS[segment]]
+        if len(fixed) == len(segments) - 1:
+            (segment,) = set(segments) - fixed
+            own = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == segments[segment]]
             alone[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
     return power, alone
 
 
 def shapley(power: dict[frozenset[str], float]) -> dict[str, float]:
     """Shares, summing to 1, of the fall of `power` (set of fixed segments -> value) from none to all fixed."""
-    n, shares = len(SEGMENTS), {}
-    for segment in SEGMENTS:
+    everything = max(power, key=len)
+    n, shares = len(everything), {}
+    for segment in sorted(everything):
         shares[segment] = sum(
             factorial(len(s)) * factorial(n - len(s) - 1) / factorial(n) * (value - power[s | {segment}])
             for s, value in power.items()

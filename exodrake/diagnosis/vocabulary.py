@@ -1,16 +1,21 @@
-"""Effects that a diagnosis tries: the common ones. The shelf holds rarer ones too, which a user may add by name.
+"""Effects that a diagnosis tries: those on a machine's shelf but the rare ones, which a user may add by name.
 
-More hypotheses make every verdict less sure; these are the effects that tendon-driven robots are known to have, each of which
-can be told from the others in a log of tension, stroke and angle, or is known to be inseparable from a named one.
+More hypotheses make every verdict less sure; the effects tried are those that such machines are known to have, each of which can be
+told from the others in a log, or is known to be inseparable from a named one.
 """
 
-COMMON = (
-    "motor.slow_velocity_loop", "motor.dead_zone", "motor.current_limit", "motor.spool_growth",
-    "tendon.capstan_friction", "tendon.coulomb_friction", "tendon.stribeck_friction", "tendon.viscous_friction",
-    "tendon.compliance", "tendon.creep", "tendon.slack", "tendon.stiffening",
-    "sensor.gain", "sensor.offset", "sensor.drift", "sensor.nonlinearity", "sensor.lag", "sensor.pulley_friction", "sensor.crosstalk",
-    "finger.stiffness", "finger.hardening", "finger.viscoelasticity", "finger.hysteresis", "finger.coupling",
-    "finger.router_height", "finger.router_migration", "finger.gravity", "finger.contact", "finger.tremor", "finger.spasticity",
-    "timing.command_latency", "timing.dropped_commands", "timing.mocap_delay", "timing.mocap_clock_skew",
-    "encoder.homing_offset", "mocap.gain", "mocap.offset",
-)  # fmt: skip
+RARE = frozenset({
+    "motor.speed_droop", "motor.friction", "motor.gear_efficiency", "motor.spool_layers",
+    "tendon.bouc_wen", "tendon.presliding", "tendon.prandtl_ishlinskii", "sensor.creep", "sensor.hysteresis",
+    "finger.co_activation", "finger.voluntary_torque", "timing.jitter", "mocap.skin_artefact",
+})  # fmt: skip
+
+
+class Common:
+    """The ids of all effects that are not rare."""
+
+    def __contains__(self, identity: str) -> bool:
+        return identity not in RARE
+
+
+COMMON = Common()

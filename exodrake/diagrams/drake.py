@@ -21,10 +21,10 @@ from pydrake.trajectories import PiecewisePolynomial
 from exodrake.diagrams.drake_estimator import GPEstimator
 from exodrake.diagrams.drake_parts import part_class
 from exodrake.diagrams.drake_plans import fusible, part_plan, plant_plan
-from exodrake.diagrams.fused import GROUP, state_size
+from exodrake.diagrams.fused import GROUP, plant_machine, state_size
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import Chance, Reference, prepared
+from exodrake.diagrams.simulate import Chance, Reference, given_rows, prepared
 from exodrake.systems.estimator_kernel import Weights
 from exodrake.systems.leaf import Leaf
 
@@ -54,7 +54,8 @@ def build_diagram(
     """
     robot, given = replace(robot, values=prepared(robot, quantisation)), None
     if reference is not None:
-        given = given_rows(robot.machine, reference, Chance.draw(len(reference.tension), seed, robot.machine))
+        chance = Chance.draw(len(reference.tension), seed, robot.machine)
+        given = given_rows(robot.machine, reference.tension, chance)
     return assemble(robot, given, substeps, fused, fine_log, estimator)
 
 
@@ -63,16 +64,12 @@ def run_diagram(
 ) -> np.ndarray:
     """All wires (frames, wires) at each frame's end; to the last bit those of the compiled twin."""
     machine = robot.machine
-    given = given_rows(machine, reference, chance)
+    given = given_rows(machine, reference.tension, chance)
+    fused = fused and plant_machine(machine) is not None
     diagram = assemble(replace(robot, values=values), given, substeps, fused, fine_log=False)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(machine.frame * len(reference.tension))
     return logged(machine, diagram, simulator.get_context())
-
-
-def given_rows(machine: Machine, reference: Reference, chance: Chance) -> dict[str, np.ndarray]:
-    """The wires that come from outside, (frames, lanes) each."""
-    return dict(zip(machine.given, (reference.tension, chance.tension, chance.angle, chance.lottery), strict=True))
 
 
 def assemble(

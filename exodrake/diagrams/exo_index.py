@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+
+import numpy as np
 
 from exodrake.block import JOINTS, ONE, WIRES, Lanes, Wire
 from exodrake.diagrams.machine import Column, Machine
@@ -41,6 +44,25 @@ COLUMNS = (
 )
 
 
+def floors(number: Callable[[str], float]) -> dict[str, float]:
+    """Noise of each kind of signal from the sensors' numbers: N, m, m/s, rad. Rounding to q adds q^2/12."""
+    tension = np.sqrt(number("sensor.sigma_F") ** 2 + TWELFTH * number("sensor.q_F") ** 2)
+    damped = np.hypot(
+        number("controller.kp") + number("controller.kd") / number("controller.period"),
+        number("controller.kd") / number("controller.period"),
+    )
+    step = number("encoder.q_theta") * number("encoder.radius")
+    return {
+        "tension": float(tension),
+        "stroke": float(np.sqrt(TWELFTH) * step),
+        "speed_cmd": float(tension * damped),
+        "angle": number("mocap.sigma_q"),
+    }
+
+
+TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared
+
+
 @cache
 def exo_index() -> Machine:
     """The nominal machine with every effect of the shelf at its neutral value."""
@@ -60,4 +82,9 @@ def exo_index() -> Machine:
         given=("tension_ref", "noise_tension", "noise_angle", "lottery"),
         columns=COLUMNS,
         shelf=SHELF,
+        noise=("sensor.sigma_F", "mocap.sigma_q"),
+        resolution=("sensor.q_F", "encoder.q_theta"),
+        compared=("tension", "stroke", "speed_cmd", "angle"),
+        floors=floors,
+        segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
     )

@@ -30,6 +30,21 @@ class Entry:
 
 
 @dataclass(frozen=True)
+class Scatter:
+    """Numbers that differ a little from one machine to the next of its kind.
+
+    each: patterns, each naming one number, or several that err together; {w} and {j} stand for every wire and joint.
+    how: "scales" (times 1 + x), "adds" (plus x) or "stretches" (times exp x). spread: standard deviation of x.
+    limit: of x; beyond it a number is not the nominal one any more.
+    """
+
+    each: tuple[str, ...]
+    how: str
+    spread: float
+    limit: float
+
+
+@dataclass(frozen=True)
 class Machine:
     """Who is wired to whom, and when.
 
@@ -39,6 +54,11 @@ class Machine:
         given: wires that come from outside, one row a frame.
         columns: what a log shows.
         variants: functions of pages replaced by others of the same form ("page.function" -> function).
+        noise, resolution: numbers that are 0 where a run is noise-free, or unrounded.
+        compared: column kinds that a diagnosis compares; `floors` gives their noise from the sensors' numbers [SI].
+        segments: what lies between two measured wires, and the column kind that it ends in.
+        scatter: numbers that differ from one such machine to the next, as the robot file says.
+        depth: effects that a diagnosis may name together.
     """
 
     name: str
@@ -51,6 +71,13 @@ class Machine:
     frame: float = 0.02
     slots: int = 10
     variants: Mapping[str, Callable] = field(default_factory=dict)
+    noise: tuple[str, ...] = ()
+    resolution: tuple[str, ...] = ()
+    compared: tuple[str, ...] = ()
+    floors: Callable[[Callable[[str], float]], dict[str, float]] | None = None
+    segments: Mapping[str, str] = field(default_factory=dict)
+    scatter: tuple[Scatter, ...] = ()
+    depth: int = 2
 
     def __post_init__(self) -> None:
         check_wiring(self)
@@ -65,6 +92,11 @@ class Machine:
     def wire(self) -> dict[str, Wire]:
         """Wires by name."""
         return {w.name: w for w in self.wires}
+
+    @property
+    def asked(self) -> tuple[Column, ...]:
+        """Columns whose wires come from outside: what the machine is asked to do, one row a frame."""
+        return tuple(c for wire in self.given for c in self.columns if c.wire == wire)
 
     def width(self, over: str) -> int:
         """How many lanes `over` has."""

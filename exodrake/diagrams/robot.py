@@ -6,6 +6,10 @@ A file either holds all numbers (`robots/exo_index.yaml`) or names a `base` and 
     numbers: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
     effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
     parts: [controller_as_printed]                                       # variants of parts, by page
+    scatter:                                                             # what differs from one such robot to the next
+      - {each: ["tendon.k.{w}"], how: scales, spread: 0.03, limit: 0.10}
+
+`machine` is a built-in one or `package.page`, a page with a function of its last name that returns the Machine.
 """
 
 from __future__ import annotations
@@ -23,12 +27,13 @@ from typing import Any
 import numpy as np
 
 from exodrake.block import Effect
-from exodrake.diagrams.machine import Machine, nearest
+from exodrake.diagrams.machine import Machine, Scatter, nearest
 from exodrake.diagrams.robot_check import check_content
 from exodrake.errors import InputError
 from exodrake.files import is_file, parse_yaml, read_bytes, write_text
 
-MACHINES = {"exo_index": "exodrake.diagrams.exo_index"}
+BUILT_IN = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")
+MACHINES = {name: f"exodrake.diagrams.{name}" for name in BUILT_IN}
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,11 +137,17 @@ VARIANTS = {
 
 
 @cache
-def vary_cached(machine_name: str, pages: tuple[str, ...]) -> Machine:
+def vary_cached(name: str, scatter: tuple[Scatter, ...], pages: tuple[str, ...]) -> Machine:
     """A machine with variant parts; the same object each time, so that it is composed once."""
-    machine = getattr(import_module(MACHINES[machine_name]), machine_name)()
+    machine = machine_of(MACHINES[name], scatter)
     variants = {VARIANTS[p][0]: getattr(import_module(VARIANTS[p][1]), VARIANTS[p][2]) for p in pages}
     return replace(machine, variants=variants)
+
+
+@cache
+def machine_of(module: str, scatter: tuple[Scatter, ...]) -> Machine:
+    """The machine of a page, with what scatters in it; the same object each time."""
+    return replace(getattr(import_module(module), module.rsplit(".", 1)[-1])(), scatter=scatter)
 
 
 def vary(machine: Machine, page: str) -> Machine:
@@ -144,7 +155,7 @@ def vary(machine: Machine, page: str) -> Machine:
     if page not in VARIANTS:
         raise InputError(f"unknown part {page!r}{nearest(page, list(VARIANTS))}; there are {', '.join(VARIANTS)}")
     present = {p for p, (point, _, _) in VARIANTS.items() if point in machine.variants}
-    return vary_cached(machine.name, tuple(sorted(present | {page})))
+    return vary_cached(machine.name, machine.scatter, tuple(sorted(present | {page})))
 
 
 def flatten(numbers: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
@@ -239,15 +250,22 @@ def named(source: str) -> Iterator[None]:
 
 def blank(content: Mapping[str, Any], source: str) -> Robot:
     """A machine whose effects are neutral and whose own numbers are still to come; InputError if some never do."""
-    name = content.get("machine")
-    if name not in MACHINES:
-        raise InputError(f"{source}: machine {name!r} is none of {', '.join(MACHINES)}")
-    machine: Machine = getattr(import_module(MACHINES[name]), name)()
+    name = str(content.get("machine"))
+    module = MACHINES.get(name, name)
+    try:
+        machine = machine_of(module, scatter_of(content.get("scatter") or ()))
+    except (ImportError, AttributeError, ValueError):
+        raise InputError(f"{source}: machine {name!r} is none of {', '.join(MACHINES)}, nor a page to import") from None
     named = {n for n, _ in flatten(content.get("numbers") or {})}
     for entry in machine.entries:
         if entry.neutral is None and entry.name not in named and entry.name.rsplit(".", 1)[0] not in named:
             raise InputError(f"{source}: number {entry.name} is missing")
     return Robot(machine, np.array([e.neutral if e.neutral is not None else math.nan for e in machine.entries]))
+
+
+def scatter_of(entries: Iterable[Mapping[str, Any]]) -> tuple[Scatter, ...]:
+    """The `scatter` list of a robot file, whose form is checked."""
+    return tuple(Scatter(tuple(e["each"]), e["how"], float(e["spread"]), float(e["limit"])) for e in entries)
 
 
 def stated(numbers: Mapping[str, Any], robot: Robot) -> dict[str, dict]:

@@ -103,7 +103,26 @@ def shown(value: Any) -> str:
     return "nothing" if value is None else text if len(text) <= 40 else text[:37] + "..."
 
 
+def _scatter(value: Any, where: str) -> None:
+    """A list of {each, how, spread, limit}."""
+    if not isinstance(value, list):
+        raise InputError(f"{where}: wanted a list, found {shown(value)}")
+    for number, item in enumerate(value):
+        at = f"{where}, item {number + 1}"
+        for key in ("each", "how", "spread", "limit"):
+            if key not in _mapping(item, at):
+                raise InputError(f"{at}: key {key!r} is missing")
+        _parts(item["each"], f"{at}: each")
+        if item["how"] not in HOW:
+            raise InputError(f"{at}: how {item['how']!r} is none of {', '.join(HOW)}")
+        for key in ("spread", "limit"):
+            if not _is_number(item[key]) or float(item[key]) <= 0:
+                raise InputError(f"{at}: {key}: wanted a number above 0, found {shown(item[key])}")
+
+
+HOW = ("scales", "adds", "stretches")
+
 KEYS: Mapping[str, Check] = {
     "machine": _text, "base": _text, "numbers": _numbers, "effects": _groups, "parts": _parts, "limits": _limits,
-    "grasps": _grasps, "notes": lambda value, where: None,
+    "grasps": _grasps, "scatter": _scatter, "notes": lambda value, where: None,
 }  # fmt: skip

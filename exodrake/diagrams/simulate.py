@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.block import WIRES
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import cubic
 from exodrake.diagrams.machine import Machine
@@ -13,12 +14,13 @@ from exodrake.diagrams.robot import Robot
 from exodrake.errors import InputError
 from exodrake.log import Log
 
-QUANTA = ("sensor.q_F", "encoder.q_theta")
-
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the robot is asked to do: `tension` (n, wires) [N], one row per frame; `name` of the protocol."""
+    """What the robot is asked to do: `tension` (n, wires) [N], one row per frame; `name` of the protocol.
+
+    For a machine that is asked for something else: the columns of `machine.asked` side by side, in SI.
+    """
 
     tension: np.ndarray
     name: str = "reference"
@@ -66,6 +68,30 @@ class Recording:
     wires: dict[str, np.ndarray]
 
 
+def asked_width(machine: Machine) -> int:
+    """How many references a machine takes."""
+    return sum(machine.width(machine.wire[c.wire].over) for c in machine.asked)
+
+
+def given_rows(machine: Machine, asked: np.ndarray, chance: Chance) -> dict[str, np.ndarray]:
+    """The wires that come from outside, (frames, lanes) each, in the table's order.
+
+    asked: (frames, references) in the order of `machine.asked`. Others are named `noise_...` (standard normal) or
+    `lottery` (uniform).
+    """
+    found, at = {}, 0
+    for name in machine.given:
+        over = machine.wire[name].over
+        if name.startswith("noise_"):
+            found[name] = chance.tension if over == WIRES else chance.angle
+        elif name == "lottery":
+            found[name] = chance.lottery
+        else:
+            found[name] = np.ascontiguousarray(asked[:, at : at + machine.width(over)])
+            at += machine.width(over)
+    return found
+
+
 def offsets(machine: Machine) -> dict[str, slice]:
     """Where each wire lies in the flat vector of wires."""
     found, at = {}, 0
@@ -92,7 +118,7 @@ def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
         missing = robot.machine.entries[int(np.isnan(values).argmax())].name
         raise InputError(f"{robot.source}: number {missing} is missing")
     if not quantisation:
-        for name in QUANTA:
+        for name in robot.machine.resolution:
             values[robot.machine.index[name]] = 0.0
     return values
 
@@ -112,9 +138,8 @@ def record(
         engine: "compiled" or "drake": the same numbers to the last bit. substeps: plant ticks per 2 ms slot.
     """
     machine, frames = robot.machine, len(reference.tension)
-    if reference.tension.shape[1] != len(machine.lanes.wires):
-        wanted, wires = reference.tension.shape[1], len(machine.lanes.wires)
-        raise InputError(f"{reference.name}: {wanted} references, the robot has {wires} wires")
+    if reference.tension.shape[1] != (asked := asked_width(machine)):
+        raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {asked}")
     chance = Chance.draw(frames, seed, machine)
     values = prepared(robot, quantisation)
     if engine == "drake":
@@ -125,7 +150,8 @@ def record(
         rows = run_compiled(machine, values, reference, chance, substeps)
     else:
         raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
-    see_late(machine, rows, values[machine.index["mocap.sigma_q"]] * chance.angle)
+    if "mocap_lateness" in machine.wire:
+        see_late(machine, rows, values[machine.index["mocap.sigma_q"]] * chance.angle)
     time = machine.frame * np.arange(frames)
     return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
 
@@ -146,21 +172,20 @@ def run_compiled(
     rows = np.zeros((len(reference.tension), wire_count(machine)))
     state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
     module.begin(values, state)
-    module.run(
-        values, state, w, reference.tension, chance.tension, chance.angle, chance.lottery,
-        machine.slot / substeps, substeps, rows, np.zeros((0, 0)),
-    )  # fmt: skip
+    given = given_rows(machine, reference.tension, chance).values()
+    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, np.zeros((0, 0)))
     return rows
 
 
 def log_of(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of the machine's table."""
-    machine, signals = recording.robot.machine, {}
+    machine, signals, units = recording.robot.machine, {}, {}
     for column in machine.columns:
         values = recording.wires[column.wire]
         lanes = machine.lanes.of(machine.wire[column.wire].over)
         signals |= {f"{column.kind}_{lane}": values[:, i] for i, lane in enumerate(lanes)}
-    return Log(recording.time, signals, source=recording.reference.name)
+        units |= {f"{column.kind}_{lane}": machine.wire[column.wire].unit for lane in lanes}
+    return Log(recording.time, signals, units, source=recording.reference.name)
 
 
 def simulate(

@@ -1,0 +1,21 @@
+"""A constant force on the carriage: a tilted guide, or the zero of the amplifier.
+
+F_net = F - force
+"""
+
+from exodrake.block import Effect, Number
+
+
+def pushed(drive_force, speed, force):
+    """Force on the mass [N]."""
+    return drive_force - force
+
+
+EFFECT = Effect(
+    id="carriage.offset",
+    summary="a constant force: tilt, or the zero of the amplifier",
+    signature="the drive needs more force one way than the other, by the same amount at every speed",
+    source="Janot, Gautier, Brunot 2019 (EMPS): -3.16 N",
+    at={"carriage.pushed": pushed},
+    numbers=(Number("force", "N", neutral=0.0, low=-15.0, high=15.0, usual=3.0),),
+)

@@ -1,0 +1,21 @@
+"""The drive's gear or pulley is not as told.
+
+aim = (1 + gain) command
+"""
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def aimed(aim, ahead, behind, setting, gain):
+    """Angle aimed at [rad]."""
+    return (1.0 + gain) * aim
+
+
+EFFECT = Effect(
+    id="joint.gain",
+    summary="the joint goes further or less far than told",
+    signature="error proportional to the command, no loop",
+    source="pulley radii and elastic cables; range assumed",
+    at={"joint.aimed": aimed},
+    numbers=(Number("gain", "-", neutral=0.0, low=-0.3, high=0.3, over=JOINTS, usual=-0.1),),
+)

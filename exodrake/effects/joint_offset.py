@@ -1,0 +1,21 @@
+"""Zero of a joint in the wrong place.
+
+aim = command + offset
+"""
+
+from exodrake.block import JOINTS, Effect, Number
+
+
+def aimed(aim, ahead, behind, setting, offset):
+    """Angle aimed at [rad]."""
+    return aim + offset
+
+
+EFFECT = Effect(
+    id="joint.offset",
+    summary="zero of the joint in the wrong place",
+    signature="constant error at every angle",
+    source="homing and marker frames; range assumed",
+    at={"joint.aimed": aimed},
+    numbers=(Number("offset", "rad", neutral=0.0, low=-0.3, high=0.3, over=JOINTS, usual=0.05),),
+)

@@ -1,0 +1,20 @@
+"""An effect of the shelf on another machine: the same law at a point of the same form, under that machine's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from exodrake.block import Effect, Number
+
+
+def seated(effect: Effect, identity: str, points: Mapping[str, str] | None = None, **numbers: Number) -> Effect:
+    """The effect under another id. points: its point -> the machine's own; numbers: those that differ in range or lanes."""
+    moved = dict(points or {})
+    return replace(
+        effect,
+        id=identity,
+        at={moved.get(point, point): function for point, function in effect.at.items()},
+        numbers=tuple(numbers.get(n.name, n) for n in effect.numbers),
+        advances=tuple(moved.get(point, point) for point in effect.advances),
+    )

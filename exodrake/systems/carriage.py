@@ -1,0 +1,68 @@
+"""Carriage on a linear guide, pushed by a drive: a mass, and nothing else nominally.
+
+    M v' = F          x' = v
+
+Euler's rule for the speed and the trapezium's for the place, exact for a force held over a tick. Dry friction takes
+speed away after the push, at most all of it, so that a fixed step never turns a stop into a push.
+"""
+
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.block import ONE, Block, Output, Point, State, Task, Unit
+
+
+class Numbers(NamedTuple):
+    """Moving mass, the motor's inertia included."""
+
+    M: Annotated[float, Unit("kg")]
+
+
+PLACE, SPEED, STARTED = 0, 1, 2
+
+
+def pushed(e, z, force, speed):
+    """Point: force on the mass [N], from that of the drive; speed [m/s]."""
+    return force
+
+
+def braked(e, z, speed, mobility):
+    """Point: speed [m/s] after dry friction; mobility: dt / M [s/kg]."""
+    return speed
+
+
+def update(x, z, n, e, dt, force):
+    """One tick; wire [N]."""
+    if x[STARTED] > 0.0:
+        before = x[SPEED]
+        free = before + dt * pushed(e, z, force[0], before) / n.M
+        x[SPEED] = braked(e, z, free, dt / n.M)
+        x[PLACE] += 0.5 * dt * (before + x[SPEED])
+
+
+def place(x, z, n, e, position_start):
+    """In the first frame the carriage stands where the log starts; wire [m]."""
+    if x[STARTED] == 0.0:
+        x[PLACE] = position_start[0]
+        x[STARTED] = 1.0
+
+
+def output(x, z, n, e, position):
+    """Place [m]."""
+    position[0] = x[PLACE]
+
+
+def start(x, z, n, e, start_stroke):
+    """At rest, not placed yet."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="carriage",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(State("place", ONE, unit="m"), State("speed", ONE, unit="m/s"), State("started", ONE)),
+    tasks=(Task("update", ("force",)), Task("place", ("position_start",), slots=(0,))),
+    outputs=(Output("output", ("position",)),),
+    points=(Point("pushed", ONE), Point("braked", ONE)),
+)

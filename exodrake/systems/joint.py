@@ -1,0 +1,87 @@
+"""Joints that go where they are told: behind a cable, a sheath or a geared servo. Nominally at once and exactly.
+
+    aim_j = command_j          angle_j <- aim_j
+
+What the model leaves out sits at three points: where a joint aims, how its neighbours drag it along, how it follows.
+"""
+
+import sys
+from typing import NamedTuple
+
+from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task
+
+
+class Numbers(NamedTuple):
+    """None of its own."""
+
+
+def aimed(e, z, j, aim, ahead, behind, setting):
+    """Point: angle that the drive aims at [rad], from the command.
+
+    ahead, behind: commands of the next and the previous joint, 0 at the ends; setting: of this joint [rad].
+    """
+    return aim
+
+
+def dragged(e, z, j, before, ahead, behind):
+    """Point: angle before this tick [rad], moved by the neighbours; ahead, behind: how far the aims of the next and the
+    previous joint moved in this tick [rad], 0 at the ends.
+    """
+    return before
+
+
+def followed(e, z, j, aim, before, dt, setting):
+    """Point: angle after the tick [rad], from the aim; before: angle so far [rad]."""
+    return aim
+
+
+def other(values, first, k, count):
+    """The k-th of `count` values from `first` on, 0 beyond the ends."""
+    return values[first + k] if 0 <= k < count else 0.0
+
+
+def update(x, z, n, e, dt, command, origin, setting, ready):
+    """One tick; wires [rad]. x: angles, aims, how far the aims moved, started. First the joints stand where the log starts."""
+    count = command.shape[0]
+    if ready[0] > 0.0:
+        first = x[3 * count] == 0.0
+        for j in range(count):
+            aim = aimed(
+                e, z, j, command[j], other(command, 0, j + 1, count), other(command, 0, j - 1, count), setting[j]
+            )
+            x[2 * count + j] = 0.0 if first else aim - x[count + j]
+            x[count + j] = aim
+            if first:
+                x[j] = origin[j]
+        for j in range(count):
+            ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
+            before = dragged(e, z, j, x[j], ahead, behind)
+            x[j] = followed(e, z, j, x[count + j], before, dt, setting[j])
+        x[3 * count] = 1.0
+
+
+def output(x, z, n, e, angle):
+    """Angles [rad]."""
+    for j in range(angle.shape[0]):
+        angle[j] = x[j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Not placed yet."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="joint",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(
+        State("angle", JOINTS, unit="rad"),
+        State("aim", JOINTS, unit="rad"),
+        State("moved", JOINTS, unit="rad"),
+        State("started", ONE),
+    ),
+    tasks=(Task("update", ("command", "origin", "setting", "ready")),),
+    outputs=(Output("output", ("angle",)),),
+    points=tuple(Point(p, JOINTS) for p in ("aimed", "dragged", "followed")),
+)

@@ -1,0 +1,81 @@
+"""Commands of a machine's joints, taken once a frame and handed to their drives; it also hands on where the log starts.
+
+Two blocks: `BLOCK`, and `SET_BLOCK` for joints that have a setting of their own, such as the bend of a sheath.
+"""
+
+import sys
+from dataclasses import replace
+from typing import NamedTuple
+
+from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task
+
+
+class Numbers(NamedTuple):
+    """None of its own."""
+
+
+DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
+
+
+def sent(e, z, j, command, history, first, applied, lottery):
+    """Point: angle [rad] that reaches drive j.
+
+    Args: history: commands of all joints, the newest of this one at `first`, older ones after it; applied: angle held
+        so far [rad]; lottery: 1, as no command is ever lost here.
+    """
+    return command
+
+
+def take(x, z, n, e, angle_ref, angle_start):
+    """One command for every joint; wires [rad]. Before the first one the robot stood there."""
+    joints = angle_ref.shape[0]
+    for j in range(joints):
+        for k in range(DEPTH - 1, 0, -1):
+            x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[(DEPTH + 3) * joints] > 0.0 else angle_ref[j]
+        x[DEPTH * j] = angle_ref[j]
+        held = DEPTH * joints + j
+        x[held] = sent(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0)
+        x[held + joints] = angle_start[j]
+    x[(DEPTH + 3) * joints] = 1.0
+
+
+def take_set(x, z, n, e, angle_ref, angle_start, bend):
+    """The same, with a setting of each joint [rad]."""
+    joints = angle_ref.shape[0]
+    take(x, z, n, e, angle_ref, angle_start)
+    for j in range(joints):
+        x[(DEPTH + 2) * joints + j] = bend[j]
+
+
+def output(x, z, n, e, command, origin, setting, ready):
+    """Commands held by the drives, where the log starts, settings [rad]; ready: 1 from the first command on."""
+    joints = command.shape[0]
+    for j in range(joints):
+        command[j] = x[DEPTH * joints + j]
+        origin[j] = x[(DEPTH + 1) * joints + j]
+        setting[j] = x[(DEPTH + 2) * joints + j]
+    ready[0] = x[(DEPTH + 3) * joints]
+
+
+def start(x, z, n, e, start_stroke):
+    """Nothing sent yet."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="command",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(
+        State("history", JOINTS, DEPTH, "rad"),
+        State("held", JOINTS, unit="rad"),
+        State("origin", JOINTS, unit="rad"),
+        State("setting", JOINTS, unit="rad"),
+        State("started", ONE),
+    ),
+    tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
+    outputs=(Output("output", ("command", "origin", "setting", "ready")),),
+    points=(Point("sent", JOINTS),),
+    group="timing",
+)
+SET_BLOCK = replace(BLOCK, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

@@ -1,0 +1,40 @@
+"""Linear scale: the carriage's place with white noise and rounding, once a frame."""
+
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.block import ONE, Block, Output, State, Task, Unit
+from exodrake.systems.rounding import rounded
+
+
+class Numbers(NamedTuple):
+    """Noise and resolution, and by how much runs of one motion differ (no equation uses it)."""
+
+    sigma: Annotated[float, Unit("m")]
+    step: Annotated[float, Unit("m")]
+    floor: Annotated[float, Unit("m")]
+
+
+def read(x, z, n, e, position, noise_position):
+    """One reading; wires [m], standard normal."""
+    x[0] = rounded(position[0] + n.sigma * noise_position[0], n.step)
+
+
+def output(x, z, n, e, position_read):
+    """The last reading [m]."""
+    position_read[0] = x[0]
+
+
+def start(x, z, n, e, start_stroke):
+    """Nothing read yet."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="scale",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(State("reading", ONE, unit="m"),),
+    tasks=(Task("read", ("position", "noise_position"), slots=(1,)),),
+    outputs=(Output("output", ("position_read",)),),
+)

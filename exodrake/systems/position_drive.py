@@ -1,0 +1,54 @@
+"""Drive with a position loop around a speed loop, once a frame; the amplifier is a gain.
+
+    u = kv (kp (x_ref - x) - dx/dt)          F = gain u
+
+dx/dt is a backward difference over one frame, 0 in the first (Janot, Gautier, Brunot 2019: EMPS benchmark).
+"""
+
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.block import ONE, Block, Output, State, Task, Unit
+
+
+class Numbers(NamedTuple):
+    """Gains of the two loops, force per volt, frame of the drive; by how much runs of one motion differ in force (no equation
+    uses it).
+    """
+
+    kp: Annotated[float, Unit("1/s")]
+    kv: Annotated[float, Unit("V s/m")]
+    gain: Annotated[float, Unit("N/V")]
+    period: Annotated[float, Unit("s")]
+    floor: Annotated[float, Unit("N")]
+
+
+FORCE, BEFORE, STARTED = 0, 1, 2
+
+
+def control(x, z, n, e, position_ref, position_read):
+    """The law; wires [m]."""
+    rate = (position_read[0] - x[BEFORE]) / n.period if x[STARTED] > 0.0 else 0.0
+    x[FORCE] = n.gain * n.kv * (n.kp * (position_ref[0] - position_read[0]) - rate)
+    x[BEFORE] = position_read[0]
+    x[STARTED] = 1.0
+
+
+def output(x, z, n, e, force):
+    """Force of the drive [N]."""
+    force[0] = x[FORCE]
+
+
+def start(x, z, n, e, start_stroke):
+    """At rest, nothing read."""
+    x[:] = 0.0
+
+
+BLOCK = Block(
+    name="drive",
+    page=sys.modules[__name__],
+    numbers=Numbers,
+    states=(State("force", ONE, unit="N"), State("before", ONE, unit="m"), State("started", ONE)),
+    tasks=(Task("control", ("position_ref", "position_read"), slots=(2,)),),
+    outputs=(Output("output", ("force",)),),
+)
