@@ -19,7 +19,9 @@ from exodrake.diagnosis.problem import Problem
 NUDGE = 1e-2  # step of a difference quotient in units of a knob's scale
 NUDGE_NUMBER = 5e-3  # of a nominal number, relative [-] or [rad]
 DAMPING = 1e-8  # of the curvature, at first: the prior of the nominal numbers bounds the valleys
-SMALLEST_MOVE = 1e-6  # of the nominal knobs, squared and in units of their spread, from which a response can be corrected
+SMALLEST_MOVE = (
+    1e-6  # of the nominal knobs, squared and in units of their spread, from which a response can be corrected
+)
 GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 
 
@@ -118,7 +120,9 @@ class Fitter:
         error = trial.residual - point.residual - slopes @ aside - responses @ move
         weight /= size
         cross = np.outer(responses.T @ error, weight)
-        return responses + np.outer(error, weight), gram + cross + cross.T + float(error @ error) * np.outer(weight, weight)
+        return responses + np.outer(error, weight), gram + cross + cross.T + float(error @ error) * np.outer(
+            weight, weight
+        )
 
     def step(
         self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float

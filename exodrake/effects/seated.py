@@ -9,7 +9,7 @@ from exodrake.block import Effect, Number
 
 
 def seated(effect: Effect, identity: str, points: Mapping[str, str] | None = None, **numbers: Number) -> Effect:
-    """The effect under another id. points: its point -> the machine's own; numbers: those that differ in range or lanes."""
+    """The effect under another id. points: its point -> the machine's own; numbers: those with another range."""
     moved = dict(points or {})
     return replace(
         effect,

@@ -41,7 +41,7 @@ def other(values, first, k, count):
 
 
 def update(x, z, n, e, dt, command, origin, setting, ready):
-    """One tick; wires [rad]. x: angles, aims, how far the aims moved, started. First the joints stand where the log starts."""
+    """One tick; wires [rad]. x: angles, aims, their moves, started. First the joints stand where the log starts."""
     count = command.shape[0]
     if ready[0] > 0.0:
         first = x[3 * count] == 0.0

@@ -12,9 +12,7 @@ from exodrake.block import ONE, Block, Output, State, Task, Unit
 
 
 class Numbers(NamedTuple):
-    """Gains of the two loops, force per volt, frame of the drive; by how much runs of one motion differ in force (no equation
-    uses it).
-    """
+    """Gains of the two loops, force per volt, frame; floor: by how much runs of one motion differ in force."""
 
     kp: Annotated[float, Unit("1/s")]
     kv: Annotated[float, Unit("V s/m")]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-from exodrake.diagnosis.nuisance import LIMIT
 from exodrake.diagnosis.report import markup as m
 from exodrake.diagnosis.report import words as w
 from exodrake.diagnosis.report.charts import MOST, bars_svg, condition_svg, ranking_svg
@@ -18,6 +17,7 @@ SEGMENTS = {
     "finger": "finger: tension to angle",
 }
 SURE = 0.999  # no probability is told as larger
+FAR = 0.10  # relative change up to which a number is the nominal one (diagnosis.md, RETUNE)
 TOLD = 12  # retuned numbers that are shown at once
 
 
@@ -152,7 +152,7 @@ def retuned_table(diagnosis: Diagnosis) -> str:
     rows = []
     for name, unit, before, after in changed_numbers(diagnosis):
         change = f"{100 * (after / before - 1):+.1f} %" if abs(before) > abs(after - before) else "–"
-        if before and abs(after / before - 1) > 0.999 * LIMIT and unit != "rad":
+        if before and abs(after / before - 1) > 0.999 * FAR and unit != "rad":
             change += " (as far as a fit may go)"
         rows.append((f"`{name}`", w.quantity(before, unit), w.quantity(after, unit), change))
     if not rows:
