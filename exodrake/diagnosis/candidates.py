@@ -1,7 +1,8 @@
 """Hypotheses as a fit sees them: a vector u for the parameters of one or more effects, and its way to a robot's flat numbers.
 
 An effect's first number has one entry per lane, its other numbers one entry for all lanes. u = 0 is where the first number is neutral:
-u = value - neutral, or 1 / value for a stiffness; a further number has u = log(value) or value, as its `scale` says.
+u = value - neutral, log(value / neutral) for a factor, or 1 / value for a stiffness; a further number has u = log(value) or value, as its
+`scale` says.
 """
 
 from __future__ import annotations
@@ -32,17 +33,22 @@ class Knob:
         """The number's value [its unit]."""
         if self.number.scale == "reciprocal":
             return math.inf if u <= 0.0 else 1.0 / u
-        if self.number.scale == "log" and not self.first:
-            return math.exp(u)
+        if self.number.scale == "log":
+            return math.exp(u) * self.origin
         return u + self.number.neutral if self.first else u
 
     def at(self, value: float) -> float:
         """u of a value."""
         if self.number.scale == "reciprocal":
             return 0.0 if math.isinf(value) else 1.0 / value
-        if self.number.scale == "log" and not self.first:
-            return math.log(value)
+        if self.number.scale == "log":
+            return math.log(value / self.origin)
         return value - self.number.neutral if self.first else value
+
+    @property
+    def origin(self) -> float:
+        """Value of a logarithmic number at u = 0: neutral for a factor."""
+        return self.number.neutral if self.first else 1.0
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -52,6 +58,8 @@ class Knob:
             return ends[0] - math.log(REACH), ends[1] + math.log(REACH)
         if not self.first:
             return ends[0], ends[1]
+        if self.number.scale == "log":
+            return min(0.0, ends[0] - math.log(REACH)), ends[1] + math.log(REACH) if ends[1] > 0.0 else 0.0
         return min(0.0, ends[0] * REACH), max(0.0, ends[1] * REACH)
 
     @property

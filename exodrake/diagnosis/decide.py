@@ -22,7 +22,6 @@ class Thresholds:
     explained: float
     near: float
     temper: float
-    rival: float
     alike: float
     form: float
     margin: float
@@ -84,8 +83,12 @@ def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> 
 
 
 def as_good(problem: Problem, fitted: Fitted, best: Fitted, limits: Thresholds) -> bool:
-    """Whether a candidate leaves hardly more above the floor than the best: the form of the model limits both."""
-    return misfit(problem, fitted) - 1.0 <= limits.alike * max(misfit(problem, best) - 1.0, 0.0)
+    """Whether a candidate comes so near the best that the difference may be an accident: of the noise, as among effects that are not there
+    at all, or of the form of the model, where the best itself leaves something above the floor."""
+    final = misfit(problem, best)
+    samples = len(best.point.residual) + len(best.held)
+    form = (limits.alike - 1.0) * max(final - limits.quiet, 0.0) * 0.5 * samples
+    return fitted.score - best.score <= limits.margin * max(final, 1.0) + form
 
 
 def simpler(fitted: Fitted, best: Fitted) -> bool:
@@ -120,9 +123,7 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
         return Decision(UNKNOWN, best, (), chance, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
-    rivals = [
-        f for f in same if chance[f.name] >= limits.rival * chance[best.name] or as_good(problem, f, best, limits)
-    ]
+    rivals = [f for f in same if as_good(problem, f, best, limits)]
     rivals += [
         f for f in same if f not in rivals and simpler(f, best) and left_over(problem, f, search.retuned) <= limits.form
     ]

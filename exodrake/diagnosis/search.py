@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from exodrake.block import Effect
-from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
+from exodrake.diagnosis.candidates import NOTHING, Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.vocabulary import COMMON
@@ -159,12 +159,22 @@ def probes(extra: Hypothesis) -> list[np.ndarray]:
             first[i] = PROBE * (knob.start if knob.start != 0.0 else knob.scale)
     found = [first]
     for i, knob in enumerate(extra.knobs):
-        if not knob.first and knob.number.scale == "log" and len(knob.lanes) != 1:
-            low, high = knob.bounds
-            u = first.copy()
-            u[i] = (0.3 * low + 0.7 * high) if first[i] < 0.5 * (low + high) else (0.7 * low + 0.3 * high)
-            found.append(u)
+        if not knob.first and (len(knob.lanes) > 1 or knob.lanes == ("",)):
+            found += [elsewhere(first, i, value) for value in other_values(knob, first[i])]
     return found
+
+
+def elsewhere(u: np.ndarray, i: int, value: float) -> np.ndarray:
+    """u with its entry i at `value`."""
+    moved = u.copy()
+    moved[i] = value
+    return moved
+
+
+def other_values(knob: Knob, usual: float) -> list[float]:
+    """Where a further number is tried besides its usual value: well inside its range, on the side where there is more of it."""
+    low, high = knob.bounds
+    return [FAR * high + (1.0 - FAR) * low if usual < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
 
 
 def turns(extra: Hypothesis) -> list[np.ndarray]:
@@ -177,6 +187,7 @@ def turns(extra: Hypothesis) -> list[np.ndarray]:
     return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(*ends, TURNS)]
 
 
+FAR = 0.7  # of the way through its range at which a further number is tried
 TURNS = 5  # values at which an effect of the whole robot is tried
 
 
@@ -192,6 +203,7 @@ RETUNES, SETTLED = 4, 50.0  # rounds at most; a round that lowers the cost by le
 NEARBY = (
     60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
 )
+CONTENDS = 3.0  # a candidate whose misfit is within this factor of the best one's is refined, too
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -233,7 +245,7 @@ class Ranking:
         gram = kept.T @ kept
         screened = self.quick.screen(base, kept, gram)
         found = self.race(screened[:SHORTLIST], kept, gram, SURVIVORS)
-        best = self.refine(found, REFINED)
+        best = self.refine(found, REFINED, self.responses)
         return best, [(h.name, 2.0 * cost / len(base.residual)) for cost, h, _, _ in screened]
 
     def losing(self, singles: list[Fitted]) -> Fitted:
@@ -267,25 +279,29 @@ class Ranking:
         ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
         return sorted([*ended, *points[len(hopeful) :]], key=lambda p: p.cost)
 
-    def refine(self, points: list[Point], count: int) -> list[Fitted]:
-        """The best few fitted on whole trials with responses taken at their own points; the rest as they are. Best first."""
+    def refine(self, points: list[Point], count: int, responses: np.ndarray) -> list[Fitted]:
+        """The best few fitted on whole trials, the contenders among them with responses taken at their own points; the rest as they
+        are. Best first. responses: of a point nearby (samples, nominal knobs)."""
         fitter, found = self.full.fitter, []
         for k, p in enumerate(points):
             start = fitter.at(p.hypothesis, p.u, p.x)
             if k < count:
                 self.progress(f"refining {p.hypothesis.name}")
-                self.own[p.hypothesis.name] = fitter.responses(start)
-                start = fitter.fit(start, self.own[p.hypothesis.name], steps=4)
-            found.append(self.full.complete(start))
-        return sorted(found, key=lambda f: f.score)
+                start = fitter.fit(start, responses, steps=8)
+            found.append(start)
+        found.sort(key=lambda p: p.cost)
+        for k, p in enumerate(found[:count]):
+            if k == 0 or p.misfit < CONTENDS * found[0].misfit:
+                self.own[p.hypothesis.name] = fitter.responses(p)
+                found[k] = fitter.fit(p, self.own[p.hypothesis.name], steps=4)
+        return sorted(map(self.full.complete, found), key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:
         """Second effects beside a fitted first one: screened at its point, raced, the best refined."""
         self.progress(f"a second effect beside {first.name}")
         point = self.quick.fitter.at(first.point.hypothesis, first.point.u, first.point.x)
-        responses = (
-            self.kept_rows(self.own[first.name]) if first.name in self.own else self.quick.fitter.responses(point)
-        )
+        whole = self.own[first.name] if first.name in self.own else self.full.fitter.responses(first.point)
+        responses = self.kept_rows(whole)
         gram = responses.T @ responses
         screened = self.quick.screen(point, responses, gram)
-        return self.refine(self.race(screened[:SECONDS], responses, gram, SECOND_SURVIVORS), 1)
+        return self.refine(self.race(screened[:SECONDS], responses, gram, SECOND_SURVIVORS), 1, whole)

@@ -55,9 +55,9 @@ from exodrake.effects import (
 )
 
 SHELF: tuple[Effect, ...] = (
+    motor_slow_velocity_loop.EFFECT,
     motor_dead_zone.EFFECT,
     motor_speed_droop.EFFECT,
-    motor_slow_velocity_loop.EFFECT,
     motor_current_limit.EFFECT,
     motor_friction.EFFECT,
     motor_gear_efficiency.EFFECT,

@@ -1,14 +1,35 @@
-"""Drive's speed loop slower than nominal: both gains scaled.
+"""Drive's speed loop slower than nominal, by weaker gains, by a filter on its command, or by both.
 
-i = factor (Kp e + Ki integral e)          closed-loop bandwidth about factor Kp kM / J
+i = Kp factor^(1 - share) e + Ki factor^(order (1 - share)) integral e          e: speed error
+T v' = v_ref - v          T = share (1 / factor - 1) T0          T0 = J / (Kp kM)
+
+The closed loop's bandwidth is about factor / T0 either way. order 1: both gains fall alike; 2: the damping stays.
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.block import WIRES, Effect, Number, State
+
+LOOP_TIME = 9.74e-3  # s, J / (Kp kM) of the nominal drive: model.md, Numbers
 
 
-def loop_gain(gain, factor):
-    """Factor on both gains [-]."""
-    return gain * factor
+def follow(dt, speed, factor, share, order, filtered):
+    """Command after the filter [m/s], by backward Euler: its mean delay is T, however short that is against the tick."""
+    delay = share * (1.0 / factor - 1.0) * LOOP_TIME
+    return filtered + (speed - filtered) * dt / (dt + delay)
+
+
+def command(speed, tension, factor, share, order, filtered):
+    """Speed that the drive follows [m/s]."""
+    return filtered
+
+
+def loop_gain(gain, factor, share, order, filtered):
+    """Factor on the proportional gain [-]."""
+    return gain * factor ** (1.0 - share)
+
+
+def integral_gain(gain, factor, share, order, filtered):
+    """Factor on the integral gain [-]."""
+    return gain * factor ** (order * (1.0 - share))
 
 
 EFFECT = Effect(
@@ -16,6 +37,17 @@ EFFECT = Effect(
     summary="drive's speed loop slower than nominal",
     signature="stroke lags the speed command, the more the faster; symmetric in direction, independent of load",
     source="physics.md 4.A; lag 5-50 ms [A] against 10 ms nominal",
-    at={"motor.loop_gain": loop_gain},
-    numbers=(Number("factor", "-", neutral=1.0, low=0.15, high=0.9, over=WIRES, usual=0.4, scale="log"),),
+    at={
+        "motor.follow": follow,
+        "motor.command": command,
+        "motor.loop_gain": loop_gain,
+        "motor.integral_gain": integral_gain,
+    },
+    numbers=(
+        Number("factor", "-", neutral=1.0, low=0.15, high=0.9, over=WIRES, usual=0.4, scale="log"),
+        Number("share", "-", neutral=0.0, low=0.0, high=1.0, usual=0.0),
+        Number("order", "-", neutral=1.0, low=0.0, high=2.0, usual=1.0),
+    ),
+    states=(State("filtered", WIRES, unit="m/s"),),
+    advances=("motor.follow",),
 )

@@ -37,6 +37,15 @@ def loop_gain(e, z, j, gain):
     return gain
 
 
+def integral_gain(e, z, j, gain):
+    """Point: factor on the integral gain of the speed loop [-]."""
+    return gain
+
+
+def follow(e, z, j, dt, speed):
+    """Point: before a tick, states of the effects on the command [m/s] of motor j advance by dt [s]."""
+
+
 def current_limit(e, z, j, limit):
     """Point: current at which the drive clips [A]."""
     return limit
@@ -91,12 +100,13 @@ def update(x, z, n, e, dt, speed_applied, tension):
     """One tick. x: rotor speeds, integral parts [A], output angles [rad] (3 each); wires [m/s], [N]."""
     for j in range(3):
         w = x[j]
-        gain = loop_gain(e, z, j, 1.0)
+        follow(e, z, j, dt, speed_applied[j])
         w_ref = command(e, z, j, speed_applied[j], tension[j]) * n.N / n.r_set
         load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension[j], n.r[j] * x[6 + j]) / n.N)
+        kp, ki = n.Kp[j] * loop_gain(e, z, j, 1.0), n.Ki[j] * integral_gain(e, z, j, 1.0)
         limit = current_limit(e, z, j, n.i_max[j])
         x[j], x[3 + j], x[6 + j] = turn(
-            w, x[3 + j], x[6 + j], w_ref, load_torque, n.Kp[j] * gain, n.Ki[j] * gain, limit, dt, j, n
+            w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n
         )
         settle(e, z, j, dt, x[j])
 
@@ -116,7 +126,7 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r[j]
 
 
-POINTS = ("command", "loop_gain", "current_limit", "load", "drag", "wound", "winding", "settle")
+POINTS = ("follow", "command", "loop_gain", "integral_gain", "current_limit", "load", "drag", "wound", "winding", "settle")
 
 BLOCK = Block(
     name="motor",
