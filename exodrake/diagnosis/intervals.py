@@ -1,8 +1,8 @@
 """Intervals of fitted parameters, and the lanes that an effect really sits on.
 
 Residuals are coloured, so J'J alone is too sure: the covariance is the larger, entry by entry of the diagonal, of (J'J + prior)^-1 and a
-sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. It is widened by what a model of another
-form leaves: the parameter is then an effective one.
+sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. To that comes what no residual shows: a
+parameter of friction, creep or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -12,11 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.block import ONE, WIRES
+from exodrake.diagnosis.candidates import Knob
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.vocabulary import SELF_DEFINED
 
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 BLOCK = 2.0  # s, longer than the memory of the loop
+LAW = 0.2  # relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
+SAME_LAW = 0.01  # of a parameter that means the same in every law: integration and rounding; assumed
 PRESENT = 4.0  # standard deviations from neutral at which a lane counts as affected
 MINOR = 0.12  # of the strongest lane: weaker lanes count as leakage from it
 
@@ -78,7 +82,7 @@ def affected(estimate: Spread, effect: str) -> list[int]:
     return chosen or [mine[int(np.argmax(strength))]]
 
 
-def lead(knobs, effect: str) -> str:
+def lead(knobs: tuple[Knob, ...], effect: str) -> str:
     """Name of the first fitted number of an effect."""
     return next(k.number.name for k in knobs if k.effect == effect)
 
@@ -117,7 +121,9 @@ def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     return mean, float(np.hypot(own, np.std(values, ddof=1) / np.sqrt(len(values))))
 
 
-def interval(knob, u: float, deviation: float) -> Interval:
-    """90 % interval of a parameter in its own unit."""
-    ends = [knob.value(u - Z90 * deviation), knob.value(u + Z90 * deviation)]
+def interval(knob: Knob, u: float, deviation: float) -> Interval:
+    """90 % interval of a parameter in its own unit, the error of its law included."""
+    law = SAME_LAW if knob.effect in SELF_DEFINED else LAW
+    whole = float(np.hypot(deviation, law if knob.number.scale == "log" else law * abs(u)))
+    ends = [knob.value(u - Z90 * whole), knob.value(u + Z90 * whole)]
     return Interval(knob.value(u), min(ends), max(ends), knob.number.unit)

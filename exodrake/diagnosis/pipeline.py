@@ -38,7 +38,7 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     problem = make_problem(case, robot)
     limits = thresholds()
     progress("measuring the gap")
-    ranking = Ranking(problem, progress, lambda fitted: is_quiet(problem, fitted, limits))
+    ranking = Ranking(problem, progress)
     search = run_search(problem, ranking, limits)
     decision = decide(problem, search, limits)
     progress("measuring how far")
@@ -48,7 +48,7 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
 def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
     """Nominal, retuned, then effects and pairs as far as the gap asks for them."""
     nominal = ranking.nominal()
-    if ranking.enough(nominal):
+    if is_quiet(problem, nominal, limits):
         return Search(nominal, nominal)
     retuned = ranking.retuned()
     singles, screened = ranking.singles()

@@ -178,11 +178,11 @@ def other_values(knob: Knob, usual: float) -> list[float]:
 
 
 def turns(extra: Hypothesis) -> list[np.ndarray]:
-    """Values of u to be taken as they are: over the plausible range of an effect of the whole robot, whose response need not be
-    proportional to it (a contact, a direction of gravity, frames of latency)."""
+    """Values of u to be taken as they are, for effects whose response is not proportional to them (a contact, a clipped current, a
+    direction of gravity): the plausible range of one number for the whole robot, the usual amount on all lanes at once."""
     lead = extra.knobs[0]
-    if len([k for k in extra.knobs if k.first]) > 1 or (lead.first and lead.lanes != ("",)):
-        return []
+    if lead.first and lead.lanes != ("",):
+        return [extra.start]
     ends = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.bounds
     return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(*ends, TURNS)]
 
@@ -194,7 +194,7 @@ TURNS = 5  # values at which an effect of the whole robot is tried
 LOSING = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
 SHORTLIST, SURVIVORS, REFINED = (
-    10,
+    12,
     4,
     2,
 )  # effects raced; fitted to the end; refined on whole trials with their own responses
@@ -210,9 +210,9 @@ HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's aft
 class Ranking:
     """The course of a search: what is fitted, refined and paired."""
 
-    def __init__(self, problem: Problem, progress: Progress, enough: Callable[[Fitted], bool]) -> None:
+    def __init__(self, problem: Problem, progress: Progress = lambda _: None) -> None:
         self.full, self.quick = Searcher(problem, progress), Searcher(problem.shortened(SHARE), progress)
-        self.progress, self.enough = progress, enough
+        self.progress = progress
         self.origin = self.full.start()
         self.base = self.origin
         self.responses: np.ndarray | None = None

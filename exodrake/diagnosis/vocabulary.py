@@ -19,3 +19,11 @@ class Common:
 
 
 COMMON = Common()
+
+SELF_DEFINED = (
+    "sensor.gain", "sensor.offset", "sensor.crosstalk", "finger.stiffness", "finger.gravity", "tendon.slack",
+    "timing.command_latency", "timing.dropped_commands", "timing.mocap_delay", "timing.mocap_clock_skew",
+    "encoder.homing_offset", "mocap.gain", "mocap.offset",
+)  # fmt: skip
+"""Effects whose parameters mean the same whatever the law: a scale, a zero, a delay. Those of friction, creep or a contact are numbers of
+the law that is fitted, and reality follows another."""
