@@ -1,0 +1,69 @@
+"""Where the thresholds of healthy robots come from: healthy robots of the second reality, their numbers scattered, motions unseen.
+
+    python -m exodrake.blind.calibrate --seed 7 --robots 40 --jobs 2
+
+measures on each robot, retuned,
+    quiet         the misfit over all signals [floor^2],
+    quiet_column  that of the worst signal,
+    margin        the cost by which the best effect, none of which is there, beats the retuned numbers,
+and prints their medians and largest values. A threshold lies above the largest value found: seen on n healthy robots, a false alarm rate
+is then below 3 / n with 95 % confidence (rule of three). No label but "healthy" is read, and no practice case.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import click
+import numpy as np
+
+from exodrake.blind.make import make_case
+from exodrake.blind.mix import CaseMix, plan
+from exodrake.counting import counted, where_to_run
+from exodrake.diagnosis.decide import misfit, worst_column
+from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.search import Ranking
+from exodrake.diagrams.robot import load_robot
+from exodrake.parallel import each
+
+HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
+MEASURES = ("quiet", "quiet_column", "margin")
+
+
+def measured(seed: int, robots: int, number: int) -> tuple[float, float, float]:
+    """Misfit, misfit of the worst signal, and lead of the best effect over the retuned numbers, of one healthy robot."""
+    from exodrake.case import read_case
+
+    drawn = plan(seed, robots, HEALTHY)[number]
+    with tempfile.TemporaryDirectory() as folder:
+        make_case(drawn, folder)
+        problem = make_problem(read_case(Path(folder) / drawn.name), load_robot())
+    ranking = Ranking(problem)
+    retuned = ranking.retuned()
+    best = ranking.singles()[0][0]
+    return misfit(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
+
+
+@click.command()
+@click.option("--seed", default=7, show_default=True)
+@click.option("--robots", default=40, show_default=True, type=click.IntRange(min=1))
+@where_to_run
+def main(seed: int, robots: int, jobs: int, cluster: str | None) -> None:
+    """Measure what healthy robots look like."""
+    found = {}
+    with counted("measuring", "none of it is kept") as count:
+        for item in each(measured, ((seed, robots, k) for k in range(robots)), jobs, cluster):
+            if item.reason is not None:
+                raise click.ClickException(f"robot {item.number}: {item.reason}")
+            found[item.number] = item.value
+            click.echo(
+                f"robot {item.number}: " + ", ".join(f"{m} {v:.4g}" for m, v in zip(MEASURES, item.value, strict=True))
+            )
+            count(len(found), 0, robots)
+    for name, values in zip(MEASURES, np.array([found[k] for k in range(robots)]).T, strict=True):
+        click.echo(f"{name}: median {np.median(values):.4g}, largest {np.max(values):.4g} of {robots}")
+
+
+if __name__ == "__main__":
+    main()
