@@ -110,7 +110,7 @@ def read_scenario(path: str | Path) -> Scenario:
         if key not in known:
             raise InputError(f"{name}: unknown key {key!r}{nearest(str(key), known)}")
     check_content({key: content[key] for key in ("numbers", "effects", "parts") if key in content}, name)
-    for key in ("protocol", "reference"):
+    for key in ("protocol", "reference", "engine"):
         if not isinstance(content.get(key, ""), str):
             raise InputError(f"{name}: {key} is {content[key]!r}, wanted text")
     if content.get("reference"):

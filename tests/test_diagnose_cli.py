@@ -22,10 +22,10 @@ def run(*arguments):
 @pytest.fixture
 def case(tmp_path):
     """A folder with one short log."""
-    folder, time = tmp_path / "case", 0.02 * np.arange(20)
+    folder, time = tmp_path / "case", 0.02 * np.arange(100)
     folder.mkdir()
     kinds = ("tension_ref", "tension", "stroke")
-    write_log(Log(time, {f"{k}_{w}": np.zeros(20) for k in kinds for w in ("AF", "MF", "AE")}), folder / "a.csv")
+    write_log(Log(time, {f"{k}_{w}": np.zeros(100) for k in kinds for w in ("AF", "MF", "AE")}), folder / "a.csv")
     return folder
 
 

@@ -76,7 +76,9 @@ def test_a_robot_file_is_embedded(tmp_path):
         ([SHORT, "--effect", "tendon.capstan_friction:mu_phi=nan"], "NaN"), ([SHORT, "--part", "nothing"], "'nothing'"),
         ([SHORT, "--robot", "absent.yaml"], "absent.yaml"), (["--reference", "absent.csv"], "absent.csv"),
         ([SHORT, "--reference", "x.csv"], "one of them"), (["--scenario", "absent.yaml"], "absent.yaml"),
-        ([SHORT, "--seed", "-1"], "seed is -1"), ([SHORT, "--set", "finger.mass=-1"], "diverges"),
+        ([SHORT, "--seed", "-1"], "seed is -1"), ([SHORT, "--set", "tendon.k=1e308"], "diverges"),
+        ([SHORT, "--set", "finger.mass=-1"], "below 0"), ([SHORT, "--set", "motor.N=0"], "divide by"),
+        ([SHORT, "--set", "finger.length.MCP=0"], "no finger to draw"),
     ],
 )  # fmt: skip
 def test_wrong_input_ends_in_a_line_and_leaves_nothing(arguments, word, tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.case import Case, CaseLog
+from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import asked_rows, noise_floor
 from exodrake.diagrams.compose import compile_machine
@@ -110,10 +111,9 @@ WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad,
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
-    """Columns that every log of the case has, of the kinds that can be compared, in the first log's order."""
+    """Columns that every log of the case has, of the kinds that can be compared, in the machine's order whatever the file's."""
     over = {c.kind: machine.lanes.of(machine.wire[c.wire].over) for c in machine.columns}
-    first = case.logs[0].log
-    wanted = [c for k in machine.compared for c in first.columns if c in {f"{k}_{lane}" for lane in over[k]}]
+    wanted = [f"{kind}_{lane}" for kind in machine.compared for lane in over[kind]]
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
     if not found:
         raise InputError(
@@ -138,8 +138,9 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 
 
 def make_problem(case: Case, robot: Robot) -> Problem:
-    """The regression of a case. Repeats of a trial count for the floor only; without held-out logs the last fitted one is held out."""
+    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only; without held-out logs the last fitted one is held out."""
     robot = robot.with_numbers(case.robot, source=case.name) if case.robot else robot
+    check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]

@@ -82,7 +82,7 @@ class Robot:
                 values[i] = checked(name, value, source)
                 if source:
                     sources[self.machine.entries[i].name] = source
-        return replace(self, values=values, sources=sources)
+        return refuse_negative(replace(self, values=values, sources=sources))
 
     def splice(self, identity: str, numbers: Mapping[str, Any] | None = None, lanes: Iterable[str] = ()) -> Robot:
         """The robot with an effect in it.
@@ -128,6 +128,15 @@ class Robot:
     def with_part(self, page: str) -> Robot:
         """The robot with a variant part, e.g. `controller_as_printed`; InputError for an unknown one."""
         return replace(self, machine=vary(self.machine, page))
+
+
+def refuse_negative(robot: Robot) -> Robot:
+    """The robot itself. InputError for a quantity below 0 whose plausible range lies above it, such as a length."""
+    for name, (low, _) in robot.ranges.items():
+        entry = robot.machine.entries[robot.machine.index[name]]
+        if low > 0 > robot[name] and entry.unit != "rad":
+            raise InputError(f"{robot.source}: {name} = {robot[name]:g} {entry.unit}, below 0")
+    return robot
 
 
 VARIANTS = {
@@ -231,7 +240,7 @@ def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
         robot = robot.with_part(page)
     numbers = content.get("numbers") or {}
     robot = robot.with_numbers(numbers, robot.source)
-    robot = replace(robot, **stated(numbers, robot))
+    robot = refuse_negative(replace(robot, **stated(numbers, robot)))
     for identity, given in (content.get("effects") or {}).items():
         lanes = {lane for v in given.values() if isinstance(v, Mapping) for lane in v}
         robot = robot.splice(identity, given, [lane for lane in lanes if lane])

@@ -142,18 +142,27 @@ def record(
         raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {asked}")
     chance = Chance.draw(frames, seed, machine)
     values = prepared(robot, quantisation)
-    if engine == "drake":
-        from exodrake.diagrams.drake import run_diagram
-
-        rows = run_diagram(robot, values, reference, chance, substeps)
-    elif engine == "compiled":
-        rows = run_compiled(machine, values, reference, chance, substeps)
-    else:
+    if engine not in ("compiled", "drake"):
         raise InputError(f"unknown engine {engine!r}; there are compiled, drake")
+    try:
+        rows = rows_of(robot, values, reference, chance, engine, substeps)
+    except ZeroDivisionError:
+        raise InputError(f"{robot.source or machine.name}: a number is 0 that the equations divide by") from None
     if "mocap_lateness" in machine.wire:
         see_late(machine, rows, values[machine.index["mocap.sigma_q"]] * chance.angle)
     time = machine.frame * np.arange(frames)
     return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
+
+
+def rows_of(
+    robot: Robot, values: np.ndarray, reference: Reference, chance: Chance, engine: str, substeps: int
+) -> np.ndarray:
+    """All wires (frames, wires) at each frame's end, by the engine of that name."""
+    if engine == "drake":
+        from exodrake.diagrams.drake import run_diagram
+
+        return run_diagram(robot, values, reference, chance, substeps)
+    return run_compiled(robot.machine, values, reference, chance, substeps)
 
 
 def see_late(machine: Machine, rows: np.ndarray, noise: np.ndarray) -> None:

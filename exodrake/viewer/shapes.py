@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.diagrams.robot import Robot
+from exodrake.errors import InputError
 
 PALMAR, DORSAL = -1.0, 1.0
 # wire -> (router numbers' suffix, side, lateral place [m], joints it runs over; None: all)
@@ -62,7 +63,10 @@ def route(robot: Robot, wire: str) -> list[tuple[int, np.ndarray]]:
 
 
 def skeleton(robot: Robot) -> Skeleton:
-    """Bones, routers and wires of a robot by its numbers."""
+    """Bones, routers and wires of a robot by its numbers. InputError for a phalanx without length or radius."""
+    for name in ("finger.length", "finger.radius"):
+        if not (np.isfinite(robot.lanes(name)) & (robot.lanes(name) > 0)).all():
+            raise InputError(f"{robot.source}: a {name} is not above 0, so there is no finger to draw")
     pieces, routers = [], []
     for wire in robot.machine.lanes.wires:
         points = route(robot, wire)

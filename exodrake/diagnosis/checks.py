@@ -1,0 +1,39 @@
+"""What a case must be to be diagnosed with a machine: its lanes, its frame, logs neither too short nor too long."""
+
+from __future__ import annotations
+
+from exodrake.case import Case
+from exodrake.diagrams.machine import Machine
+from exodrake.errors import InputError
+from exodrake.log import Log
+
+SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
+LONGEST = 90_000  # frames of all logs together, half an hour at 20 ms: beyond, a search takes hours and gigabytes
+SAME = 1e-9  # s, two frame periods closer than this are one
+
+
+def check_case(case: Case, machine: Machine) -> None:
+    """InputError, naming the log, for another frame or other lanes than the machine's, and logs too short or long."""
+    if abs(case.period - machine.frame) > SAME:
+        raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
+    for item in case.logs:
+        check_lanes(item.log, item.file, machine)
+        if len(item.log) < SHORTEST:
+            raise InputError(
+                f"{item.file}: {len(item.log)} frames, a diagnosis needs {SHORTEST} ({SHORTEST * machine.frame:g} s)"
+            )
+    frames = sum(len(item.log) for item in case.logs)
+    if frames > LONGEST:
+        raise InputError(
+            f"{case.name}: {frames} frames of logs, a diagnosis takes {LONGEST}; a few logs of a minute say as much"
+        )
+
+
+def check_lanes(log: Log, file: str, machine: Machine) -> None:
+    """InputError naming a required column of one of the machine's wires or joints that the log lacks."""
+    for column in machine.columns:
+        lanes = machine.lanes.of(machine.wire[column.wire].over)
+        for lane in lanes if column.required else ():
+            name = f"{column.kind}_{lane}"
+            if name not in log.signals:
+                raise InputError(f"{file}: required column {name!r} is missing ({machine.name} has {', '.join(lanes)})")

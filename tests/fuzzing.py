@@ -1,0 +1,133 @@
+"""Ways to spoil a file, and what a command must do with it: status 0, or status 2 and one line."""
+
+import gzip
+
+import yaml
+from click.testing import CliRunner
+from hypothesis import strategies as st
+
+from exodrake.cli import cli
+
+JUNK = ["", "nan", "inf", "1e400", "-1e308", "abc", "1_0", "0x1", "1,5", '"', "\x00", "½", "true", "2020-01-01", " "]
+UNITS = ["m", "mN", "deg", "lbf", "s", "", "N] x [N", "µm"]
+SCRAP = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-3, 3),
+    st.sampled_from([10**400, 1e308, -1e308, 5e-324, float("nan"), float("inf"), "1e-3", "AF", "é\n", [], [1, 2], {}]),
+    st.dictionaries(st.sampled_from(["value", "unit", "range", "AF", "MCP", "file", 3]), st.integers(0, 2), max_size=2),
+)
+
+
+def run(*words) -> str:
+    """Runs a command in this process and returns its output; fails on a traceback, and on a refusal of two lines."""
+    result = CliRunner().invoke(cli, [str(word) for word in words])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise AssertionError(f"exodrake {' '.join(map(str, words))}") from result.exception
+    assert result.exit_code in (0, 2), result.output
+    if result.exit_code == 2:
+        lines = result.stderr.strip().splitlines()
+        assert lines[-1].lower().startswith("error: ") and (len(lines) == 1 or lines[0].startswith("Usage")), lines
+    return result.output
+
+
+@st.composite
+def spoilt_table(draw, text: str) -> bytes:
+    """CSV text with rows, columns, headings, cells, encoding or bytes spoilt, several at once."""
+    rows = [line.split(",") for line in text.strip().splitlines()]
+    for _ in range(draw(st.integers(0, 3))):
+        rows = draw(st.sampled_from(TABLE_FAULTS))(draw, rows)
+    data = "\n".join(",".join(row) for row in rows).encode(draw(st.sampled_from(ENCODINGS)), "replace")
+    return draw(spoilt_bytes(data)) if draw(st.booleans()) else data
+
+
+ENCODINGS = ["utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1", "utf-32"]
+
+
+@st.composite
+def spoilt_bytes(draw, data: bytes) -> bytes:
+    """Bytes cut short, with noise in them, or a piece moved to the end."""
+    at = draw(st.integers(0, len(data)))
+    noise = draw(st.binary(max_size=12))
+    return draw(st.sampled_from([data[:at], data[:at] + noise + data[at:], data[at:] + data[:at], noise, b""]))
+
+
+def _shuffled_rows(draw, rows):
+    return [rows[0], *draw(st.permutations(rows[1:]))]
+
+
+def _shuffled_columns(draw, rows):
+    order = draw(st.permutations(range(len(rows[0]))))
+    return [[row[i] for i in order] if len(row) == len(order) else row for row in rows]
+
+
+def _without_column(draw, rows):
+    at = draw(st.integers(0, len(rows[0]) - 1))
+    return [row[:at] + row[at + 1 :] or [""] for row in rows]
+
+
+def _column_twice(draw, rows):
+    at = draw(st.integers(0, len(rows[0]) - 1))
+    return [row + row[at : at + 1] for row in rows]
+
+
+def _empty_column(draw, rows):
+    at = draw(st.integers(0, len(rows[0]) - 1))
+    return [rows[0], *([*row[:at], "", *row[at + 1 :]] for row in rows[1:])]
+
+
+def _other_unit(draw, rows):
+    at = draw(st.integers(0, len(rows[0]) - 1))
+    name = rows[0][at].split("[")[0]
+    return [[*rows[0][:at], f"{name}[{draw(st.sampled_from(UNITS))}]", *rows[0][at + 1 :]], *rows[1:]]
+
+
+def _junk_cell(draw, rows):
+    row, at = draw(st.integers(0, len(rows) - 1)), draw(st.integers(0, len(rows[0]) - 1))
+    spoilt = [*rows[row][:at], draw(st.sampled_from(JUNK)), *rows[row][at + 1 :]]
+    return [*rows[:row], spoilt, *rows[row + 1 :]]
+
+
+def _ragged(draw, rows):
+    row = draw(st.integers(0, len(rows) - 1))
+    return [*rows[:row], rows[row] + ["1"], *rows[row + 1 :]]
+
+
+def _few_rows(draw, rows):
+    return rows[: draw(st.integers(1, 4))]
+
+
+TABLE_FAULTS = [
+    _shuffled_rows, _shuffled_columns, _without_column, _column_twice, _empty_column, _other_unit, _junk_cell, _ragged,
+    _few_rows,
+]  # fmt: skip
+
+
+@st.composite
+def spoilt_page(draw, page) -> bytes:
+    """A YAML page with a value replaced, a key renamed, removed or added, or its bytes spoilt."""
+    for _ in range(draw(st.integers(1, 3))):
+        page = _spoilt_node(draw, page)
+    data = yaml.safe_dump(page, allow_unicode=True).encode()
+    return draw(spoilt_bytes(data)) if draw(st.integers(0, 3)) == 0 else data
+
+
+def _spoilt_node(draw, node):
+    if isinstance(node, list) and node and draw(st.booleans()):
+        at = draw(st.integers(0, len(node) - 1))
+        return [*node[:at], _spoilt_node(draw, node[at]), *node[at + 1 :]]
+    if not isinstance(node, dict) or not node or draw(st.integers(0, 4)) == 0:
+        return draw(SCRAP)
+    key = draw(st.sampled_from(list(node)))
+    rest = {k: v for k, v in node.items() if k != key}
+    way = draw(st.integers(0, 5))
+    if way == 0:
+        return rest
+    if way == 1:
+        return rest | {draw(st.sampled_from(["x", 3, None, True, f"{key}_"])): node[key]}
+    return node | {key: _spoilt_node(draw, node[key])}
+
+
+def packed(data: bytes) -> bytes:
+    """Gzipped, always to the same bytes."""
+    return gzip.compress(data, mtime=0)
