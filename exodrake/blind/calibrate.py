@@ -1,4 +1,4 @@
-"""Where the thresholds of healthy robots come from: healthy robots of the second reality, their numbers scattered, motions unseen.
+"""Where the thresholds of healthy robots come from: healthy robots of the second reality, numbers scattered, motions unseen.
 
     python -m exodrake.blind.calibrate --seed 7 --robots 40 --jobs 2
 
@@ -6,8 +6,9 @@ measures on each robot, retuned,
     quiet         the misfit over all signals [floor^2],
     quiet_column  that of the worst signal,
     margin        the cost by which the best effect, none of which is there, beats the retuned numbers,
-and prints their medians and largest values. A threshold lies above the largest value found: seen on n healthy robots, a false alarm rate
-is then below 3 / n with 95 % confidence (rule of three). No label but "healthy" is read, and no practice case.
+and prints their medians and largest values. A threshold lies above the largest value found: seen on n healthy robots, a
+false alarm rate is then below 3 / n with 95 % confidence (rule of three). No label but "healthy" is read, and no
+practice case.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ MEASURES = ("quiet", "quiet_column", "margin")
 
 
 def measured(seed: int, robots: int, number: int) -> tuple[float, float, float]:
-    """Misfit, misfit of the worst signal, and lead of the best effect over the retuned numbers, of one healthy robot."""
+    """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot."""
     from exodrake.case import read_case
 
     drawn = plan(seed, robots, HEALTHY)[number]

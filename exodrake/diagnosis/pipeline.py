@@ -15,6 +15,7 @@ from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit, thresholds
 from exodrake.diagnosis.drops import lossy, probability
 from exodrake.diagnosis.intervals import describe, spread
+from exodrake.diagnosis.line import TREMOR, named
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
@@ -51,7 +52,12 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if is_quiet(problem, nominal, limits):
         return Search(nominal, nominal)
     retuned = ranking.retuned()
+    shaking = None if is_quiet(problem, retuned, limits) else ranking.shaking(retuned)
+    if shaking:
+        return Search(nominal, retuned, shaking=shaking)
     singles, screened = ranking.singles()
+    if misfit(problem, singles[0]) > limits.near and (shaking := ranking.shaking(singles[0])):
+        return Search(nominal, retuned, tuple(singles), (), tuple(screened), shaking=shaking)
     if misfit(problem, singles[0]) <= limits.near:
         return Search(nominal, retuned, tuple(singles), (), tuple(screened))
     pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
@@ -89,26 +95,34 @@ def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) ->
     )  # fmt: skip
 
 
-def effects_of(problem: Problem, ranking: Ranking, fitted: Fitted, chance: dict[str, float]) -> tuple[NamedEffect, ...]:
+def effects_of(
+    problem: Problem, ranking: Ranking, search: Search, fitted: Fitted, chance: dict[str, float]
+) -> tuple[NamedEffect, ...]:
     """The effects of a candidate with lanes and intervals."""
     machine = problem.robot.machine
     if not fitted.point.hypothesis.effects:
         return ()
+    if fitted.name == TREMOR and search.shaking:
+        return (named(fitted.point, search.shaking[0], machine.lanes.joints),)
     fitter = ranking.full.fitter
     responses = ranking.own.get(fitted.name)
     estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
     found = []
     for identity in fitted.point.hypothesis.effects:
         over = machine.effect(identity).over
-        named = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
-        found.append(counted(problem, named) if identity == LOSING else named)
+        effect = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
+        if identity == LOSING:
+            effect = counted(problem, effect)
+        if identity == TREMOR and search.shaking:
+            effect = named(fitted.point, search.shaking[0], machine.lanes.joints)
+        found.append(effect)
     return tuple(found)
 
 
-def counted(problem: Problem, named: NamedEffect) -> NamedEffect:
+def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
     """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
     drops = [t.drops for t in (*problem.fit, *problem.holdout) if t.drops]
-    return replace(named, parameters={"probability": Interval(*probability(drops))})
+    return replace(effect, parameters={"probability": Interval(*probability(drops))})
 
 
 def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:
@@ -136,14 +150,18 @@ def answer(
     case: Case, problem: Problem, ranking: Ranking, search: Search, decision: Decision, begun: float, progress: Progress
 ) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
-    best, named = decision.best, decision.verdict in (NAMED, AMBIGUOUS)
+    best = decision.best
     robots = {
         "nominal": problem.robot,
         "retuned": robot_of(problem, ranking, search.retuned, case.name),
         "improved": robot_of(problem, ranking, best, case.name),
     }
     closure = measure(problem, robots["nominal"], robots["retuned"], robots["improved"])
-    effects = effects_of(problem, ranking, best, decision.probability) if named else ()
+    effects = (
+        effects_of(problem, ranking, search, best, decision.probability)
+        if decision.verdict in (NAMED, AMBIGUOUS)
+        else ()
+    )
     experiment = None
     if decision.verdict == AMBIGUOUS:
         from exodrake.diagnosis.experiment import next_experiment

@@ -43,6 +43,12 @@ class Loop:
         self.wires = {w.name: np.zeros(machine.width(w.over)) for w in machine.wires}
         self.states, self.numbers = {}, {}
         state, at, p_at = np.zeros(sum(sum(machine.part_size(b)) for b in machine.blocks)), 0, 0
+        self.tasks_of = {
+            (b.name, t.function): (getattr(self.module, f"{b.name}__leaf__{t.function}"), outer_reads(b, t.reads))
+            for b in machine.blocks
+            for t in b.tasks
+        }
+        self.held = {b.name: [self.wires[n] for n in held_wires(b)] for b in machine.blocks}
         self.module.begin(values, state)
         for block in machine.blocks:
             size, count = sum(machine.part_size(block)), sum(e.block == block.name for e in machine.entries)
@@ -51,15 +57,20 @@ class Loop:
                 values[p_at : p_at + count].copy(),
             )
             at, p_at = at + size, p_at + count
-            self.call(block, "hold")
+            held = getattr(self.module, f"{block.name}__leaf__hold")
+            held(self.states[block.name], *self.held[block.name], self.numbers[block.name])
         self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
+        self.routing = routing(machine, values)
         self.pass_through({})
 
     def call(self, block: Block, function: str, own: tuple = (), reads: tuple = ()) -> None:
-        """A task of a part, or `hold`: its own wires follow from its state."""
-        held = [self.wires[n] for n in held_wires(block)]
-        entry = getattr(self.module, f"{block.name}__leaf__{function}")
-        entry(self.states[block.name], *held, self.numbers[block.name], *own, *reads)
+        """A task of a part: its own wires follow from its state."""
+        entry, _ = self.tasks_of[block.name, function]
+        entry(self.states[block.name], *self.held[block.name], self.numbers[block.name], *own, *reads)
+
+    def reads(self, block: Block, function: str) -> tuple[str, ...]:
+        """Wires from other parts that a task reads."""
+        return self.tasks_of[block.name, function][1]
 
     def pass_through(self, imposed: dict[str, np.ndarray]) -> None:
         """Imposed wires take their values, then wires of direct feedthrough follow."""
@@ -81,7 +92,9 @@ class Loop:
             for task in block.tasks:
                 if slot in task.slots:
                     lane = (task.slots.index(slot),) if task.lanes else ()
-                    self.call(block, task.function, lane, tuple(self.wires[n] for n in outer_reads(block, task.reads)))
+                    self.call(
+                        block, task.function, lane, tuple(self.wires[n] for n in self.reads(block, task.function))
+                    )
         self.pass_through(imposed)
 
     def tick(
@@ -97,7 +110,7 @@ class Loop:
             for task in block.tasks:
                 if task.slots:
                     continue
-                reads = tuple(before[n] for n in outer_reads(block, task.reads))
+                reads = tuple(before[n] for n in self.reads(block, task.function))
                 if block.name == "finger" and forced is not None:
                     reads = (forced[0] / SOFT, forced[1] / SOFT)
                 self.call(block, task.function, (dt,), reads)
@@ -109,7 +122,7 @@ class Loop:
         """Puts the finger into a posture, at rest."""
         x = self.states["finger"]
         x[Q : Q + 3], x[RATE : RATE + 3], self.wires["angle"][:] = angle, 0.0, angle
-        x[TAKEN : TAKEN + 3] = taken_in(self.machine, self.numbers["finger"], angle)
+        x[TAKEN : TAKEN + 3] = taken_in(self.routing, angle)
 
     def soften(self) -> None:
         """Makes the finger's wires so soft that a stroke is a force."""
@@ -118,18 +131,26 @@ class Loop:
                 self.numbers["finger"][place] = SOFT
 
 
-def taken_in(machine: Machine, p: np.ndarray, angle: np.ndarray) -> np.ndarray:
+def routing(machine: Machine, values: np.ndarray) -> list[list[tuple[float, ...]]]:
+    """a, b, m, n [m] of the routers, flexor side and extensor side, joint by joint; nothing of a machine without routers."""
+    return [
+        [
+            tuple(values[machine.index[f"router.{letter}_{side}.{joint}"]] for letter in "abmn")
+            for joint in machine.lanes.joints
+        ]
+        for side in "fe"
+        if f"router.a_{side}.{machine.lanes.joints[0]}" in machine.index
+    ]
+
+
+def taken_in(sides: list[list[tuple[float, ...]]], angle: np.ndarray) -> np.ndarray:
     """Wire taken in by the finger in a posture (3,) [m]."""
-    names = [e.name for e in machine.entries if e.block == "finger"]
-    number = {name: p[i] for i, name in enumerate(names) if name.startswith("router.")}
-
-    def one(side: str, joint: int) -> float:
-        lane = machine.lanes.joints[joint]
-        a, b, m, n = (number[f"router.{letter}_{side}.{lane}"] for letter in "abmn")
-        sign = routers.FLEXOR if side == "f" else routers.EXTENSOR
-        return routers.path(cos(angle[joint]), sin(angle[joint]), a, b, m, n, sign)[0]
-
-    return np.array([sum(one("f", i) for i in range(3)), one("f", 0), sum(one("e", i) for i in range(3))])
+    turned = [(cos(q), sin(q)) for q in angle]
+    flexor, extensor = (
+        [routers.path(*turn, *numbers, sign)[0] for turn, numbers in zip(turned, side, strict=True)]
+        for side, sign in zip(sides, (routers.FLEXOR, routers.EXTENSOR), strict=True)
+    )
+    return np.array([sum(flexor), flexor[0], sum(extensor)])
 
 
 def smoothed(rows: np.ndarray) -> np.ndarray:

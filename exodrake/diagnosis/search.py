@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.block import Effect
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
+from exodrake.diagnosis.line import Line, find, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.vocabulary import COMMON
 
@@ -47,14 +48,19 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What was tried, best first, with the nominal and the retuned robot beside it."""
+    """What was tried, best first, with the nominal and the retuned robot beside it.
+
+    lossy: commands were seen to be lost, though that does not close the gap: what was lost unseen cannot be repeated.
+    shaking: a line that was seen in the spectrum, and the robot with the tremor that leaves it: its phase cannot be repeated, either.
+    """
 
     nominal: Fitted
     retuned: Fitted
     singles: tuple[Fitted, ...] = ()
     pairs: tuple[Fitted, ...] = ()
     screened: tuple[tuple[str, float], ...] = field(default=())
-    lossy: bool = False  # commands were seen to be lost, though that does not close the gap: what was lost unseen cannot be repeated
+    lossy: bool = False
+    shaking: tuple[Line, Fitted] | None = None
 
 
 class Searcher:
@@ -258,6 +264,19 @@ class Ranking:
         return self.full.complete(
             self.full.fitter.fit(self.full.fitter.at(h, h.start, self.base.x), self.responses, steps=4)
         )
+
+    def shaking(self, fitted: Fitted) -> tuple[Line, Fitted] | None:
+        """The line of a tremor in what a robot leaves, if there is one, and the robot with that tremor."""
+        problem = self.full.problem
+        logs, at = [], 0
+        for trial in problem.fit:
+            logs.append(fitted.point.residual[at : at + trial.measured.size].reshape(trial.measured.shape))
+            at += trial.measured.size
+        line = find(problem, logs)
+        if not line.certain:
+            return None
+        both, u = tremor(self.full.fitter, fitted.point, line)
+        return line, self.full.complete(self.full.fitter.at(both, u, fitted.point.x))
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""
