@@ -61,6 +61,11 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if misfit(problem, singles[0]) <= limits.near:
         return Search(nominal, retuned, tuple(singles), (), tuple(screened))
     pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
+    if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
+        singles = sorted((*singles, other), key=lambda f: f.score)
+        if misfit(problem, other) > limits.near:
+            pairs += worth(problem, other, ranking.pairs(other), limits)
+            pairs.sort(key=lambda f: f.score)
     for _ in range(problem.robot.machine.depth - 2):
         if not pairs or misfit(problem, pairs[-1]) <= limits.near:
             break

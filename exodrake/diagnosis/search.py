@@ -254,6 +254,16 @@ class Ranking:
         best = self.refine(found, REFINED, self.responses)
         return best, [(h.name, 2.0 * cost / len(base.residual)) for cost, h, _, _ in screened]
 
+    def second_alone(self, pair: Fitted) -> Fitted:
+        """The second effect of a pair fitted without the first, which may only have stood in for it when singles were screened."""
+        assert self.responses is not None
+        machine, both = self.full.problem.robot.machine, pair.point.hypothesis
+        alone = hypothesis(machine, machine.effect(both.effects[-1]))
+        u = pair.point.u[[both.knobs.index(knob) for knob in alone.knobs]]
+        self.progress(f"{alone.name} alone")
+        start = self.full.fitter.at(alone, u, pair.point.x)
+        return self.full.complete(self.full.fitter.fit(start, self.responses, steps=8))
+
     def losing(self, singles: list[Fitted]) -> Fitted:
         """The fit of lost commands alone."""
         for f in singles:
