@@ -13,6 +13,7 @@ from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit, thresholds
+from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy, probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.line import TREMOR, named
@@ -66,10 +67,8 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
         if misfit(problem, other) > limits.near:
             pairs += worth(problem, other, ranking.pairs(other), limits)
             pairs.sort(key=lambda f: f.score)
-    for _ in range(problem.robot.machine.depth - 2):
-        if not pairs or misfit(problem, pairs[-1]) <= limits.near:
-            break
-        pairs += worth(problem, pairs[-1], ranking.pairs(pairs[-1]), limits)[:1]
+    if problem.robot.machine.depth > 2:
+        pairs += deeper(problem, ranking, pairs, limits)
     best = min((*singles, *pairs), key=lambda f: f.score)
     losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
     if losing and LOSING not in best.point.hypothesis.effects:

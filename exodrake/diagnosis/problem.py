@@ -73,6 +73,8 @@ class Problem:
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
         """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was measured."""
+        if not len(rows):
+            return np.zeros((0, sum(trial.measured.size for trial in trials)))
         parts = []
         for trial in trials:
             difference = (trial.measured[None] - self.predict(rows, trial)) / self.floor

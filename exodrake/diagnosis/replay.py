@@ -31,7 +31,7 @@ from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 
 SOFT = 1e-3  # N/m: a wire this soft is a source of force
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
-LONGEST, MOST = 12.0, 4000  # s and frames of a trial that are replayed: the loop is interpreted
+LONGEST, MOST = 12.0, 1500  # s and frames of a trial that are replayed: the loop is interpreted
 READING = 0.005  # s after the start of a frame: middle of the three bus reads
 
 
@@ -221,7 +221,7 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     """Exact Shapley shares of the closed-loop gap, and each segment's replay gap [floors], by segment.
 
     What is fed in is noisy, and a stiff wire turns a micrometre into newtons: the same replay of a log that the robot itself would have
-    written, noise and rounding included, is subtracted. No shares where nothing is left.
+    written, noise and rounding included, is subtracted. No shares where nothing is left, nor where a segment runs away with what it is fed.
     """
     frames = min(round(LONGEST / problem.robot.machine.frame), MOST)
     trial = replace(trial, reference=trial.reference[:frames], measured=trial.measured[:frames])
@@ -230,7 +230,12 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     net = {s: max(power[s] - floor[s], 0.0) for s in power}
     gaps = {s: float(np.sqrt(max(alone[s] ** 2 - floor_alone[s] ** 2, 0.0))) for s in alone}
     shares = shapley(net)
+    if max(net.values()) > RUNAWAY * net[frozenset()]:
+        return {}, {s: g for s, g in gaps.items() if g**2 * trial.measured.size < RUNAWAY * power[frozenset()]}
     return {s: shares[s] for s in problem.robot.machine.segments}, gaps
+
+
+RUNAWAY = 10.0  # a segment that makes the error this many times larger when fed with measurements integrates them, as a free mass does
 
 
 def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:

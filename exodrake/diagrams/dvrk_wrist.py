@@ -6,11 +6,10 @@ from functools import cache
 
 from exodrake.diagrams.joint_machine import joint_machine
 from exodrake.diagrams.machine import Machine
-from exodrake.effects import joint_coupling, joint_drag, joint_gain, joint_offset, joint_play
+from exodrake.effects import joint_coupling, joint_drag, joint_offset, joint_play
 from exodrake.effects.seated import seated
 
 SHELF = (
-    seated(joint_gain.EFFECT, "cable.gain"),
     seated(joint_coupling.NEXT, "cable.coupling_to_next"),
     seated(joint_coupling.PREVIOUS, "cable.coupling_to_previous"),
     seated(joint_offset.EFFECT, "cable.offset"),

@@ -1,25 +1,38 @@
-"""Friction between neighbours: a joint is dragged along by its neighbour's motion as far as its own play lets it.
+"""Friction between neighbours: the cables that pass a joint drag it along until they slip.
 
-angle_j <- angle_j + share (change of the neighbour's aim), then its own play
+shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.block import JOINTS, Effect, Number, State
 
 
-def dragged_by_next(before, ahead, behind, share):
-    """Angle before the tick [rad]."""
-    return before + share * ahead
+def shown(angle, share, reach, deflection):
+    """Angle at the joint [rad]."""
+    return angle + deflection
 
 
-def dragged_by_previous(before, ahead, behind, share):
-    """Angle before the tick [rad]."""
-    return before + share * behind
+def slipped(deflection, moved, share, reach):
+    """Deflection [rad] after the neighbour's aim moved."""
+    return min(max(deflection + share * moved, -reach), reach)
 
 
-SUMMARY = "a joint is dragged along by its neighbour, within its own play"
+def settle_by_next(dt, ahead, behind, share, reach, deflection):
+    """Deflection [rad] by the next joint along the chain."""
+    return slipped(deflection, ahead, share, reach)
+
+
+def settle_by_previous(dt, ahead, behind, share, reach, deflection):
+    """Deflection [rad] by the previous joint."""
+    return slipped(deflection, behind, share, reach)
+
+
+SUMMARY = "the cables of a neighbour drag a joint along until they slip"
 SIGNATURE = "a joint that was told to rest goes to and fro between two stops as its neighbour turns round"
-SOURCE = "friction of the cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
-SHARE = Number("share", "-", neutral=0.0, low=-1.5, high=1.5, over=JOINTS, usual=0.4)
-BY_NEXT, BY_PREVIOUS = {"joint.dragged": dragged_by_next}, {"joint.dragged": dragged_by_previous}
-NEXT = Effect("joint.drag_by_next", SUMMARY, SIGNATURE, SOURCE, BY_NEXT, (SHARE,))
-PREVIOUS = Effect("joint.drag_by_previous", SUMMARY, SIGNATURE, SOURCE, BY_PREVIOUS, (SHARE,))
+SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
+SHARE = Number("share", "-", neutral=0.0, low=-1.0, high=1.0, over=JOINTS, usual=0.4)
+REACH = Number("reach", "rad", neutral=0.1, low=0.02, high=0.4, over=JOINTS, usual=0.1, scale="log")
+BY_NEXT = {"joint.shown": shown, "joint.settle": settle_by_next}
+BY_PREVIOUS = {"joint.shown": shown, "joint.settle": settle_by_previous}
+WHAT, STATES, AT = (SHARE, REACH), (State("deflection", JOINTS, unit="rad"),), ("joint.settle",)
+NEXT = Effect("joint.drag_by_next", SUMMARY, SIGNATURE, SOURCE, BY_NEXT, WHAT, STATES, AT)
+PREVIOUS = Effect("joint.drag_by_previous", SUMMARY, SIGNATURE, SOURCE, BY_PREVIOUS, WHAT, STATES, AT)

@@ -1,18 +1,20 @@
 """Joints that go where they are told: behind a cable, a sheath or a geared servo. Nominally at once and exactly.
 
-    aim_j = command_j          angle_j <- aim_j
+    aim_j = ratio command_j          angle_j <- aim_j
 
-What the model leaves out sits at three points: where a joint aims, how its neighbours drag it along, how it follows.
+What the model leaves out sits where a joint aims, how it follows, and what its neighbours do to it.
 """
 
 import sys
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task
+from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task, Unit
 
 
 class Numbers(NamedTuple):
-    """None of its own."""
+    """How far a joint goes for its command, as its maker says."""
+
+    ratio: Annotated[tuple, Unit("-", JOINTS)]
 
 
 def aimed(e, z, j, aim, ahead, behind, setting):
@@ -23,16 +25,21 @@ def aimed(e, z, j, aim, ahead, behind, setting):
     return aim
 
 
-def dragged(e, z, j, before, ahead, behind):
-    """Point: angle before this tick [rad], moved by the neighbours; ahead, behind: how far the aims of the next and the
-    previous joint moved in this tick [rad], 0 at the ends.
-    """
-    return before
-
-
 def followed(e, z, j, aim, before, dt, setting):
     """Point: angle after the tick [rad], from the aim; before: angle so far [rad]."""
     return aim
+
+
+def shown(e, z, j, angle):
+    """Point: angle at the joint [rad], from that of its drive."""
+    return angle
+
+
+def settle(e, z, j, dt, ahead, behind):
+    """Point: states of the effects on joint j advance.
+
+    ahead, behind: how far the aims of the next and the previous joint moved in this tick [rad], 0 at the ends.
+    """
 
 
 def other(values, first, k, count):
@@ -46,24 +53,23 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
     if ready[0] > 0.0:
         first = x[3 * count] == 0.0
         for j in range(count):
-            aim = aimed(
-                e, z, j, command[j], other(command, 0, j + 1, count), other(command, 0, j - 1, count), setting[j]
-            )
+            after, last = other(command, 0, j + 1, count), other(command, 0, j - 1, count)
+            aim = aimed(e, z, j, n.ratio[j] * command[j], after, last, setting[j])
             x[2 * count + j] = 0.0 if first else aim - x[count + j]
             x[count + j] = aim
             if first:
                 x[j] = origin[j]
         for j in range(count):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
-            before = dragged(e, z, j, x[j], ahead, behind)
-            x[j] = followed(e, z, j, x[count + j], before, dt, setting[j])
+            settle(e, z, j, dt, ahead, behind)
+            x[j] = followed(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
 
 
 def output(x, z, n, e, angle):
     """Angles [rad]."""
     for j in range(angle.shape[0]):
-        angle[j] = x[j]
+        angle[j] = shown(e, z, j, x[j])
 
 
 def start(x, z, n, e, start_stroke):
@@ -83,5 +89,5 @@ BLOCK = Block(
     ),
     tasks=(Task("update", ("command", "origin", "setting", "ready")),),
     outputs=(Output("output", ("angle",)),),
-    points=tuple(Point(p, JOINTS) for p in ("aimed", "dragged", "followed")),
+    points=tuple(Point(p, JOINTS) for p in ("aimed", "followed", "shown", "settle")),
 )

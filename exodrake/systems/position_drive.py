@@ -2,7 +2,9 @@
 
     u = kv (kp (x_ref - x) - dx/dt)          F = gain u
 
-dx/dt is a backward difference over one frame, 0 in the first (Janot, Gautier, Brunot 2019: EMPS benchmark).
+dx/dt is the difference over two frames, 0 in the first. Gains: Janot, Gautier, Brunot 2019, EMPS benchmark. Two frames:
+found here, as the law with the published gains then gives the recorded output from recorded places to 0.24 %, with one
+frame to 3.3 %.
 """
 
 import sys
@@ -21,14 +23,16 @@ class Numbers(NamedTuple):
     floor: Annotated[float, Unit("N")]
 
 
-FORCE, BEFORE, STARTED = 0, 1, 2
+FORCE, BEFORE, EARLIER, STARTED = 0, 1, 2, 3
 
 
 def control(x, z, n, e, position_ref, position_read):
     """The law; wires [m]."""
-    rate = (position_read[0] - x[BEFORE]) / n.period if x[STARTED] > 0.0 else 0.0
+    if x[STARTED] == 0.0:
+        x[BEFORE] = x[EARLIER] = position_read[0]
+    rate = 0.5 * (position_read[0] - x[EARLIER]) / n.period
     x[FORCE] = n.gain * n.kv * (n.kp * (position_ref[0] - position_read[0]) - rate)
-    x[BEFORE] = position_read[0]
+    x[EARLIER], x[BEFORE] = x[BEFORE], position_read[0]
     x[STARTED] = 1.0
 
 
@@ -46,7 +50,7 @@ BLOCK = Block(
     name="drive",
     page=sys.modules[__name__],
     numbers=Numbers,
-    states=(State("force", ONE, unit="N"), State("before", ONE, unit="m"), State("started", ONE)),
+    states=(State("force", ONE, unit="N"), State("before", ONE, 2, "m"), State("started", ONE)),
     tasks=(Task("control", ("position_ref", "position_read"), slots=(2,)),),
     outputs=(Output("output", ("force",)),),
 )

@@ -69,7 +69,7 @@ def how_far(diagnosis: Diagnosis, evidence: Evidence) -> str:
     return "".join(parts)
 
 
-HELD_OUT = "Only the tension references are given; the whole robot is simulated in closed loop."
+HELD_OUT = "Only the references are given; the whole robot is simulated in closed loop."
 SPECTRUM = (
     "Power of the error on held-out logs, averaged over wires or joints, before and after. Dashed: a white error of "
     "one noise floor. What stays above it at low frequency is physics that is still missing; what lies on it is noise."

@@ -1,0 +1,70 @@
+"""Causes that come in threes and more: forward search beyond pairs, then what has become superfluous is dropped.
+
+Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`pair` in `thresholds.yaml`); one
+that was chosen early is dropped if the others explain as much without it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.diagnosis.candidates import Hypothesis
+from exodrake.diagnosis.decide import Thresholds, left_over, misfit
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.search import Fitted, Ranking
+
+SPARE = 1.02  # a set without one effect that leaves at most this many times what the whole set leaves does as well
+ROUNDS = 3  # of fitting after an effect was dropped, responses taken anew
+
+
+def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thresholds) -> list[Fitted]:
+    """Sets of three and more effects, each grown from the best one before, and the last one without what is superfluous."""
+    grown: list[Fitted] = []
+    best = min(found, key=lambda f: f.score, default=None)
+    for _ in range(problem.robot.machine.depth - 2):
+        if best is None or misfit(problem, best) <= limits.near:
+            break
+        further = [f for f in ranking.pairs(best) if left_over(problem, f, best) < limits.pair]
+        if not further:
+            break
+        best = min(further, key=lambda f: f.score)
+        grown.append(best)
+    leaner = pruned(problem, ranking, grown[-1]) if grown else []
+    return [*grown[:-1], *leaner] if leaner else grown
+
+
+def pruned(problem: Problem, ranking: Ranking, best: Fitted) -> list[Fitted]:
+    """The set without its superfluous effects; empty if all are needed."""
+    dropped: list[Fitted] = []
+    for identity in best.point.hypothesis.effects:
+        kept = dropped[-1] if dropped else best
+        if len(kept.point.hypothesis.effects) < 2:
+            break
+        less = without(ranking, kept, identity)
+        if misfit(problem, less) - 1.0 <= SPARE * (misfit(problem, kept) - 1.0):
+            dropped.append(less)
+    return dropped[-1:]
+
+
+def without(ranking: Ranking, fitted: Fitted, identity: str) -> Fitted:
+    """A set of effects fitted anew without one of them."""
+    point, fitter = fitted.point, ranking.full.fitter
+    ranking.progress(f"without {identity}")
+    keep = [i for i, knob in enumerate(point.hypothesis.knobs) if knob.effect != identity]
+    index = ranking.full.problem.robot.machine.index
+    held = tuple((place, v) for place, v in point.hypothesis.held if place not in own_places(index, identity))
+    less = Hypothesis(
+        tuple(e for e in point.hypothesis.effects if e != identity),
+        tuple(point.hypothesis.knobs[i] for i in keep),
+        held,
+    )
+    here = fitter.at(less, point.u[np.array(keep, dtype=int)], point.x)
+    for _ in range(ROUNDS):
+        ranking.own[less.name] = fitter.responses(here)
+        here = fitter.fit(here, ranking.own[less.name], steps=6)
+    return ranking.full.complete(here)
+
+
+def own_places(index: dict[str, int], identity: str) -> set[int]:
+    """Places of an effect's numbers."""
+    return {place for name, place in index.items() if name.startswith(f"{identity}.")}

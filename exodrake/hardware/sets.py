@@ -1,0 +1,44 @@
+"""The four sets: where their recordings lie, and the models that papers compare on them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+FOLDERS = {"emps": "emps", "tendon_sheath": "tendon_sheath", "so101": "sage_so101", "dvrk_wrist": "dvrk_wrist"}
+LADDERS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
+    "emps": [
+        ("frictionless inertia", ()),
+        ("viscous friction", ("carriage.viscous_friction",)),
+        ("viscous and Coulomb friction", ("carriage.coulomb_friction",)),
+        ("viscous and Coulomb friction, offset", ("carriage.offset",)),
+        ("the same, viscous friction by direction", ("carriage.direction",)),
+    ],
+    "tendon_sheath": [
+        ("rigid", ()),
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("gain, offset and play", ("sheath.play",)),
+    ],
+    "sheath_law": [
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("with capstan play and bend loss", ("sheath.capstan_play", "sheath.bend_loss")),
+    ],
+    "so101": [
+        ("ideal servo", ()),
+        ("latency", ("servo.latency",)),
+        ("latency, sag", ("servo.gravity_sag",)),
+        ("latency, sag, dead band", ("servo.dead_band",)),
+        ("latency, sag, dead band, lag", ("servo.lag",)),
+    ],
+    "dvrk_wrist": [
+        ("rigid cables", ()),
+        ("gain and offset", ("cable.offset",)),
+        ("gain, offset and play", ("cable.play",)),
+        ("with coupling", ("cable.coupling_to_next", "cable.coupling_to_previous")),
+        ("with coupling and drag", ("cable.drag_by_next", "cable.drag_by_previous")),
+    ],
+}  # fmt: skip
+
+
+def available(data: Path) -> list[str]:
+    """Names of the sets whose folders are there."""
+    return [name for name, folder in FOLDERS.items() if (data / folder).is_dir()]

@@ -1,0 +1,170 @@
+"""Diagnoses the four sets, climbs their ladders and draws: all that `docs/real.md` states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.case import Case
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.result import Diagnosis
+from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.formats.hardware import reader
+from exodrake.hardware import figures
+from exodrake.hardware.ladder import ladder, predicted
+from exodrake.hardware.measures import decimated, inverse_dynamics, relative_error, rms_degrees
+from exodrake.hardware.sets import FOLDERS, LADDERS
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What was found on a set: the diagnosis, tables (title -> rows of cells, the first a header) and figures."""
+
+    name: str
+    diagnosis: Diagnosis
+    tables: dict[str, list[tuple[str, ...]]] = field(default_factory=dict)
+    figures: tuple[str, ...] = ()
+
+
+def study(name: str, data: Path, out: Path, say: Say) -> Result:
+    """One set, diagnosed and tabulated; figures are written into `out`."""
+    case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
+    found = diagnose(case, robot, lambda step: say(f"{name}: {step}"))
+    say(f"{name}: ladder")
+    return STUDIES[name](found, case, robot, data, out)
+
+
+def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
+    """Relative force error on held-out cycles, as published; parameters against the published ones."""
+    problem = make_problem(case, robot)
+    force, trial = problem.columns.index("force_carriage"), problem.holdout[0]
+    measured = trial.measured[:, force]
+    rows: list[tuple[str, ...]] = [("model", "force error", "decimated", "published")]
+    rungs = ladder(problem, LADDERS["emps"])
+    for item, published in zip(rungs, ("69 %", "17 %", "", "4.08 %", "3.11 %"), strict=True):
+        error = item.held[0][:, force]
+        smooth = relative_error(decimated(measured), decimated(error))
+        rows.append((item.name, f"{relative_error(measured, error):.2%}", f"{smooth:.2%}", published))
+    before, after = (predicted(problem, found.robots[k], [trial])[0] for k in ("nominal", "improved"))
+    smooth = relative_error(decimated(measured), decimated(measured - after[:, force]))
+    rows.append(
+        (
+            "**what the diagnosis named**",
+            f"{relative_error(measured, measured - after[:, force]):.2%}",
+            f"{smooth:.2%}",
+            "",
+        )
+    )
+    values, error = inverse_dynamics(
+        np.concatenate([i.log["position_carriage"] for i in case.logs]),
+        np.concatenate([i.log["force_carriage"] for i in case.logs]),
+    )
+    names = (
+        "carriage.M",
+        "carriage.viscous_friction.coefficient",
+        "carriage.coulomb_friction.force",
+        "carriage.offset.force",
+    )
+    numbers: list[tuple[str, ...]] = [("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error")]
+    numbers.append(("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"))
+    numbers.append(("regression of inverse dynamics, repeated here", *(f"{v:.2f}" for v in values), f"{error:.2%}"))
+    numbers.append(("closed loop, first half fitted", *(f"{rungs[3].robot[n]:.2f}" for n in names), rows[4][2]))
+    span = slice(0, 6240)
+    panels = [("force [N]", measured[span], before[span, force], after[span, force])]
+    figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
+    return Result("emps", found, {"Force error on held-out cycles": rows, "Numbers": numbers}, ("emps.png",))
+
+
+def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
+    """RMS error of each configuration alone, second half held out; and of each one predicted from the others."""
+    read, files = (
+        reader("tendon_sheath"),
+        sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem)),
+    )
+    alone: list[tuple[str, ...]] = [("bend", *(name for name, _ in LADDERS["tendon_sheath"]))]
+    for file in files:
+        rungs = ladder(make_problem(read(file), robot), LADDERS["tendon_sheath"])
+        alone.append((f"{file.stem}°", *(f"{rms_degrees(r.held[0]):.2f}°" for r in rungs)))
+    law: list[tuple[str, ...]] = [("configuration held out", "predicted from the others")]
+    panels = []
+    for held in case.logs:
+        logs = tuple(replace(i, role="holdout" if i is held else "fit") for i in case.logs)
+        problem = make_problem(replace(case, logs=logs), robot)
+        top = ladder(problem, LADDERS["sheath_law"])[-1]
+        law.append((held.protocol.removeprefix("bend_") + "°", f"{rms_degrees(top.held[0]):.2f}°"))
+        trial = problem.holdout[0]
+        angles = (trial.reference[:, 0], trial.measured[:, 0], trial.measured[:, 0] - top.held[0][:, 0])
+        panels.append((held.protocol.removeprefix("bend_") + "° from the others", *map(np.degrees, angles)))
+    figures.loops(out / "tendon_sheath.png", panels)
+    tables = {"Each configuration alone, second half held out": alone, "Capstan law over configurations": law}
+    return Result("tendon_sheath", found, tables, ("tendon_sheath.png",))
+
+
+def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
+    """RMS error joint by joint with each further effect, and the cause that matters most in each joint."""
+    problem = make_problem(case, robot)
+    rungs = ladder(problem, LADDERS["so101"])
+    joints = robot.machine.lanes.joints
+    rows: list[tuple[str, ...]] = [("joint", *(r.name for r in rungs), "most of it")]
+    for i, joint in enumerate(joints):
+        leaders = dominant(problem, rungs[-1].robot, i)
+        rows.append((joint, *(f"{np.degrees(r.rms[i]):.2f}°" for r in rungs), leaders))
+    trial = problem.holdout[-1]
+    before, after = (predicted(problem, found.robots[k], [trial])[0] for k in ("nominal", "improved"))
+    span = slice(0, 500)
+    time = robot.machine.frame * np.arange(len(trial.measured))[span]
+    panels = [
+        (f"{j} [°]", *(np.degrees(a[span, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
+    ]
+    figures.over_time(out / "so101.png", time, panels, errors=False)
+    return Result("so101", found, {"RMS error on the second halves": rows}, ("so101.png",))
+
+
+def dominant(problem: Problem, robot: Robot, joint: int) -> str:
+    """The effect without which a joint's held-out error grows most."""
+    lane = robot.machine.lanes.joints[joint]
+    grown = {}
+    for effect in robot.machine.shelf:
+        first = effect.numbers[0]
+        place = robot.machine.index[f"{effect.id}.{first.name}.{lane}"]
+        values = robot.values.copy()
+        values[place] = first.neutral
+        left = predicted(problem, replace(robot, values=values), problem.holdout)
+        error = [t.measured[:, joint] - p[:, joint] for t, p in zip(problem.holdout, left, strict=True)]
+        grown[effect.id] = float(np.nanmean(np.concatenate(error) ** 2))
+    return max(grown, key=lambda k: grown[k])
+
+
+def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
+    """RMS error of the moved joint run by run, and of one robot for all runs, with and without coupling."""
+    joints = robot.machine.lanes.joints
+    alone: list[tuple[str, ...]] = [("run", "joint", "gain and offset", "gain, offset and play")]
+    for run in dict.fromkeys(item.protocol for item in case.logs):
+        logs = tuple(item for item in case.logs if item.protocol == run)
+        problem = make_problem(replace(case, logs=logs), robot)
+        moved = int(np.argmax(problem.fit[0].reference[:, : len(joints)].std(axis=0)))
+        rungs = ladder(problem, LADDERS["dvrk_wrist"][:3])
+        alone.append((run, joints[moved], *(f"{np.degrees(r.rms[moved]):.2f}°" for r in rungs[1:])))
+    problem = make_problem(case, robot)
+    rungs = ladder(problem, LADDERS["dvrk_wrist"])
+    together: list[tuple[str, ...]] = [
+        ("model", *(f"{t.name.split('_')[0]} {j}" for t in problem.holdout for j in joints))
+    ]
+    together += [(r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))) for r in rungs]
+    trial = problem.holdout[-1]
+    before, after = (predicted(problem, r.robot, [trial])[0] for r in (rungs[0], rungs[-1]))
+    panels = [
+        (f"{j} [°]", *(np.degrees(a[:, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
+    ]
+    figures.over_time(out / "dvrk_wrist.png", np.arange(len(trial.measured), dtype=float), panels, errors=False)
+    tables = {"Each run alone, the moved joint": alone, "One robot for all runs": together}
+    return Result("dvrk_wrist", found, tables, ("dvrk_wrist.png",))
+
+
+STUDIES = {"emps": emps, "tendon_sheath": tendon_sheath, "so101": so101, "dvrk_wrist": dvrk_wrist}

@@ -1,0 +1,120 @@
+"""Importers of the four sets, on files made here in their form, and on the recordings where they are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from exodrake.case import read_case, write_case
+from exodrake.diagnosis.problem import make_problem, required_of
+from exodrake.diagrams.robot import load_robot
+from exodrake.errors import InputError
+from exodrake.formats.hardware import SETS, reader
+from exodrake.hardware.ladder import ladder
+from exodrake.hardware.measures import decimated, relative_error, rms_degrees
+from exodrake.hardware.sets import FOLDERS, LADDERS
+
+REAL = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
+real = pytest.mark.skipif(not REAL.is_dir(), reason="no recordings of real machines here (shared/data/real)")
+
+
+def made(name: str, folder: Path) -> Path:
+    """A small set in the form of the real one."""
+    n = np.arange(40)
+    if name == "emps":
+        columns = {"t": 1e-3 * n, "qg": 1e-4 * n, "qm": 1e-4 * n - 1e-6, "vir": 0.1 * n}
+        savemat(folder / "DATA_EMPS.mat", {k: v[:, None] for k, v in columns.items()} | {"gtau": 35.0})
+    elif name == "tendon_sheath":
+        for bend in (0, 60, 120):
+            rows = np.column_stack([0.025 * (n // 4), 1.0 * n, n, 0.5 * n + bend, n, n, n, n])
+            np.savetxt(folder / f"{bend}.txt", rows, delimiter=", ")
+    elif name == "so101":
+        (folder / "run").mkdir()
+        (folder / "run" / "joint_list.txt").write_text("Rotation\nPitch\nElbow\nWrist_Pitch\nWrist_Roll\nJaw\n")
+        lists = [f'{20059.7 * k},"{[0.1 * k + j for j in range(6)]}"' for k in n]
+        (folder / "run" / "control.csv").write_text("\n".join(["timestamp,positions", *lists]))
+        (folder / "run" / "state_motor.csv").write_text("\n".join(["timestamp,positions", *lists]))
+    else:
+        act = np.ones((40, 6)) + 0.01 * n[:, None]
+        act[7] = 0.0
+        np.save(folder / "exp3_q_act_raw.npy", act)
+        np.save(folder / "exp3_q_des_raw.npy", np.tile(n[:, None], (1, 6)))
+    return folder
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_case_survives_its_folder_and_suits_its_robot(name, tmp_path):
+    (tmp_path / "in").mkdir()
+    case = reader(name)(made(name, tmp_path / "in"))
+    write_case(case, tmp_path / "out")
+    machine = load_robot(name).machine
+    again = read_case(tmp_path / "out", required_of(machine), machine.frame)
+    assert [i.role for i in again.logs] == [i.role for i in case.logs] and again.period == machine.frame
+    assert all(a.log.equals(b.log) for a, b in zip(again.logs, case.logs, strict=True))
+
+
+def test_values_units_and_dropped_rows(tmp_path):
+    folders = {name: tmp_path / name for name in SETS}
+    for folder in folders.values():
+        folder.mkdir()
+    emps, sheath, so101, wrist = (reader(name)(made(name, folders[name])).logs for name in SETS)
+    assert emps[0].log["force_carriage"][3] == pytest.approx(35.0 * 0.3) and len(emps[0].log) == 20
+    held = next(i for i in sheath if i.role == "holdout")
+    assert held.protocol == "bend_60" and len(held.log) == 10  # four rows share each time
+    assert held.log["bend_bending"][0] == pytest.approx(np.pi / 3)
+    assert np.allclose(np.degrees(held.log["angle_bending"]), 60 + 0.5 * 4 * np.arange(10))
+    assert so101[1].log["angle_WristPitch"][0] == pytest.approx(5.0) == so101[1].log["angle_start_WristPitch"][5]
+    assert sum(len(i.log) for i in wrist) == 39  # the camera missed one
+    assert wrist[0].log["angle_ref_q5"][7] == 8.0
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "text", "says"),
+    [
+        ("emps", "DATA_EMPS.mat", "no", "not a whole MAT"),
+        ("tendon_sheath", "straight.txt", "1, 2", "no bend in degrees"),
+        ("tendon_sheath", "60.txt", "1, 2\n3, x", "60.txt"),
+        ("so101", "control.csv", "timestamp,positions\n0,[1]\n", "joint_list.txt"),
+        ("dvrk_wrist", "exp3_q_des_raw.npy", "no", "not a table"),
+    ],
+)
+def test_bad_recordings_are_refused_by_name(name, file, text, says, tmp_path):
+    (tmp_path / file).write_text(text)
+    if name == "dvrk_wrist":
+        np.save(tmp_path / "exp3_q_act_raw.npy", np.ones((3, 6)))
+    with pytest.raises(InputError, match=says):
+        reader(name)(tmp_path)
+    with pytest.raises(InputError):
+        reader(name)(tmp_path / "absent")
+
+
+@real
+def test_emps_force_error_and_parameters_are_the_published_ones():
+    case, robot = reader("emps")(REAL / FOLDERS["emps"]), load_robot("emps")
+    problem = make_problem(case, robot)
+    inertia, viscous, _, full, _ = ladder(problem, LADDERS["emps"])
+    force = problem.columns.index("force_carriage")
+    measured = problem.holdout[0].measured[:, force]
+    errors = [relative_error(decimated(measured), decimated(r.held[0][:, force])) for r in (inertia, viscous, full)]
+    assert errors[0] == pytest.approx(0.69, abs=0.03) and errors[1] < 0.2 and errors[2] < 0.0408
+    found = {"carriage.M": 95.11, "carriage.viscous_friction.coefficient": 203.5}
+    found |= {"carriage.coulomb_friction.force": 20.39, "carriage.offset.force": -3.16}
+    for name, published in found.items():
+        assert full.robot[name] == pytest.approx(published, rel=0.05), name
+
+
+@real
+@pytest.mark.parametrize("bend", ["0", "60", "120", "180"])
+def test_play_brings_each_sheath_near_a_degree(bend):
+    case = reader("tendon_sheath")(REAL / FOLDERS["tendon_sheath"] / f"{bend}.txt")
+    rigid, loose, play = ladder(make_problem(case, load_robot("tendon_sheath")), LADDERS["tendon_sheath"])
+    errors = [rms_degrees(r.held[0]) for r in (rigid, loose, play)]
+    assert 19 < errors[0] < 40 and 4 < errors[1] < 14 and errors[2] < 1.3
+
+
+@real
+def test_play_of_the_wrist_joints_own_cable():
+    case = reader("dvrk_wrist")(REAL / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
+    _, loose, play = ladder(make_problem(case, load_robot("dvrk_wrist")), LADDERS["dvrk_wrist"][:3])
+    assert np.degrees(loose.rms[0]) > 1.2 and np.degrees(play.rms[0]) < 0.5

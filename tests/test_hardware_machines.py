@@ -1,0 +1,210 @@
+"""Four machines that are not the Exo-Index: laws against closed forms, both engines, planted numbers found again."""
+
+import math
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.case import Case, CaseLog
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import make_problem
+from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.simulate import Reference, record, simulate
+from exodrake.effects import (
+    carriage_coulomb_friction,
+    carriage_direction,
+    carriage_offset,
+    carriage_stribeck_friction,
+    carriage_viscous_friction,
+    joint_bend_loss,
+    joint_coupling,
+    joint_drag,
+    joint_gain,
+    joint_lag,
+    joint_offset,
+    joint_play,
+    joint_sag,
+    joint_sheath_play,
+)
+from exodrake.hardware.ladder import ladder
+
+MACHINES = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
+TWO_MOTIONS = 2
+
+
+def wander(rng: np.random.Generator, frames: int, size: float, slow: int) -> np.ndarray:
+    """A smooth random motion (frames,): three sines of random phase, the slowest of `slow` frames."""
+    n = np.arange(frames)
+    return sum(
+        size / (k + 1) * (np.sin(2 * np.pi * (k + 1) * n / slow + phase) - math.sin(phase))
+        for k, phase in enumerate(rng.uniform(0, 2 * np.pi, 3))
+    )  # fmt: skip
+
+
+def asked(name: str, seed: int) -> np.ndarray:
+    """References of a machine, starting where it stands."""
+    rng = np.random.default_rng(seed)
+    if name == "emps":
+        place = wander(rng, 3000, 0.04, 1500)
+        return np.column_stack([place, np.zeros_like(place)])
+    if name == "tendon_sheath":
+        angle = wander(rng, 500, 0.7, 220)
+        return np.column_stack([angle, 0.0 * angle, np.full(len(angle), np.radians(60.0 * (seed % 4)))])
+    joints, frames, slow = (6, 800, 90) if name == "so101" else (3, 270, 40)
+    angles = np.column_stack([wander(rng, frames, 0.25, slow + 7 * j) for j in range(joints)])
+    return np.column_stack([angles, np.zeros_like(angles)])
+
+
+def case_of(robot, name: str, seeds: range) -> Case:
+    """Logs of a robot, the last one held out."""
+    logs = [simulate(robot, Reference(asked(name, seed), f"motion {seed}"), seed=seed) for seed in seeds]
+    roles = ["fit"] * (len(logs) - 1) + ["holdout"]
+    items = [
+        CaseLog(log, f"motion {i}", role, None, f"{i}.csv")
+        for i, (log, role) in enumerate(zip(logs, roles, strict=True))
+    ]
+    return Case(name, {}, tuple(items), robot.machine.frame)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_both_engines_give_the_same_bits_with_every_effect(name):
+    robot = load_robot(name)
+    for effect in robot.machine.shelf:
+        robot = robot.splice(effect.id)
+    reference = Reference(asked(name, 1)[:120])
+    twin, drake = (record(robot, reference, seed=3, engine=engine).wires for engine in ("compiled", "drake"))
+    assert all(np.array_equal(twin[wire], drake[wire]) for wire in twin)
+    plain = record(load_robot(name), reference, seed=3).wires
+    assert not np.array_equal(plain[robot.machine.columns[-1].wire], twin[robot.machine.columns[-1].wire])
+
+
+PLANTED = {
+    "emps": {
+        "carriage.viscous_friction": {"coefficient": 150.0},
+        "carriage.coulomb_friction": {"force": 15.0},
+        "carriage.offset": {"force": -4.0},
+    },
+    "tendon_sheath": {"sheath.capstan_play": {"width": 0.3, "mu": 0.15}, "sheath.offset": {"offset": -0.04}},
+    "so101": {
+        "servo.latency": {"frames": {"Rotation": 2.5, "Pitch": 4.0, "Elbow": 3.0, "WristPitch": 2.0}},
+        "servo.dead_band": {"half_width": {"Pitch": 0.03, "Elbow": 0.04}},
+    },
+    "dvrk_wrist": {
+        "cable.play": {"half_width": {"q4": 0.03, "q5": 0.08, "q6": 0.15}},
+        "cable.coupling_to_previous": {"share": {"q6": 0.2}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_planted_effects_are_named_and_their_numbers_found(name):
+    robot = load_robot(name)
+    planted = robot
+    for identity, numbers in PLANTED[name].items():
+        lanes = {lane for v in numbers.values() if isinstance(v, dict) for lane in v}
+        planted = planted.splice(identity, numbers, sorted(lanes))
+    found = diagnose(case_of(planted, name, range(4) if name == "tendon_sheath" else range(TWO_MOTIONS)), robot)
+    assert found.verdict == "NAMED", found.reasons
+    assert {e.id for e in found.effects} == set(PLANTED[name])
+    improved = found.robots["improved"]
+    for identity, numbers in PLANTED[name].items():
+        for number, value in numbers.items():
+            for lane, wanted in (value if isinstance(value, dict) else {"": value}).items():
+                full = ".".join(part for part in (identity, number, lane) if part)
+                got = improved.lanes(full)[0]
+                assert got == pytest.approx(wanted, rel=0.1, abs=0.004), full
+    assert found.closure.overall.value > 0.98
+
+
+def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them():
+    robot = load_robot("tendon_sheath")
+    planted = robot.splice("sheath.play", {"half_width": 0.2})
+    steps = [("rigid", ()), ("play", ("sheath.play",)), ("lag", ("sheath.lag",))]
+    rigid, play, lag = (
+        r.rms[0] for r in ladder(make_problem(case_of(planted, "tendon_sheath", range(2)), robot), steps)
+    )
+    assert play < 0.05 * rigid and play == pytest.approx(load_robot("tendon_sheath")["reading.floor"], rel=0.2)
+    assert lag == pytest.approx(play, rel=0.1)
+
+
+def test_nothing_is_found_on_a_machine_as_told():
+    robot = load_robot("tendon_sheath")
+    assert diagnose(case_of(robot, "tendon_sheath", range(2)), robot).verdict == "NO_GAP"
+
+
+def test_a_braked_carriage_stops_after_the_way_that_energy_allows_and_stays():
+    mass, force, speed, dt = 95.0, 20.0, 0.2, 1e-4
+    way, v = 0.0, speed
+    for _ in range(20_000):
+        before = v
+        v = carriage_coulomb_friction.braked(v, dt / mass, force)
+        way += 0.5 * dt * (before + v)
+    assert v == 0.0 and way == pytest.approx(0.5 * mass * speed**2 / force, rel=1e-3)
+
+
+def test_laws_of_the_carriage():
+    assert carriage_viscous_friction.pushed(10.0, 0.1, 50.0) == pytest.approx(5.0)
+    assert carriage_offset.pushed(10.0, 0.1, -3.0) == 13.0
+    forwards, backwards = (carriage_direction.pushed(0.0, v, 30.0) for v in (0.2, -0.2))
+    assert forwards == backwards == pytest.approx(-6.0)
+    assert carriage_stribeck_friction.level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
+    assert carriage_stribeck_friction.level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
+
+
+def test_play_encloses_the_area_of_its_parallelogram():
+    half, size = 0.1, 1.0
+    command = size * np.sin(np.linspace(0, 4 * np.pi, 40_001))
+    angle, z = [], 0.0
+    for aim in command:
+        z = joint_play.followed(aim, z, 0.0, 0.0, half)
+        angle.append(z)
+    cycle = slice(20_000, None)
+    area = abs(np.trapezoid(np.array(angle)[cycle], command[cycle]))
+    assert area == pytest.approx(4.0 * half * (size - half), rel=1e-3)
+
+
+def test_play_of_a_sheath_grows_as_round_a_capstan():
+    ratio = joint_sheath_play.half_width(math.pi, 0.3, 0.17) / joint_sheath_play.half_width(0.0, 0.3, 0.17)
+    assert ratio == pytest.approx(math.exp(0.17 * math.pi))
+    assert joint_sheath_play.followed(1.0, 0.0, 0.0, 0.0, 0.3, 0.17) == pytest.approx(0.7)
+
+
+def test_laws_of_the_joints():
+    assert joint_gain.aimed(0.5, 0, 0, 0, -0.1) == pytest.approx(0.45)
+    assert joint_offset.aimed(0.5, 0, 0, 0, -0.1) == pytest.approx(0.4)
+    assert joint_bend_loss.aimed(0.5, 0, 0, math.pi, 0.1) == pytest.approx(0.5 * math.exp(-0.1 * math.pi))
+    assert joint_sag.aimed(0.0, 0, 0, 0, 0.03) == pytest.approx(0.03)
+    assert joint_sag.aimed(math.pi / 2, 0, 0, 0, 0.03) == pytest.approx(math.pi / 2)
+    assert joint_coupling.aimed_by_next(0.1, 1.0, 5.0, 0, 0.2) == pytest.approx(0.3)
+    assert joint_coupling.aimed_by_previous(0.1, 5.0, 1.0, 0, 0.2) == pytest.approx(0.3)
+    assert joint_drag.settle_by_next(0.01, 0.1, 5.0, 0.2, 0.1, 0.05) == pytest.approx(0.07)
+    assert joint_drag.settle_by_previous(0.01, 5.0, -1.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
+    angle = 0.0
+    for _ in range(50):
+        angle = joint_lag.followed(1.0, angle, 0.002, 0.0, 0.05)
+    assert angle == pytest.approx(1.0 - math.exp(-0.1 / 0.05))
+
+
+def test_a_dragged_joint_goes_from_one_stop_to_the_other():
+    robot = load_robot("dvrk_wrist").splice("cable.drag_by_next", {"share": 0.5, "reach": 0.1}, ["q5"])
+    rows = np.zeros((60, 6))
+    rows[:, 2] = np.concatenate([np.linspace(0, 0.8, 30), np.linspace(0.8, -0.8, 30)])
+    log = simulate(robot, Reference(rows), seed=None)
+    assert log["angle_q5"][29] == pytest.approx(0.1) and log["angle_q5"][59] == pytest.approx(-0.1)
+    assert np.all(log["angle_q4"] == 0.0)
+
+
+def test_a_robot_file_may_name_a_page_and_a_wrong_one_is_refused(tmp_path):
+    file = tmp_path / "mine.yaml"
+    numbers = "numbers: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
+    file.write_text("machine: exodrake.diagrams.tendon_sheath\n" + numbers)
+    assert load_robot(file).machine.name == "tendon_sheath"
+    file.write_text("machine: no.such.page\n" + numbers)
+    with pytest.raises(exo.InputError, match=r"no\.such\.page"):
+        load_robot(file)
+    file.write_text(
+        "machine: tendon_sheath\nscatter: [{each: [sheath.x], how: often, spread: 1, limit: 1}]\n" + numbers
+    )
+    with pytest.raises(exo.InputError, match="often"):
+        load_robot(file)
