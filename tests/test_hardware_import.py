@@ -32,7 +32,7 @@ def made(name: str, folder: Path) -> Path:
     elif name == "so101":
         (folder / "run").mkdir()
         (folder / "run" / "joint_list.txt").write_text("Rotation\nPitch\nElbow\nWrist_Pitch\nWrist_Roll\nJaw\n")
-        lists = [f'{20059.7 * k},"{[0.1 * k + j for j in range(6)]}"' for k in n]
+        lists = [f'{20059.7 * k},"{[float(0.1 * k + j) for j in range(6)]}"' for k in n]
         (folder / "run" / "control.csv").write_text("\n".join(["timestamp,positions", *lists]))
         (folder / "run" / "state_motor.csv").write_text("\n".join(["timestamp,positions", *lists]))
     else:
