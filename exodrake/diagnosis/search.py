@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.block import Effect
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
-from exodrake.diagnosis.line import Line, find, tremor
+from exodrake.diagnosis.line import TREMOR, Line, find, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.vocabulary import COMMON
 
@@ -278,6 +278,8 @@ class Ranking:
     def shaking(self, fitted: Fitted) -> tuple[Line, Fitted] | None:
         """The line of a tremor in what a robot leaves, if there is one, and the robot with that tremor."""
         problem = self.full.problem
+        if all(effect.id != TREMOR for effect in problem.robot.machine.shelf):
+            return None
         logs, at = [], 0
         for trial in problem.fit:
             logs.append(fitted.point.residual[at : at + trial.measured.size].reshape(trial.measured.shape))
