@@ -6,12 +6,13 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := parquet,mcap,cluster,control
 
-.PHONY: help demo test check docs bench clean
+.PHONY: help demo test check docs links bench clean
 help:
 	@echo "make demo    set up, then from a robot with a hidden fault to its name"
 	@echo "make test    set up, then format, lint, types and tests"
 	@echo "make check   the same without the tests"
 	@echo "make docs    the documentation, in site/"
+	@echo "make links   addresses outside that code and documentation point to"
 	@echo "make bench   how fast this machine simulates"
 	@echo "make clean   remove all that was made, $(VENV) included"
 
@@ -39,7 +40,10 @@ test: check
 
 docs: $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS),docs]"
-	$(BIN)/mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+links:
+	@grep -rhoE 'https?://[^)>" ]+' README.md CONTRIBUTING.md docs exodrake --include='*.md' --include='*.py' | sort -u
 
 bench: $(STAMP)
 	$(BIN)/exodrake bench $(ARGS)

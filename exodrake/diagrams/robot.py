@@ -43,7 +43,8 @@ class Robot:
     Attributes:
         machine: parts, wires, schedule.
         values: (n,) flat vector of numbers in SI, in the order of `machine.entries`.
-        sources, ranges: per full name, for what the file states.
+        sources: per full name, where the number comes from.
+        ranges: per full name, plausible low and high.
         limits: tension limits per wire [N]: `F_max`, `F_min`.
         grasps: tension targets per mode and wire [N].
     """

@@ -105,9 +105,7 @@ def update(x, z, n, e, dt, speed_applied, tension):
         load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension[j], n.r[j] * x[6 + j]) / n.N)
         kp, ki = n.Kp[j] * loop_gain(e, z, j, 1.0), n.Ki[j] * integral_gain(e, z, j, 1.0)
         limit = current_limit(e, z, j, n.i_max[j])
-        x[j], x[3 + j], x[6 + j] = turn(
-            w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n
-        )
+        x[j], x[3 + j], x[6 + j] = turn(w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n)
         settle(e, z, j, dt, x[j])
 
 
@@ -126,7 +124,18 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r[j]
 
 
-POINTS = ("follow", "command", "loop_gain", "integral_gain", "current_limit", "load", "drag", "wound", "winding", "settle")
+POINTS = (
+    "follow",
+    "command",
+    "loop_gain",
+    "integral_gain",
+    "current_limit",
+    "load",
+    "drag",
+    "wound",
+    "winding",
+    "settle",
+)
 
 BLOCK = Block(
     name="motor",

@@ -1,0 +1,129 @@
+"""Pages that are made from the package when the site is built: commands, effects, Python reference, thresholds."""
+
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.resources import files
+
+import click
+from mkdocs.structure.files import File, Files
+
+from exodrake import PUBLIC
+from exodrake.cli import COMMANDS, cli
+from exodrake.commands.effects import describe, reach
+from exodrake.diagrams.robot import MACHINES, load_robot
+
+# heading -> names of the Python page, in order; what is in none of them comes last
+GROUPS = {
+    "Robots": ("load_robot", "write_robot", "Robot"),
+    "Simulation": ("simulate", "record", "Reference", "Recording", "build_diagram"),
+    "What a robot is asked": (
+        *("grasp", "sweeps", "short_sweeps", "chirp", "holds", "steps", "multisine", "random_motion"),
+        *("protocol", "from_log", "plan_grasp"),
+    ),
+    "Logs and cases": ("Log", "read_log", "write_log", "regularise", "Case", "CaseLog", "read_case", "write_case"),
+    "Diagnosis": ("diagnose", "Diagnosis"),
+    "The closed loop": ("analyse", "ClosedLoop"),
+    "Drake systems": (
+        *("TendonFinger", "MotorDynamics", "TensionSensor", "Encoder", "MotionCapture", "AdmittanceController"),
+        *("MotorBus", "GPEstimator"),
+    ),
+}
+
+
+def on_config(config):
+    """Fills the nav's lists of generated pages."""
+    for section in config.nav:
+        for title, entries in section.items():
+            if title == "Reference":
+                commands = [{name: f"reference/commands/{name}.md"} for name in cli.list_commands(click.Context(cli))]
+                entries.append({"Commands": ["reference/commands/index.md", *commands]})
+    return config
+
+
+def on_files(files: Files, config):
+    """Adds the generated pages."""
+    for path, text in pages():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page, config, files):
+    """Puts the thresholds where a page asks for them."""
+    return markdown.replace("<!-- thresholds -->", thresholds())
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """(path, Markdown) of every generated page."""
+    context = click.Context(cli, info_name="exodrake")
+    names = cli.list_commands(context)
+    lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
+    yield "reference/commands/index.md", "# Commands\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
+    for name in names:
+        yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
+    yield "reference/effects.md", effects_page()
+    yield "reference/python.md", python_page()
+
+
+def command_page(command: click.Command, name: str, parent: click.Context, level: int = 1) -> str:
+    """A command's help as it prints it, sub-commands below."""
+    context = click.Context(command, info_name=name, parent=parent, max_content_width=100, terminal_width=100)
+    text = f"{'#' * level} `{context.command_path}`\n\n```text\n{command.get_help(context).strip()}\n```\n"
+    for below in getattr(command, "commands", {}).values():
+        text += "\n" + command_page(below, below.name, context, level + 1)
+    return text
+
+
+def effects_page() -> str:
+    """All shelves: what each effect is, its equation, parameters, signature and source."""
+    text = (
+        "# The effects\n\nWhat the nominal models leave out, made from the shelves when this site was built;"
+        " `exodrake effects` prints the same.\nAn effect is absent, bit for bit, where its first parameter has the"
+        " value under *absent at*. Keys such as [S:Stillsuit]\nare listed with"
+        " [the physics](../explain/physics.md#sources).\n"
+    )
+    for name in MACHINES:
+        machine = load_robot(name).machine
+        if machine.shelf:
+            text += f"\n## {name}\n"
+            text += "".join(effect_entry(describe(machine, effect), effect, name) for effect in machine.shelf)
+    return text
+
+
+def effect_entry(page: dict, effect, machine: str) -> str:
+    """One effect."""
+    anchor = effect.id if machine == "exo_index" else f"{machine}.{effect.id}"
+    title, _, rest = page["equation"].partition("\n\n")
+    if not title.lower().startswith(page["summary"].lower()):
+        title, rest = f"{page['summary']}.", page["equation"]
+    title = " ".join(title.split())
+    lines = [f"\n### `{effect.id}` {{ #{anchor.replace('.', '-')} }}", "", title[:1].upper() + title[1:], ""]
+    lines += ["```{.text .wrap}", rest, "```", ""] if rest else []
+    lines += ["| parameter | plausible | usual | absent at | one per |", "|---|---|---|---|---|"]
+    for number, row in zip(effect.numbers, page["parameters"], strict=True):
+        absent = f"{number.neutral:g}" if number is effect.numbers[0] else ""
+        per = ", ".join(row["lanes"]) or "robot"
+        lines.append(f"| `{number.name}` | {reach(number)} | {number.typical:.4g} | {absent} | {per} |")
+    lines += ["", f"*Shows as* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
+    return "\n".join(lines)
+
+
+def python_page() -> str:
+    """The public names, from their docstrings."""
+    named = {name for group in GROUPS.values() for name in group}
+    groups = GROUPS | {"Others": tuple(name for name in PUBLIC if name not in named)}
+    text = "# Python\n\n`import exodrake as exo`; a module is imported when one of its names is first used.\n"
+    for heading, names in groups.items():
+        text += f"\n## {heading}\n\n" + "".join(f"::: {where(name)}\n\n" for name in names if name in PUBLIC)
+    return text
+
+
+def where(name: str) -> str:
+    """Full name of a public name, at the module that defines it."""
+    found = getattr(import_module(PUBLIC[name]), name)
+    return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
+
+
+def thresholds() -> str:
+    """The thresholds as they are used, comments included."""
+    text = (files("exodrake.diagnosis") / "thresholds.yaml").read_text()
+    return f"```yaml\n{text.strip()}\n```"
