@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from exodrake.blind import make as making
 from exodrake.blind import run as running
@@ -16,6 +17,8 @@ from exodrake.blind.mix import CaseMix
 from exodrake.blind.score import score
 from exodrake.blind.seal import read_sealed
 from exodrake.case import read_case
+from exodrake.cli import cli
+from exodrake.diagnosis.many import diagnose_one
 from exodrake.errors import InputError
 from tests.short_sets import answers, write_set
 
@@ -111,7 +114,7 @@ def test_answers_of_another_configuration_are_refused_or_redone(tmp_path):
 def test_a_worker_with_another_configuration_gives_no_answer(tmp_path):
     write_set(tmp_path / "set", healthy=1)
     with pytest.raises(RuntimeError, match=r"asked for is version of tomorrow"):
-        running.diagnose_one(read_case(tmp_path / "set" / "case_00"), {"version": "of tomorrow"})
+        diagnose_one(read_case(tmp_path / "set" / "case_00"), "", {"version": "of tomorrow"})
 
 
 def contents(folder):
@@ -143,3 +146,31 @@ def test_a_set_is_the_same_whatever_made_it_and_an_interrupted_one_is_completed(
         name + end for name in ("one", "two", "cut") for end in ("", "-labels.json")
     )
     assert sorted(path.name for path in (tmp_path / "cut").iterdir()) == ["case_00", "case_01", "case_02", "seal.txt"]
+
+
+def test_diagnose_takes_several_cases(uninterrupted, tmp_path):
+    write_set(tmp_path / "set", healthy=2)
+    cases = [str(tmp_path / "set" / name) for name in ("case_00", "case_01")]
+    result = CliRunner().invoke(cli, ["diagnose", *cases, "--out", str(tmp_path / "out"), "--jobs", "1"])
+    assert result.exit_code == 0 and result.output.count("NO_GAP") == 2, result.output
+    assert answers(tmp_path / "out") == {name: uninterrupted[name] for name in ("case_00", "case_01")}
+    assert not list((tmp_path / "set").glob("*/diagnosis.json"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["a", "b"], "several cases need --out"),
+        (["a", "b", "--out", "o", "--json", "x.json"], "--json is for one case"),
+        (["a", "--cluster", "nowhere"], "for several cases"),
+        (["a", "c/a", "--out", "o"], "same name as a"),
+        (["a", "gone", "--out", "o"], "gone: no such folder"),
+    ],
+)
+def test_diagnose_refuses_what_does_not_fit_before_it_works(tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b", "c/a"):
+        (tmp_path / name).mkdir(parents=True)
+    result = CliRunner().invoke(cli, ["diagnose", *words])
+    assert result.exit_code == 2 and said in result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c"]

@@ -25,19 +25,45 @@ CANDIDATE = 3  # % for each candidate
 
 
 @click.command()
-@click.argument("case")
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
 @click.option("--json", "json_file", **FILE, help="Write the answer as JSON, in SI.")
 @click.option("--report", **FILE, help="Write a report as one HTML page.")
 @click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
 @click.option("--robot", default="", metavar="FILE", help="Nominal robot: a file, or the name of a built-in robot.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
+@click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
+@click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
-    case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None
-) -> None:
+    cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
+    jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
+) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
-    CASE is a folder of logs (see its case.yaml) or one log file.
+    CASE is a folder of logs (see its case.yaml) or one log file. Several are diagnosed side by side, one core each,
+    into --out: FOLDER/CASE/diagnosis.json as soon as it is there; the same command goes on where it was interrupted.
     """
+    if len(cases) != 1 or out is not None:
+        from exodrake.commands.diagnose_many import diagnose_many
+
+        refuse_files(json_file, report, out_robot)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo)
+    if cluster or redo:
+        raise click.UsageError("--cluster and --redo are for several cases, with --out")
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs)
+
+
+def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
+    """UsageError for files that hold one answer."""
+    for name, path in (("--json", json_file), ("--report", report), ("--out-robot", out_robot)):
+        if path is not None:
+            raise click.UsageError(f"{name} is for one case; several are written to --out")
+
+
+def diagnose_case(
+    case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None
+) -> None:
+    """One case: summary and files."""
     from exodrake.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.diagnosis.report.summary import print_summary
