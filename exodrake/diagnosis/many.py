@@ -117,14 +117,17 @@ def diagnose_all(
     Raises:
         InputError: as `unanswered` and `parallel.each`, and where nothing can be written.
     """
-    wanted = configured(robot)
+    from exodrake.diagnosis.problem import required_of
+
+    machine = (load_robot(robot) if robot else load_robot()).machine
+    required, wanted = required_of(machine), configured(robot)
     waiting = unanswered(places, wanted, redo)
     book, sent = Book(places, waiting, progress), []
 
     def readable() -> Iterator[tuple[Case, str, dict[str, str]]]:
         for case in waiting:
             try:
-                read = read_case(case)
+                read = read_case(case, required, machine.frame)
             except Exception as error:  # as for a diagnosis that fails
                 book.fail(case, f"{type(error).__name__}: {error}")
                 continue
