@@ -42,7 +42,7 @@ def measured(seed: int, robots: int, number: int) -> tuple[float, float, float]:
         problem = make_problem(read_case(Path(folder) / drawn.name), load_robot())
     ranking = Ranking(problem)
     retuned = ranking.retuned()
-    best = ranking.singles()[0][0]
+    best = ranking.singles(quiet=True)[0][0]
     return misfit(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
 
 

@@ -26,6 +26,7 @@ class Thresholds:
     form: float
     margin: float
     pair: float
+    second: float
 
 
 @cache

@@ -56,10 +56,10 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     shaking = None if is_quiet(problem, retuned, limits) else ranking.shaking(retuned)
     if shaking:
         return Search(nominal, retuned, shaking=shaking)
-    singles, screened = ranking.singles()
+    singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
     if misfit(problem, singles[0]) > limits.near and (shaking := ranking.shaking(singles[0])):
         return Search(nominal, retuned, tuple(singles), (), tuple(screened), shaking=shaking)
-    if misfit(problem, singles[0]) <= limits.near:
+    if is_quiet(problem, singles[0], limits):
         return Search(nominal, retuned, tuple(singles), (), tuple(screened))
     pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
     if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
@@ -79,8 +79,10 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
 
 
 def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
-    """Pairs whose second effect removes enough of what the first leaves."""
-    return [f for f in pairs if left_over(problem, f, single) < limits.pair]
+    """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case but for its law."""
+    if misfit(problem, single) > limits.near:
+        return [f for f in pairs if left_over(problem, f, single) < limits.pair]
+    return [f for f in pairs if left_over(problem, f, single) < limits.second and is_quiet(problem, f, limits)]
 
 
 def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:

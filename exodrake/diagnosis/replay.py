@@ -31,7 +31,7 @@ from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 
 SOFT = 1e-3  # N/m: a wire this soft is a source of force
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
-LONGEST, MOST = 12.0, 1500  # s and frames of a trial that are replayed: the loop is interpreted
+LONGEST, MOST = 8.0, 1500  # s and frames of a trial that are replayed: the loop is interpreted
 READING = 0.005  # s after the start of a frame: middle of the three bus reads
 
 

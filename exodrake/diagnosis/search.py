@@ -199,17 +199,18 @@ TURNS = 5  # values at which an effect of the whole robot is tried
 
 LOSING = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
-SHORTLIST, SURVIVORS, REFINED = (
-    12,
-    4,
-    2,
-)  # effects raced; fitted to the end; refined on whole trials with their own responses
+SHORTLIST, SURVIVORS, REFINED = 12, 3, 2  # effects raced; fitted to the end; refined on whole trials
+FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be there is small, and screening it linear
 SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
-RETUNES, SETTLED = 4, 50.0  # rounds at most; a round that lowers the cost by less is the last
+RETUNES, SETTLED = (
+    4,
+    0.1,
+)  # rounds at most; one that lowers the cost by less than this share is the last: they converge quadratically
 NEARBY = (
     60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
 )
-CONTENDS = 3.0  # a candidate whose misfit is within this factor of the best one's is refined, too
+CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
+FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -239,19 +240,20 @@ class Ranking:
             if better.misfit < NEARBY:
                 self.base, self.responses = better, responses
             gain, point = point.cost - better.cost, better
-            if gain < SETTLED:
+            if gain < SETTLED * better.cost:
                 break
         return self.full.complete(point)
 
-    def singles(self) -> tuple[list[Fitted], list[tuple[str, float]]]:
-        """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects."""
+    def singles(self, quiet: bool = False) -> tuple[list[Fitted], list[tuple[str, float]]]:
+        """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects. quiet: see `FEW`."""
         self.progress("screening effects")
         assert self.responses is not None
         kept, base = self.kept_rows(self.responses), self.quick.fitter.at(NOTHING, np.zeros(0), self.base.x)
         gram = kept.T @ kept
         screened = self.quick.screen(base, kept, gram)
-        found = self.race(screened[:SHORTLIST], kept, gram, SURVIVORS)
-        best = self.refine(found, REFINED, self.responses)
+        shortlist, survivors, refined = FEW if quiet else (SHORTLIST, SURVIVORS, REFINED)
+        found = self.race(screened[:shortlist], kept, gram, survivors)
+        best = self.refine(found, refined, self.responses)
         return best, [(h.name, 2.0 * cost / len(base.residual)) for cost, h, _, _ in screened]
 
     def second_alone(self, pair: Fitted) -> Fitted:
@@ -322,7 +324,7 @@ class Ranking:
             found.append(start)
         found.sort(key=lambda p: p.cost)
         for k, p in enumerate(found[:count]):
-            if k == 0 or p.misfit < CONTENDS * found[0].misfit:
+            if p.misfit > FLOORED and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
                 self.own[p.hypothesis.name] = fitter.responses(p)
                 found[k] = fitter.fit(p, self.own[p.hypothesis.name], steps=4)
         return sorted(map(self.full.complete, found), key=lambda f: f.score)
