@@ -49,6 +49,7 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "angle_start": ("rad",), "bend": ("rad",),
     "angle_speed": ("rad/s",),
     "position": ("rad", "m"), "position_ref": ("rad", "m"), "position_start": ("rad", "m"),
+    "speed_start": ("rad/s", "m/s"),
     "velocity": ("rad/s", "m/s"), "velocity_ref": ("rad/s", "m/s"),
     "current": ("A",), "current_ref": ("A",), "voltage": ("V",), "voltage_ref": ("V",),
     "torque": ("N m",), "torque_ref": ("N m",), "force": ("N",), "force_ref": ("N",),

@@ -47,7 +47,7 @@ def asked(name: str, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     if name == "emps":
         place = wander(rng, 3000, 0.04, 1500)
-        return np.column_stack([place, np.zeros_like(place)])
+        return np.column_stack([place, np.zeros_like(place), np.zeros_like(place)])
     if name == "tendon_sheath":
         angle = wander(rng, 500, 0.7, 220)
         return np.column_stack([angle, 0.0 * angle, np.full(len(angle), np.radians(60.0 * (seed % 4)))])

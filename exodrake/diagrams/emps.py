@@ -26,6 +26,7 @@ SHELF = (
 TABLE = (
     Wire("position_ref", "m", JOINTS),
     Wire("position_start", "m", JOINTS),
+    Wire("speed_start", "m/s", JOINTS),
     Wire("noise_position", "-", JOINTS),
     Wire("force", "N", JOINTS),
     Wire("position", "m", JOINTS),
@@ -34,6 +35,7 @@ TABLE = (
 COLUMNS = (
     Column("position_ref", "position_ref"),
     Column("position_start", "position_start"),
+    Column("speed_start", "speed_start"),
     Column("position", "position_read"),
     Column("force", "force"),
 )
@@ -52,11 +54,11 @@ def emps() -> Machine:
         lanes=Lanes((), ("carriage",)),
         wires=TABLE,
         blocks=(carriage.BLOCK, linear_scale.BLOCK, position_drive.BLOCK),
-        given=("position_ref", "position_start", "noise_position"),
+        given=("position_ref", "position_start", "speed_start", "noise_position"),
         columns=COLUMNS,
         shelf=SHELF,
         frame=1e-3,
-        slots=4,
+        slots=16,  # so short that from reading to force takes the drive next to no time
         noise=("scale.sigma",),
         resolution=("scale.step",),
         compared=("position", "force"),

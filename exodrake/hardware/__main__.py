@@ -25,6 +25,7 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     import yaml
 
     matplotlib.use("Agg")
+    from exodrake.diagrams.robot import write_robot
     from exodrake.files import write_text
     from exodrake.hardware.page import page, table, verdict
     from exodrake.hardware.sets import available
@@ -35,6 +36,11 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
         raise InputError(f"{data}: none of the sets is there")
     (out / "real").mkdir(parents=True, exist_ok=True)
     results = [study(name, data, out / "real", lambda step: click.echo(step, err=True)) for name in names]
+    for result in results:
+        for title, robot in {f"{result.name}_named": result.diagnosis.robots["improved"], **result.robots}.items():
+            write_robot(
+                robot, out / "real" / f"{title}.yaml", f"fitted to {result.name} by python -m exodrake.hardware"
+            )
     if only:
         for result in results:
             click.echo(verdict(result.diagnosis))

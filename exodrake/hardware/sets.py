@@ -33,8 +33,8 @@ LADDERS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
         ("rigid cables", ()),
         ("gain and offset", ("cable.offset",)),
         ("gain, offset and play", ("cable.play",)),
-        ("with coupling", ("cable.coupling_to_next", "cable.coupling_to_previous")),
-        ("with coupling and drag", ("cable.drag_by_next", "cable.drag_by_previous")),
+        ("with drag by neighbours", ("cable.drag_by_next", "cable.drag_by_previous")),
+        ("with drag and coupling", ("cable.coupling_to_next", "cable.coupling_to_previous")),
     ],
 }  # fmt: skip
 

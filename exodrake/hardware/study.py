@@ -24,10 +24,11 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What was found on a set: the diagnosis, tables (title -> rows of cells, the first a header) and figures."""
+    """What was found on a set: the diagnosis, fitted robots, tables (title -> rows, the first a header), figures."""
 
     name: str
     diagnosis: Diagnosis
+    robots: dict[str, Robot] = field(default_factory=dict)
     tables: dict[str, list[tuple[str, ...]]] = field(default_factory=dict)
     figures: tuple[str, ...] = ()
 
@@ -78,7 +79,8 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
     span = slice(0, 6240)
     panels = [("force [N]", measured[span], before[span, force], after[span, force])]
     figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
-    return Result("emps", found, {"Force error on held-out cycles": rows, "Numbers": numbers}, ("emps.png",))
+    kept = {"emps_direction": rungs[4].robot, "emps_offset": rungs[3].robot}
+    return Result("emps", found, kept, {"Force error on held-out cycles": rows, "Numbers": numbers}, ("emps.png",))
 
 
 def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
@@ -103,7 +105,13 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
         panels.append((held.protocol.removeprefix("bend_") + "° from the others", *map(np.degrees, angles)))
     figures.loops(out / "tendon_sheath.png", panels)
     tables = {"Each configuration alone, second half held out": alone, "Capstan law over configurations": law}
-    return Result("tendon_sheath", found, tables, ("tendon_sheath.png",))
+    problem = make_problem(replace(case, logs=tuple(replace(i, role="fit") for i in case.logs)), robot)
+    kept = {
+        "tendon_sheath_law": ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["sheath_law"])[
+            -1
+        ].robot
+    }
+    return Result("tendon_sheath", found, kept, tables, ("tendon_sheath.png",))
 
 
 def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
@@ -123,7 +131,9 @@ def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> 
         (f"{j} [°]", *(np.degrees(a[span, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
     ]
     figures.over_time(out / "so101.png", time, panels, errors=False)
-    return Result("so101", found, {"RMS error on the second halves": rows}, ("so101.png",))
+    return Result(
+        "so101", found, {"so101_all": rungs[-1].robot}, {"RMS error on the second halves": rows}, ("so101.png",)
+    )
 
 
 def dominant(problem: Problem, robot: Robot, joint: int) -> str:
@@ -158,13 +168,13 @@ def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path
     ]
     together += [(r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))) for r in rungs]
     trial = problem.holdout[-1]
-    before, after = (predicted(problem, r.robot, [trial])[0] for r in (rungs[0], rungs[-1]))
+    before, after = (predicted(problem, r.robot, [trial])[0] for r in (rungs[0], rungs[3]))
     panels = [
         (f"{j} [°]", *(np.degrees(a[:, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
     ]
     figures.over_time(out / "dvrk_wrist.png", np.arange(len(trial.measured), dtype=float), panels, errors=False)
     tables = {"Each run alone, the moved joint": alone, "One robot for all runs": together}
-    return Result("dvrk_wrist", found, tables, ("dvrk_wrist.png",))
+    return Result("dvrk_wrist", found, {"dvrk_wrist_drag": rungs[3].robot}, tables, ("dvrk_wrist.png",))
 
 
 STUDIES = {"emps": emps, "tendon_sheath": tendon_sheath, "so101": so101, "dvrk_wrist": dvrk_wrist}

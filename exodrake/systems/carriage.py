@@ -40,10 +40,11 @@ def update(x, z, n, e, dt, force):
         x[PLACE] += 0.5 * dt * (before + x[SPEED])
 
 
-def place(x, z, n, e, position_start):
-    """In the first frame the carriage stands where the log starts; wire [m]."""
+def place(x, z, n, e, position_start, speed_start):
+    """In the first frame the carriage is where the log starts, and as fast; wires [m], [m/s]."""
     if x[STARTED] == 0.0:
         x[PLACE] = position_start[0]
+        x[SPEED] = speed_start[0]
         x[STARTED] = 1.0
 
 
@@ -62,7 +63,7 @@ BLOCK = Block(
     page=sys.modules[__name__],
     numbers=Numbers,
     states=(State("place", ONE, unit="m"), State("speed", ONE, unit="m/s"), State("started", ONE)),
-    tasks=(Task("update", ("force",)), Task("place", ("position_start",), slots=(0,))),
+    tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output("output", ("position",)),),
     points=(Point("pushed", ONE), Point("braked", ONE)),
 )

@@ -35,14 +35,16 @@ def case(path: Path) -> Case:
     signals = {
         "position_ref_carriage": reference,
         "position_start_carriage": np.full(len(place), place[0]),
+        "speed_start_carriage": np.full(len(place), speed_at_start(place)),
         "position_carriage": place,
         "force_carriage": gain[0] * volts,
     }
-    units = {name: "N" if name.startswith("force") else "m" for name in signals}
+    kinds = {"force": "N", "speed": "m/s", "position": "m"}
+    units = {name: kinds[name.split("_")[0]] for name in signals}
     log = Log(FRAME * np.arange(len(t)), signals, units, str(file))
     repeats = len(log) > 3 * CYCLE and np.allclose(reference[2 * CYCLE :], reference[: len(log) - 2 * CYCLE], atol=1e-9)
     middle = 2 * CYCLE if repeats else len(log) // 2
-    first, second = restarted(log.rows(slice(0, middle))), restarted(log.rows(slice(middle, None)))
+    first, second = (moving(restarted(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
     return Case(
         "emps",
         {},
@@ -52,3 +54,14 @@ def case(path: Path) -> Case:
         ),
         FRAME,
     )
+
+
+def speed_at_start(place: np.ndarray) -> float:
+    """Speed over the first two frames [m/s]."""
+    return float(place[2] - place[0]) / (2.0 * FRAME)
+
+
+def moving(log: Log) -> Log:
+    """A log that starts at the speed of its first rows."""
+    speed = np.full(len(log), speed_at_start(log["position_carriage"]))
+    return log.with_signals({"speed_start_carriage": speed}, {"speed_start_carriage": "m/s"})
