@@ -35,7 +35,7 @@ def over_time(
             low.plot(time, measured - after, color=AFTER, lw=0.8)
             low.axhline(0.0, color=MEASURED, lw=0.5)
             low.set_ylabel("error left")
-    axes[0, 0].legend(loc="upper right", ncols=3, frameon=False, fontsize=8)
+    axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8)
     axes[-1, 0].set_xlabel("time [s]")
     save(figure, path)
 
