@@ -178,8 +178,8 @@ def test_laws_of_the_joints():
     assert joint_sag.aimed(math.pi / 2, 0, 0, 0, 0.03) == pytest.approx(math.pi / 2)
     assert joint_coupling.aimed_by_next(0.1, 1.0, 5.0, 0, 0.2) == pytest.approx(0.3)
     assert joint_coupling.aimed_by_previous(0.1, 5.0, 1.0, 0, 0.2) == pytest.approx(0.3)
-    assert joint_drag.settle_by_next(0.01, 0.1, 5.0, 0.0, 0.0, 0.2, 0.1, 0.05) == pytest.approx(0.07)
-    assert joint_drag.settle_by_previous(0.01, 5.0, -1.0, 0.0, 0.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
+    assert joint_drag.settle_by_next(0.01, 0.1, 5.0, 0.2, 0.1, 0.05) == pytest.approx(0.07)
+    assert joint_drag.settle_by_previous(0.01, 5.0, -1.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
     angle = 0.0
     for _ in range(50):
         angle = joint_lag.followed(1.0, angle, 0.002, 0.0, 0.05)

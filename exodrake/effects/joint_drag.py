@@ -16,14 +16,14 @@ def slipped(deflection, moved, share, reach):
     return min(max(deflection + share * moved, -reach), reach)
 
 
-def settle_by_next(dt, ahead, behind, begun_ahead, begun_behind, share, reach, deflection):
+def settle_by_next(dt, ahead, behind, share, reach, deflection):
     """Deflection [rad] by the next joint along the chain."""
-    return slipped(deflection + begun_ahead, ahead, share, reach)
+    return slipped(deflection, ahead, share, reach)
 
 
-def settle_by_previous(dt, ahead, behind, begun_ahead, begun_behind, share, reach, deflection):
+def settle_by_previous(dt, ahead, behind, share, reach, deflection):
     """Deflection [rad] by the previous joint."""
-    return slipped(deflection + begun_behind, behind, share, reach)
+    return slipped(deflection, behind, share, reach)
 
 
 SUMMARY = "the cables of a neighbour drag a joint along until they slip"

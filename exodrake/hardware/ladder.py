@@ -77,7 +77,9 @@ def rung(problem: Problem, fitter: Fitter, point: Point, name: str) -> Rung:
     noisy = [problem.robot.machine.index[n] for n in (*problem.robot.machine.noise, *problem.robot.machine.resolution)]
     kept = values.copy()
     kept[noisy] = problem.robot.values[noisy]
-    robot = Robot(problem.robot.machine, kept, problem.robot.sources, problem.robot.ranges, source=f"fitted: {name}")
+    nominal = problem.robot
+    fitted = {e.name: "fitted" for e, a, b in zip(nominal.machine.entries, kept, nominal.values, strict=True) if a != b}
+    robot = Robot(nominal.machine, kept, {**nominal.sources, **fitted}, nominal.ranges, source=f"fitted: {name}")
     held = tuple(t.measured - problem.predict(values[None], t)[0] for t in problem.holdout)
     return Rung(name, robot, held)
 

@@ -34,7 +34,7 @@ def page(results: list[Result], words: dict[str, dict[str, str]]) -> str:
         parts += [f"## {said['title']}\n\n{said['published'].strip()}\n", verdict(result.diagnosis)]
         parts += [f"{title}:\n\n{table(rows)}\n" for title, rows in result.tables.items()]
         parts += [f"![{result.name}](real/{name})\n" for name in result.figures]
-        parts.append(said.get("remark", ""))
+        parts.append(said.get("remark", "").strip() + "\n")
     parts.append(FALLS_SHORT + words["short"]["remark"])
     return "\n".join(parts).rstrip() + "\n"
 
@@ -50,7 +50,7 @@ def verdict(found: Diagnosis) -> str:
     ]
     if shares:
         lines.append(f"Shares of the segments between measured wires: {shares}.")
-    lines += [f"{reason[0].upper()}{reason[1:]}." for reason in found.reasons]
+    lines += [f"Why: {reason}." for reason in found.reasons]
     rows: list[tuple[str, ...]] = [("effect", "parameter", "joint", "value", "90 % interval")]
     for effect in found.effects:
         for name, item in effect.parameters.items():

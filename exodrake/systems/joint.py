@@ -35,12 +35,10 @@ def shown(e, z, j, angle):
     return angle
 
 
-def settle(e, z, j, dt, ahead, behind, begun_ahead, begun_behind):
+def settle(e, z, j, dt, ahead, behind):
     """Point: states of the effects on joint j advance.
 
     ahead, behind: how far the aims of the next and the previous joint moved in this tick [rad], 0 at the ends.
-    begun_...: in the first tick, how far off its aim the joint stands [rad]; that counts for the next joint, or for the
-    last one's previous one.
     """
 
 
@@ -59,13 +57,11 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
             aim = aimed(e, z, j, n.ratio[j] * command[j], after, before, setting[j])
             x[2 * count + j] = 0.0 if first else aim - x[count + j]
             x[count + j] = aim
+            if first:
+                x[j] = origin[j]
         for j in range(count):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
-            begun = origin[j] - x[count + j] if first else 0.0
-            last = j == count - 1
-            settle(e, z, j, dt, ahead, behind, 0.0 if last else begun, begun if last else 0.0)
-            if first:
-                x[j] = origin[j] - shown(e, z, j, 0.0)
+            settle(e, z, j, dt, ahead, behind)
             x[j] = followed(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
 
