@@ -105,6 +105,22 @@ class Fitter:
                 return point
         return point
 
+    def leap(self, point: Point, responses: np.ndarray, knob: int, value: float) -> tuple[float, Point]:
+        """The point with a nominal knob set to `value`, the other knobs following by their responses: the cost that these promise, and
+        the point from which a fit may go on."""
+        x = point.x.copy()
+        x[knob] = value
+        moved = self.at(point.hypothesis, point.u, x)
+        others = np.arange(len(x)) != knob
+        rest, prior = responses[:, others], 1.0 / self.spread[others] ** 2
+        normal = rest.T @ rest + np.diag(prior)
+        descent = -(rest.T @ moved.residual + prior * x[others])
+        move = bounded_solve(normal, descent, -self.limit[others] - x[others], self.limit[others] - x[others])
+        x[others] += move
+        return moved.cost - float(descent @ move) + 0.5 * float(move @ normal @ move), self.at(
+            point.hypothesis, point.u, x
+        )
+
     def corrected(
         self, responses: np.ndarray, gram: np.ndarray, slopes: np.ndarray, point: Point, trial: Point
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -128,15 +144,15 @@ class Fitter:
         self, point: Point, slopes: np.ndarray, responses: np.ndarray, gram: np.ndarray, damping: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """u and x after one damped Gauss-Newton step within bounds."""
-        scales = point.hypothesis.scales
+        scales, prior = point.hypothesis.scales, 1.0 / self.spread**2
         scaled = slopes * scales
         count = len(scales)
         normal = np.empty((count + len(self.knobs),) * 2)
         normal[:count, :count] = scaled.T @ scaled
         normal[:count, count:] = scaled.T @ responses
         normal[count:, :count] = normal[:count, count:].T
-        normal[count:, count:] = gram + np.diag(1.0 / self.spread**2)
-        descent = -np.concatenate([scaled.T @ point.residual, responses.T @ point.residual + point.x / self.spread**2])
+        normal[count:, count:] = gram + np.diag(prior)
+        descent = -np.concatenate([scaled.T @ point.residual, responses.T @ point.residual + prior * point.x])
         low, high = point.hypothesis.bounds.T if count else (np.zeros(0), np.zeros(0))
         bounds = (
             np.concatenate([(low - point.u) / scales, -self.limit - point.x]),

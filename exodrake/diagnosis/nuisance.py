@@ -16,6 +16,9 @@ from exodrake.errors import InputError
 SCALES, ADDS = "scales", "adds"
 
 
+SUDDEN = ("finger.q_f", "finger.q_e")  # end stops: a motion meets them or does not
+
+
 @dataclass(frozen=True)
 class Knob:
     """Places in the flat numbers that move together: `how` is SCALES (1 + x), ADDS (+ x) or stretches (exp x)."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from exodrake.block import Effect
+from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
 from exodrake.diagnosis.line import TREMOR, Line, find, tremor
@@ -210,6 +211,10 @@ NEARBY = (
     60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
 )
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
+LEAPS, LEAP_GAIN = (
+    (-0.6, -0.3, 0.3, 0.6),
+    50.0,
+)  # of a stop's limit, where it is tried; gain of cost that is worth a fit
 FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
@@ -237,12 +242,26 @@ class Ranking:
             responses = fitter.responses(point)
             self.responses = responses if self.responses is None else self.responses
             better = fitter.fit(point, responses, steps=8)
+            better = self.leapt(better, responses)
             if better.misfit < NEARBY:
                 self.base, self.responses = better, responses
             gain, point = point.cost - better.cost, better
             if gain < SETTLED * better.cost:
                 break
         return self.full.complete(point)
+
+    def leapt(self, point: Point, responses: np.ndarray) -> Point:
+        """The point, or a better one with an end stop elsewhere: it is met suddenly, and a fit that starts on its wrong side stays there."""
+        fitter = self.full.fitter
+        for i in (i for i, knob in enumerate(fitter.knobs) if knob.name.startswith(nuisance.SUDDEN)):
+            best = min(
+                (fitter.leap(point, responses, i, share * fitter.limit[i]) for share in LEAPS),
+                key=lambda found: found[0],
+            )
+            if best[0] < point.cost - LEAP_GAIN:
+                trial = fitter.fit(best[1], responses, steps=8)
+                point = trial if trial.cost < point.cost else point
+        return point
 
     def singles(self, quiet: bool = False) -> tuple[list[Fitted], list[tuple[str, float]]]:
         """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects. quiet: see `FEW`."""
