@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,7 @@ import numpy as np
 MEASURED, BEFORE, AFTER = "#1f2933", "#d9822b", "#1d4ed8"
 
 
-def over_time(
-    path: Path, time: np.ndarray, panels: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]], errors: bool = True
-) -> None:
+def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: bool = True) -> None:
     """Panels over time [s]: label, measured, before, after (n,) each, with the error after below each where wanted."""
     import matplotlib.pyplot as plt
 
@@ -40,7 +39,7 @@ def over_time(
     save(figure, path)
 
 
-def loops(path: Path, panels: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> None:
+def loops(path: Path, panels: Sequence[tuple]) -> None:
     """Side by side: title, command, measured and improved angle (n,) [deg]."""
     import matplotlib.pyplot as plt
 

@@ -21,8 +21,7 @@ def decimated(force: np.ndarray) -> np.ndarray:
     """A force (n,) filtered both ways and thinned out, as identification papers do before they compare."""
     from scipy.signal import butter, filtfilt
 
-    low, high = butter(ORDER, CUT / (0.5 * FRICTION_RATE))
-    return filtfilt(low, high, force)[::DECIMATION]
+    return filtfilt(*butter(ORDER, CUT / (0.5 * FRICTION_RATE)), force)[::DECIMATION]  # pyright: ignore
 
 
 def rms_degrees(residual: np.ndarray) -> float:
@@ -38,7 +37,7 @@ def inverse_dynamics(place: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, 
     """
     from scipy.signal import butter, filtfilt
 
-    low, high = butter(ORDER, WIDE / (0.5 * FRICTION_RATE))
+    low, high = butter(ORDER, WIDE / (0.5 * FRICTION_RATE))  # pyright: ignore
     smooth, wanted = filtfilt(low, high, place), filtfilt(low, high, force)[EDGE:-EDGE:THIN]
     speed = np.gradient(smooth, 1.0 / FRICTION_RATE)
     columns = (np.gradient(speed, 1.0 / FRICTION_RATE), speed, filtfilt(low, high, np.sign(speed)), np.ones_like(speed))

@@ -48,5 +48,6 @@ def read(file: Path) -> Log:
     if rows.shape[1] != COLUMNS:
         raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
     rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]
-    log = joint_log(("bending",), *(np.radians(rows[:, [c]]) for c in (COMMAND, ANGLE)), FRAME, str(file))
+    command, angle = np.radians(rows[:, [COMMAND]]), np.radians(rows[:, [ANGLE]])
+    log = joint_log(("bending",), command, angle, FRAME, str(file))
     return log.with_signals({"bend_bending": np.full(len(log), bend_of(file))})
