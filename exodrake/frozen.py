@@ -13,7 +13,7 @@ THRESHOLDS = PACKAGE / "diagnosis" / "thresholds.yaml"
 ANSWERING = ("block.py", "case.py", "clock.py", "log.py", "systems", "effects", "diagrams", "robots", "diagnosis")
 ASIDE = (
     "diagnosis/report/",
-    "diagnosis/calibrate.py",
+    "diagnosis/healthy.py",
     "diagnosis/bench.py",
     "diagrams/draw.py",
     "diagrams/drake_bench.py",

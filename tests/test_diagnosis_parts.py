@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from exodrake.case import Case, CaseLog
-from exodrake.diagnosis import drops, replay
-from exodrake.diagnosis.calibrate import healthy_case
-from exodrake.diagnosis.candidates import hypothesis
+from exodrake.diagnosis import drops, line, replay
+from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.closure import closure
-from exodrake.diagnosis.decide import decide, thresholds
+from exodrake.diagnosis.decide import decide
 from exodrake.diagnosis.fit import Fitter, bounded_solve
 from exodrake.diagnosis.floor import noise_floor, sensor_floor
+from exodrake.diagnosis.healthy import healthy_case, scattered
 from exodrake.diagnosis.problem import columns_of, make_problem
 from exodrake.diagnosis.regime import explained, since_reversal
+from exodrake.diagnosis.retune import retuned
 from exodrake.diagnosis.search import Fitted, Search
 from exodrake.diagrams.late import cubic
 from exodrake.diagrams.robot import load_robot
@@ -138,16 +139,51 @@ def test_a_planted_effect_is_recovered(robot, identity, numbers, lanes):
 def test_the_nominal_robot_shows_no_gap(robot):
     problem = make_problem(short_case(robot), robot)
     fitter = Fitter(problem)
-    point = fitter.at(hypothesis(robot.machine, robot.machine.shelf[0]), np.zeros(3), np.zeros(len(fitter.knobs)))
+    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
     held = problem.residual(problem.silent()[None], problem.holdout)[0]
     fitted = Fitted(point, held)
     assert decide(problem, Search(fitted, fitted)).verdict == "NO_GAP"
 
 
 def test_healthy_robots_scatter_every_number_and_no_effect(robot):
-    case = healthy_case(robot, 5)
-    assert [item.role for item in case.logs] == ["fit", "fit", "fit", "holdout"]
-    assert thresholds().quiet > 1.0
+    assert [item.role for item in healthy_case(robot, 5).logs] == ["fit", "fit", "fit", "holdout"]
+    drawn = scattered(robot, np.random.default_rng(5)).values
+    present = np.array([entry.neutral is not None for entry in robot.machine.entries])
+    assert np.array_equal(drawn[present], robot.values[present])
+    stiffness = robot.machine.index["finger.kappa.PIP"]
+    assert 0.0 < abs(drawn[stiffness] / robot.values[stiffness] - 1.0) < 0.08
+
+
+def test_an_end_stop_on_the_other_side_is_found(robot):
+    """A fit that starts before a stop which no motion meets learns nothing of it: it has to leap."""
+    stop = "finger.q_f.MCP"
+    truth = robot.with_numbers({stop: 0.93 * robot[stop]}, source="planted")
+    logs = [
+        CaseLog(simulate(truth, Reference(ask.tension[:1000], name), seed=k), name, role, None, f"{name}.csv")
+        for k, (name, role, ask) in enumerate(
+            (("sweeps", "fit", protocols.short_sweeps(robot)), ("holds", "holdout", protocols.holds(robot, seed=2)))
+        )
+    ]
+    problem = make_problem(Case("stop", {}, tuple(logs)), robot)
+    fitter = Fitter(problem)
+    origin = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    found = retuned(fitter, origin).point
+    place = [knob.name for knob in fitter.knobs].index(stop)
+    assert found.misfit < 1.05 < origin.misfit
+    assert found.x[place] == pytest.approx(-0.07, abs=0.02)
+
+
+def test_a_line_in_the_spectrum_is_told_from_noise(robot):
+    problem = make_problem(short_case(robot), robot)
+    rng = np.random.default_rng(2)
+    columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame
+    quiet = [rng.standard_normal((2000, columns)) for _ in range(3)]
+    assert not line.find(problem, quiet).certain
+    shaken = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(quiet)]
+    found = line.find(problem, shaken)
+    assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
+    assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
+    assert not line.find(problem, [quiet[0], quiet[1], shaken[2]]).certain  # in one log only: no tremor
 
 
 def test_late_motion_capture_shows_in_a_simulated_log(robot):

@@ -1,4 +1,5 @@
-"""Where the thresholds of healthy robots come from: healthy robots of the second reality, numbers scattered, motions unseen.
+"""Where the thresholds of healthy robots come from: healthy robots of the second reality, numbers scattered, motions
+unseen.
 
     python -m exodrake.blind.calibrate --seed 7 --robots 40 --jobs 2
 

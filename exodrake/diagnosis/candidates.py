@@ -1,8 +1,9 @@
-"""Hypotheses as a fit sees them: a vector u for the parameters of one or more effects, and its way to a robot's flat numbers.
+"""Hypotheses as a fit sees them: a vector u for the parameters of one or more effects, and its way to a robot's flat
+numbers.
 
-An effect's first number has one entry per lane, its other numbers one entry for all lanes. u = 0 is where the first number is neutral:
-u = value - neutral, log(value / neutral) for a factor, or 1 / value for a stiffness; a further number has u = log(value) or value, as its
-`scale` says.
+An effect's first number has one entry per lane, its other numbers one entry for all lanes. u = 0 is where the first
+number is neutral: u = value - neutral, log(value / neutral) for a factor, or 1 / value for a stiffness; a further
+number has u = log(value) or value, as its `scale` says.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ CONFIDENCE = 0.90
 
 
 def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.ndarray]:
-    """Residuals (n, columns) [floors] of a robot on the held-out logs, by closed-loop simulation in the Drake Diagram."""
+    """Residuals (n, columns) [floors] of a robot on the held-out logs, in closed loop in the Drake Diagram."""
     found = []
     for trial in problem.holdout:
         run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)

@@ -1,4 +1,6 @@
-"""From fitted candidates to a verdict. Thresholds are calibrated on simulated robots (`calibrate.py`) and kept in `thresholds.yaml`."""
+"""From fitted candidates to a verdict. Thresholds are calibrated on simulated robots (`blind/calibrate.py`) and kept in
+`thresholds.yaml`.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ def thresholds() -> Thresholds:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """A verdict, the candidate behind it, its rivals (best first, itself included), probabilities and reasons in words."""
+    """A verdict, the candidate behind it, its rivals (best first, itself included), probabilities, and reasons."""
 
     verdict: str
     best: Fitted
@@ -84,8 +86,10 @@ def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> 
 
 
 def as_good(problem: Problem, fitted: Fitted, best: Fitted, limits: Thresholds) -> bool:
-    """Whether a candidate comes so near the best that the difference may be an accident: of the noise, as among effects that are not there
-    at all, or of the form of the model, where the best itself leaves something above the floor."""
+    """Whether a candidate comes so near the best that the difference may be an accident.
+
+    Of the noise, as among effects that are not there at all; or of the law, where the best itself leaves something.
+    """
     final = misfit(problem, best)
     samples = len(best.point.residual) + len(best.held)
     form = (limits.alike - 1.0) * max(final - limits.quiet, 0.0) * 0.5 * samples

@@ -1,7 +1,7 @@
 """Causes that come in threes and more: forward search beyond pairs, then what has become superfluous is dropped.
 
-Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`pair` in `thresholds.yaml`); one
-that was chosen early is dropped if the others explain as much without it.
+Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`pair` in
+`thresholds.yaml`); one that was chosen early is dropped if the others explain as much without it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ ROUNDS = 3  # of fitting after an effect was dropped, responses taken anew
 
 
 def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thresholds) -> list[Fitted]:
-    """Sets of three and more effects, each grown from the best one before, and the last one without what is superfluous."""
+    """Sets of three and more effects, each grown from the best one before, and the last one without what is
+    superfluous.
+    """
     grown: list[Fitted] = []
     best = min(found, key=lambda f: f.score, default=None)
     for _ in range(problem.robot.machine.depth - 2):
@@ -48,7 +50,7 @@ def pruned(problem: Problem, ranking: Ranking, best: Fitted) -> list[Fitted]:
 
 def without(ranking: Ranking, fitted: Fitted, identity: str) -> Fitted:
     """A set of effects fitted anew without one of them."""
-    point, fitter = fitted.point, ranking.full.fitter
+    point, fitter = fitted.point, ranking.full
     ranking.progress(f"without {identity}")
     keep = [i for i, knob in enumerate(point.hypothesis.knobs) if knob.effect != identity]
     index = ranking.full.problem.robot.machine.index
@@ -62,7 +64,7 @@ def without(ranking: Ranking, fitted: Fitted, identity: str) -> Fitted:
     for _ in range(ROUNDS):
         ranking.own[less.name] = fitter.responses(here)
         here = fitter.fit(here, ranking.own[less.name], steps=6)
-    return ranking.full.complete(here)
+    return ranking.complete(here)
 
 
 def own_places(index: dict[str, int], identity: str) -> set[int]:

@@ -1,7 +1,8 @@
 """Which speed commands were lost on the way to the drives, decoded frame by frame from a log.
 
-A lost command can be seen where it would have changed the speed by much: the drive is simulated on the measured commands and tensions,
-once with the command and once without, and the stroke of the next frames decides. What cannot be seen counts as received.
+A lost command can be seen where it would have changed the speed by much: the drive is simulated on the measured
+commands and tensions, once with the command and once without, and the stroke of the next frames decides. What cannot be
+seen counts as received.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ Z90 = 1.645
 
 @dataclass(frozen=True, eq=False)
 class Drops:
-    """`lottery` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen, lost: those lost."""
+    """`lottery` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen, lost: those
+    lost.
+    """
 
     lottery: np.ndarray
     events: int
@@ -44,7 +47,9 @@ class Drive:
         self.slots, self.dt = machine.slots, machine.slot
 
     def frame(self, state: np.ndarray, before: np.ndarray, after: np.ndarray, tension: np.ndarray) -> np.ndarray:
-        """Advances `state` over one frame from read to read; the speed changes on the way. Returns the strokes (3,) [m]."""
+        """Advances `state` over one frame from read to read; the speed changes on the way. Returns the strokes (3,)
+        [m].
+        """
         stroke, speed, angle = np.zeros(3), np.zeros(3), np.zeros(3)
         for tick in range(self.slots):
             applied = np.where(tick >= WRITE_AFTER_READ, after, before)
@@ -123,6 +128,8 @@ LOSSY, BROKEN = (
 
 
 def lossy(drops: list[Drops]) -> bool:
-    """Whether the decoded losses are evidence of their own; a drive that follows badly loses commands in this sense, too."""
+    """Whether the decoded losses are evidence of their own; a drive that follows badly loses commands in this sense,
+    too.
+    """
     share, low, _ = probability(drops)
     return low > LOSSY and share < BROKEN

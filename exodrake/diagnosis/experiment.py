@@ -16,7 +16,9 @@ DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds
 
 
 def menu(problem: Problem) -> dict[str, Reference]:
-    """Experiments that the robot can run, cheapest first: the Exo-Index's protocols, or its own motion at other sizes and speeds."""
+    """Experiments that the robot can run, cheapest first: the Exo-Index's protocols, or its own motion at other sizes
+    and speeds.
+    """
     if tendon_finger.BLOCK in problem.robot.machine.blocks:
         return exo_menu(problem.robot)
     own = problem.fit[0].reference
@@ -42,7 +44,8 @@ def exo_menu(robot: Robot) -> dict[str, Reference]:
 def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
     """The experiment with the largest simulated difference between the rivals.
 
-    Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [floors] between the closest pair.
+    Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [floors]
+    between the closest pair.
     """
     best: dict[str, Any] = {}
     for name, reference in menu(problem).items():

@@ -2,8 +2,8 @@
 
     cost = 1/2 |r|^2 + 1/2 |x / spread|^2          r = (measured - simulated) / floor
 
-by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed once at a point and shared;
-each step then corrects it along the way it went (Broyden 1965), so that a fit goes on converging.
+by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed once at a
+point and shared; each step then corrects it along the way it went (Broyden 1965), so that a fit goes on converging.
 """
 
 from __future__ import annotations
@@ -106,8 +106,10 @@ class Fitter:
         return point
 
     def leap(self, point: Point, responses: np.ndarray, knob: int, value: float) -> tuple[float, Point]:
-        """The point with a nominal knob set to `value`, the other knobs following by their responses: the cost that these promise, and
-        the point from which a fit may go on."""
+        """The point with a nominal knob set to `value`, the other knobs following by their responses.
+
+        Returns the cost that these promise, and the point from which a fit may go on.
+        """
         x = point.x.copy()
         x[knob] = value
         moved = self.at(point.hypothesis, point.u, x)
@@ -124,7 +126,8 @@ class Fitter:
     def corrected(
         self, responses: np.ndarray, gram: np.ndarray, slopes: np.ndarray, point: Point, trial: Point
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Responses to the nominal knobs, and their Gram matrix, after Broyden's update with the step from `point` to `trial`.
+        """Responses to the nominal knobs, and their Gram matrix, after Broyden's update with the step from `point` to
+        `trial`.
 
         The effect's knobs get their part of the step's error, too, but their slopes are taken anew at each step.
         """

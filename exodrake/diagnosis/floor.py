@@ -1,7 +1,8 @@
-"""Noise floor of each signal: from trials that repeat the same reference, else from two simulated runs of the nominal robot, whose loop
-passes sensor noise on to every signal.
+"""Noise floor of each signal: from trials that repeat the same reference, else from two simulated runs of the nominal
+robot, whose loop passes sensor noise on to every signal.
 
-Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not show it.
+Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not
+show it.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def asked_rows(machine: Machine, log: Log) -> np.ndarray:
 
 
 def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
-    """Standard deviation of a run about its repeat [unit of the column], by simulation of the first fitted reference."""
+    """Standard deviation of a run about its repeat [unit of the column], by simulating the first fitted reference."""
     reference = Reference(np.nan_to_num(asked_rows(robot.machine, case.fit_logs[0].log)), "floor")
     a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}

@@ -1,8 +1,9 @@
 """Intervals of fitted parameters, and the lanes that an effect really sits on.
 
-Residuals are coloured, so J'J alone is too sure: the covariance is the larger, entry by entry of the diagonal, of (J'J + prior)^-1 and a
-sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. To that comes what no residual shows: a
-parameter of friction, creep or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
+Residuals are coloured, so J'J alone is too sure: the covariance is the larger, entry by entry of the diagonal, of (J'J
++ prior)^-1 and a sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. To that
+comes what no residual shows: a parameter of friction, creep or contact belongs to a law, reality follows another one,
+and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from exodrake.diagnosis.vocabulary import SELF_DEFINED
 
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 BLOCK = 2.0  # s, longer than the memory of the loop
-LAW = 0.2  # relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
+# relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
+LAW = 0.2
 SAME_LAW = 0.01  # of a parameter that means the same in every law: integration and rounding; assumed
 PRESENT = 4.0  # standard deviations from neutral at which a lane counts as affected
 MINOR = 0.12  # of the strongest lane: weaker lanes count as leakage from it

@@ -1,7 +1,9 @@
-"""A line in the spectrum of what is left: a tremor, whose wandering phase no simulation repeats, so that it is seen rather than fitted.
+"""A line in the spectrum of what is left: a tremor, whose wandering phase no simulation repeats, so that it is seen
+rather than fitted.
 
-It is one if a narrow band holds most of what is left above the floor and holds alike in every log, whatever the reference does. The power
-that each joint's torque would leave in each signal, by simulation, then tells the joint and the torque.
+It is one if a narrow band holds most of what is left above the floor and holds alike in every log, whatever the
+reference does. The power that each joint's torque would leave in each signal, by simulation, then tells the joint and
+the torque.
 """
 
 from __future__ import annotations
@@ -20,13 +22,16 @@ TREMOR = "finger.tremor"
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
 HALF, ASIDE = 0.6, 1.8  # Hz, half the band of a line, and the end of its neighbourhood; the phase wanders: assumed
+LEAST = 0.02  # of the floor: less than this is nothing left
 MOST = 0.6  # of what is left above the floor
 ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """frequency [Hz], power (columns,) [floor^2], its share of what is left above the floor, and the weakest log against the mean."""
+    """frequency [Hz], power (columns,) [floor^2], its share of what is left above the floor, and the weakest log
+    against the mean.
+    """
 
     frequency: float
     power: np.ndarray
@@ -43,7 +48,7 @@ def find(problem: Problem, logs: list[np.ndarray]) -> Line:
     """The strongest line in residuals (n, columns) [floor] of several logs."""
     spectra = [spectrum(problem, log) for log in logs]
     weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
-    frequency, whole = spectra[0][0], sum(w * s[1] for w, s in zip(weights, spectra, strict=True))
+    frequency, whole = spectra[0][0], np.tensordot(weights, np.array([s[1] for s in spectra]), axes=1)
     sought = (frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1]))
     peak = float(frequency[sought][np.argmax(whole.sum(axis=1)[sought])])
     powers = np.array([in_band(frequency, s[1], peak) for s in spectra])
@@ -51,7 +56,7 @@ def find(problem: Problem, logs: list[np.ndarray]) -> Line:
     left = sum(w * float(np.mean(np.sum(log**2, axis=1))) for w, log in zip(weights, logs, strict=True))
     each = powers.sum(axis=1)
     steady = float(each.min() / max(each.mean(), 1e-12))
-    return Line(peak, power, float(power.sum() / max(left - len(power), 1e-12)), steady)
+    return Line(peak, power, float(power.sum() / max(left - len(power), LEAST * len(power))), steady)
 
 
 def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -108,7 +108,8 @@ def diagnose_all(
     """Diagnose the unfinished of many cases; an interruption loses nothing that was done.
 
     Args:
-        places: case -> folder for its answer. jobs, cluster: as in `parallel.each`. robot: nominal robot, a name or a file
+        places: case -> folder for its answer. jobs, cluster: as in `parallel.each`. robot: nominal robot, a name or a
+        file
             (which each worker reads itself); the built-in one if empty.
         progress: called with how many are answered, have failed, and are there.
         redo: answer anew what was answered with another configuration.

@@ -1,7 +1,9 @@
-"""Small errors of the nominal numbers, which every hypothesis may have: one knob for each number or set of numbers that errs together.
+"""Small errors of the nominal numbers, which every hypothesis may have: one knob for each number or set of numbers that
+errs together.
 
-A knob multiplies its numbers by 1 + x, adds x, or multiplies by exp(x) a number that is known in order of magnitude only; x has the
-standard deviation `spread`, and a retune may use up to `limit`. Which numbers scatter, and how much, is said in the robot file.
+A knob multiplies its numbers by 1 + x, adds x, or multiplies by exp(x) a number that is known in order of magnitude
+only; x has the standard deviation `spread`, and a retune may use up to `limit`. Which numbers scatter, and how much, is
+said in the robot file.
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
 
     Args:
-        case: a case, or its folder. robot: the nominal robot; the built-in one if None. progress: called with what is being done.
+        case: a case, or its folder. robot: the nominal robot; the built-in one if None. progress: called with what is
+        being done.
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
@@ -79,7 +80,9 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
 
 
 def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
-    """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case but for its law."""
+    """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case
+    but for its law.
+    """
     if misfit(problem, single) > limits.near:
         return [f for f in pairs if left_over(problem, f, single) < limits.pair]
     return [f for f in pairs if left_over(problem, f, single) < limits.second and is_quiet(problem, f, limits)]
@@ -88,7 +91,7 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresho
 def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:
     """The robot of a fitted point: the problem's own, with its retuned numbers and effects."""
     point = fitted.point
-    values = nuisance.turned(problem.robot.values, ranking.full.fitter.knobs, point.x)
+    values = nuisance.turned(problem.robot.values, ranking.full.knobs, point.x)
     changed = {
         e.name: f"fitted to {source}"
         for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True)
@@ -110,7 +113,7 @@ def effects_of(
         return ()
     if fitted.name == TREMOR and search.shaking:
         return (named(fitted.point, search.shaking[0], machine.lanes.joints),)
-    fitter = ranking.full.fitter
+    fitter = ranking.full
     responses = ranking.own.get(fitted.name)
     estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
     found = []
@@ -140,7 +143,9 @@ def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:
 
 
 def baselines_of(search: Search) -> dict[str, str]:
-    """What trivial methods would have said: smallest fitted residual alone, and raw BIC with every sample counted as independent."""
+    """What trivial methods would have said: smallest fitted residual alone, and raw BIC with every sample counted as
+    independent.
+    """
     if not search.singles:
         return {"replay": "retune", "bic": "retune"}
     everything = (search.retuned, *search.singles)
@@ -172,7 +177,7 @@ def answer(
     if decision.verdict == AMBIGUOUS:
         from exodrake.diagnosis.experiment import next_experiment
 
-        rows = np.array([ranking.full.fitter.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
+        rows = np.array([ranking.full.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
         experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
     progress("where it lies")
     where = place(problem, ranking.full, search, decision, effects)

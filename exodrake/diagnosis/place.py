@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.diagnosis.decide import Decision
+from exodrake.diagnosis.fit import Fitter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.replay import segment_gaps
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
-from exodrake.diagnosis.search import Fitted, Search, Searcher
+from exodrake.diagnosis.search import Fitted, Search
 
 TRACED = 0.5  # a wire or joint with this share of the strongest one's residual counts as affected
 
@@ -30,12 +31,12 @@ def block_shares(search: Search) -> dict[str, float]:
 
 
 def place(
-    problem: Problem, searcher: Searcher, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]
+    problem: Problem, fitter: Fitter, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]
 ) -> Where:
     """Block, lanes, Shapley shares of the segments, replay gaps and regime."""
     if decision.verdict in (NO_GAP, RETUNE):
         return Where(block="none")
-    values = searcher.fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
+    values = fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
     segments, replay = segment_gaps(problem, values, problem.holdout[0]) if several(problem) else ({}, {})
     residuals = split(problem, search.retuned)
     shares = block_shares(search)

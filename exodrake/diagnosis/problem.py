@@ -1,4 +1,6 @@
-"""A case as a regression: what was measured, in units of its floor, and what a robot of given numbers would have logged."""
+"""A case as a regression: what was measured, in units of its floor, and what a robot of given numbers would have
+logged.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +22,10 @@ from exodrake.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One log of a case as arrays: `reference` (n, references) [SI], `measured` (n, columns) [SI], NaN where missing, and the commands that
-    seem lost (used by the effect of that name only)."""
+    """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
+
+    drops: the commands that seem lost, used by the effect of that name only.
+    """
 
     name: str
     role: str
@@ -59,7 +63,9 @@ class Problem:
         return places
 
     def predict(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
-        """Logs (rows, n, columns) [SI], noise-free and unquantised, of robots with the flat numbers `rows` (rows, numbers)."""
+        """Logs (rows, n, columns) [SI], noise-free and unquantised, of robots with the flat numbers `rows` (rows,
+        numbers).
+        """
         machine = self.robot.machine
         module, count = compile_machine(machine), wire_count(machine)
         n = len(trial.reference)
@@ -72,7 +78,9 @@ class Problem:
         return seen_late(machine, records, self.wires)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was measured."""
+        """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was
+        measured.
+        """
         if not len(rows):
             return np.zeros((0, sum(trial.measured.size for trial in trials)))
         parts = []
@@ -113,7 +121,9 @@ WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad,
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
-    """Columns that every log of the case has, of the kinds that can be compared, in the machine's order whatever the file's."""
+    """Columns that every log of the case has, of the kinds that can be compared, in the machine's order whatever the
+    file's.
+    """
     over = {c.kind: machine.lanes.of(machine.wire[c.wire].over) for c in machine.columns}
     wanted = [f"{kind}_{lane}" for kind in machine.compared for lane in over[kind]]
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
@@ -140,7 +150,9 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 
 
 def make_problem(case: Case, robot: Robot) -> Problem:
-    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only; without held-out logs the last fitted one is held out."""
+    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only;
+    without held-out logs the last fitted one is held out.
+    """
     robot = robot.with_numbers(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)

@@ -1,7 +1,7 @@
 """Regime of a gap: how much of the residual's variance each condition explains.
 
-A condition sorts the frames into bins; the share explained is the correlation ratio: variance of the bin means over the whole variance,
-less what chance would explain. `frequency` is the share of the residual's power below 1 Hz.
+A condition sorts the frames into bins; the share explained is the correlation ratio: variance of the bin means over the
+whole variance, less what chance would explain. `frequency` is the share of the residual's power below 1 Hz.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
-"""Replay: each segment between measured wires is fed what was measured, so that it does not inherit an error from upstream.
+"""Replay: each segment between measured wires is fed what was measured, so that it does not inherit an error from
+upstream.
 
-The measured wires cut a machine into segments (`Machine.segments`). What lies between two measured wires cannot be told apart by replay;
-of the Exo-Index loop:
+The measured wires cut a machine into segments (`Machine.segments`). What lies between two measured wires cannot be told
+apart by replay; of the Exo-Index loop:
 
-    controller   tension -> speed command        motor    speed command, tension -> stroke     (bus, drive, encoder)
-    tendon       stroke, angle -> tension (cell) finger   tension -> angle                      (sheath, finger, motion capture)
+    controller   tension -> speed command        motor    speed command, tension -> stroke  (bus, drive, encoder)
+    tendon       stroke, angle -> tension (cell) finger   tension -> angle     (sheath, finger, motion capture)
 
-A segment is *fixed* by putting the measured output in place of the simulated one; the Shapley share of a segment is its average part in the
-fall of the gap over all orders of fixing, exact over all subsets.
+A segment is *fixed* by putting the measured output in place of the simulated one; the Shapley share of a segment is its
+average part in the fall of the gap over all orders of fixing, exact over all subsets.
 """
 
 from __future__ import annotations
@@ -104,7 +105,9 @@ class Loop:
         forced: tuple[np.ndarray, np.ndarray] | None,
         held: np.ndarray | None,
     ) -> None:
-        """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in place of its own."""
+        """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in
+        place of its own.
+        """
         before = {name: values.copy() for name, values in self.wires.items()}
         for block in self.machine.blocks:
             for task in block.tasks:
@@ -132,7 +135,9 @@ class Loop:
 
 
 def routing(machine: Machine, values: np.ndarray) -> list[list[tuple[float, ...]]]:
-    """a, b, m, n [m] of the routers, flexor side and extensor side, joint by joint; nothing of a machine without routers."""
+    """a, b, m, n [m] of the routers, flexor side and extensor side, joint by joint; nothing of a machine without
+    routers.
+    """
     return [
         [
             tuple(values[machine.index[f"router.{letter}_{side}.{joint}"]] for letter in "abmn")
@@ -147,7 +152,7 @@ def taken_in(sides: list[list[tuple[float, ...]]], angle: np.ndarray) -> np.ndar
     """Wire taken in by the finger in a posture (3,) [m]."""
     turned = [(cos(q), sin(q)) for q in angle]
     flexor, extensor = (
-        [routers.path(*turn, *numbers, sign)[0] for turn, numbers in zip(turned, side, strict=True)]
+        [routers.path(c, s, a, b, m, n, sign)[0] for (c, s), (a, b, m, n) in zip(turned, side, strict=True)]
         for side, sign in zip(sides, (routers.FLEXOR, routers.EXTENSOR), strict=True)
     )
     return np.array([sum(flexor), flexor[0], sum(extensor)])
@@ -199,7 +204,9 @@ def plain_frame(loop: Loop, frame: int, feeds: dict[str, np.ndarray], rates: dic
 
 
 def exo_frame(loop: Loop, frame: int, feeds: dict[str, np.ndarray], rates: dict[str, np.ndarray]) -> None:
-    """A frame of the tendon-driven finger: its wires are stiff, so that a measured tension acts as a force and a measured angle as a hold."""
+    """A frame of the tendon-driven finger: its wires are stiff, so that a measured tension acts as a force and a
+    measured angle as a hold.
+    """
     machine = loop.machine
     for slot in range(machine.slots):
         later = (slot + 0.5) * machine.slot - READING
@@ -220,8 +227,9 @@ def subsets(segments: Mapping[str, str]) -> list[frozenset[str]]:
 def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[str, float], dict[str, float]]:
     """Exact Shapley shares of the closed-loop gap, and each segment's replay gap [floors], by segment.
 
-    What is fed in is noisy, and a stiff wire turns a micrometre into newtons: the same replay of a log that the robot itself would have
-    written, noise and rounding included, is subtracted. No shares where nothing is left, nor where a segment runs away with what it is fed.
+    What is fed in is noisy, and a stiff wire turns a micrometre into newtons: the same replay of a log that the robot
+    itself would have written, noise and rounding included, is subtracted. No shares where nothing is left, nor where a
+    segment runs away with what it is fed.
     """
     frames = min(round(LONGEST / problem.robot.machine.frame), MOST)
     trial = replace(trial, reference=trial.reference[:frames], measured=trial.measured[:frames])
@@ -235,7 +243,8 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     return {s: shares[s] for s in problem.robot.machine.segments}, gaps
 
 
-RUNAWAY = 10.0  # a segment that makes the error this many times larger when fed with measurements integrates them, as a free mass does
+# a segment that makes the error this many times larger when fed with measurements integrates them, as a free mass does
+RUNAWAY = 10.0
 
 
 def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
@@ -256,7 +265,9 @@ def noisy(problem: Problem) -> list[int]:
 
 
 def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[frozenset[str], float], dict[str, float]]:
-    """Residual power [floor^2] of the signals that are not overruled, for each set of fixed segments; and each segment's replay gap [floors]."""
+    """Residual power [floor^2] of the signals that are not overruled, for each set of fixed segments; and each
+    segment's replay gap [floors].
+    """
     segments = problem.robot.machine.segments
     power, alone = {}, {}
     for fixed in subsets(segments):

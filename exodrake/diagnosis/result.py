@@ -54,8 +54,11 @@ class NamedEffect:
 
 @dataclass(frozen=True)
 class Where:
-    """Block, wires and joints of the gap; `shares`: block -> share of the gap; `segments`: exact Shapley shares of replayed segments;
-    `regime`: condition -> share of the residual's variance that it explains."""
+    """Block, wires and joints of the gap.
+
+    shares: block -> share of the gap. segments: exact Shapley shares of replayed segments. regime: condition -> share
+    of the residual's variance that it explains.
+    """
 
     block: str
     wires: tuple[str, ...] = ()
@@ -109,7 +112,9 @@ class Closure:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hypothesis that was fitted: misfit [floor^2] on fitted and held-out logs, and its score (1 for the best, 0 as bad as a retune)."""
+    """A hypothesis that was fitted: misfit [floor^2] on fitted and held-out logs, and its score (1 for the best, 0 as
+    bad as a retune).
+    """
 
     id: str
     score: float

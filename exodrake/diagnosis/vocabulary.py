@@ -1,7 +1,7 @@
 """Effects that a diagnosis tries: those on a machine's shelf but the rare ones, which a user may add by name.
 
-More hypotheses make every verdict less sure; the effects tried are those that such machines are known to have, each of which can be
-told from the others in a log, or is known to be inseparable from a named one.
+More hypotheses make every verdict less sure; the effects tried are those that such machines are known to have, each of
+which can be told from the others in a log, or is known to be inseparable from a named one.
 """
 
 RARE = frozenset({
@@ -25,5 +25,6 @@ SELF_DEFINED = (
     "timing.command_latency", "timing.dropped_commands", "timing.mocap_delay", "timing.mocap_clock_skew",
     "encoder.homing_offset", "mocap.gain", "mocap.offset",
 )  # fmt: skip
-"""Effects whose parameters mean the same whatever the law: a scale, a zero, a delay. Those of friction, creep or a contact are numbers of
-the law that is fitted, and reality follows another."""
+"""Effects whose parameters mean the same whatever the law: a scale, a zero, a delay. Those of friction, creep or a
+contact are numbers of the law that is fitted, and reality follows another.
+"""

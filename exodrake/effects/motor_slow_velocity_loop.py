@@ -12,7 +12,7 @@ LOOP_TIME = 9.74e-3  # s, J / (Kp kM) of the nominal drive: model.md, Numbers
 
 
 def follow(dt, speed, factor, share, order, filtered):
-    """Command after the filter [m/s], by backward Euler: its mean delay is T, however short that is against the tick."""
+    """Command after the filter [m/s], by backward Euler: its mean delay is T, however short against a tick."""
     delay = share * (1.0 / factor - 1.0) * LOOP_TIME
     return filtered + (speed - filtered) * dt / (dt + delay)
 

@@ -13,8 +13,8 @@ from exodrake.units import UNITS
 PERSONAL = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}
 SIGNS = {"deg": "°", "deg/s": "°/s", "-": ""}
 KINDS = {
-    "tension": "Tension", "stroke": "Stroke", "speed_cmd": "Speed command", "angle": "Joint angle", "position": "Position",
-    "force": "Force",
+    "tension": "Tension", "stroke": "Stroke", "speed_cmd": "Speed command", "angle": "Joint angle", "position":
+    "Position", "force": "Force",
 }  # fmt: skip
 COLOURS = {NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", UNKNOWN: "#b42318"}
 TITLES = {

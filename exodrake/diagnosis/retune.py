@@ -1,0 +1,57 @@
+"""Retuning: the nominal numbers fitted alone, from the nominal robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.diagnosis import nuisance
+from exodrake.diagnosis.fit import Fitter, Point
+
+RETUNES = 4  # rounds at most
+SETTLED = 0.1  # a round that lowers the cost by less than this share is the last: they converge quadratically
+NEARBY = (
+    60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
+)
+LEAPS = (-0.6, -0.3, 0.3, 0.6)  # of a stop's limit, where it is tried
+LEAP_GAIN = 50.0  # cost that must be promised for a fit from there
+
+
+@dataclass(frozen=True, eq=False)
+class Retuned:
+    """The fitted point; the point that effects are screened from, with the responses there (samples, nominal knobs)."""
+
+    point: Point
+    base: Point
+    responses: np.ndarray
+
+
+def retuned(fitter: Fitter, origin: Point) -> Retuned:
+    """The nominal numbers fitted, their responses taken anew until that gains no more."""
+    point = base = origin
+    kept: np.ndarray | None = None
+    for _ in range(RETUNES):
+        responses = fitter.responses(point)
+        kept = responses if kept is None else kept
+        better = leapt(fitter, fitter.fit(point, responses, steps=8), responses)
+        if better.misfit < NEARBY:
+            base, kept = better, responses
+        gain, point = point.cost - better.cost, better
+        if gain < SETTLED * better.cost:
+            break
+    assert kept is not None
+    return Retuned(point, base, kept)
+
+
+def leapt(fitter: Fitter, point: Point, responses: np.ndarray) -> Point:
+    """The point, or a better one with an end stop elsewhere: it is met suddenly, and a fit from its wrong side stays
+    there.
+    """
+    for i in (i for i, knob in enumerate(fitter.knobs) if knob.name.startswith(nuisance.SUDDEN)):
+        leaps = (fitter.leap(point, responses, i, share * fitter.limit[i]) for share in LEAPS)
+        promised, start = min(leaps, key=lambda found: found[0])
+        if promised < point.cost - LEAP_GAIN:
+            trial = fitter.fit(start, responses, steps=8)
+            point = trial if trial.cost < point.cost else point
+    return point

@@ -1,0 +1,140 @@
+"""Screening: every effect's response at a point, combined linearly with those of the nominal numbers, tells which
+effects to fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.block import Effect
+from exodrake.diagnosis.candidates import Hypothesis, Knob, hypothesis
+from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
+from exodrake.diagnosis.line import TREMOR
+from exodrake.diagnosis.vocabulary import COMMON
+
+PROBE = 0.6  # amplitude at which an effect is tried, in units of its typical value
+FAR = 0.7  # of the way through its range at which a further number is tried
+TURNS = 5  # values at which an effect of the whole robot is tried
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where the fit of a hypothesis may start: u (effect knobs) and x (nominal knobs), and the cost that the linear
+    model promises.
+    """
+
+    hypothesis: Hypothesis
+    u: np.ndarray
+    x: np.ndarray
+    cost: float
+
+
+def shelf(fitter: Fitter, point: Point) -> list[Effect]:
+    """Common effects that are not yet in the hypothesis of a point; a tremor is seen (`line.py`), not fitted."""
+    known = {TREMOR, *point.hypothesis.effects}
+    return [e for e in fitter.problem.robot.machine.shelf if e.id in COMMON and e.id not in known]
+
+
+def screened(fitter: Fitter, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[Start]:
+    """A start for each effect beside those of the point, best first. responses (samples, nominal knobs), gram their
+    products.
+    """
+    found = []
+    for effect in shelf(fitter, point):
+        extra = hypothesis(fitter.problem.robot.machine, effect)
+        tried = [linearised(fitter, point, extra, probe, responses, gram) for probe in probes(extra)]
+        tried += [linearised(fitter, point, extra, whole, responses, gram, lanes=()) for whole in turns(extra)]
+        found.append(min(tried, key=lambda start: start.cost))
+    return sorted(found, key=lambda start: start.cost)
+
+
+def linearised(
+    fitter: Fitter,
+    point: Point,
+    extra: Hypothesis,
+    probe: np.ndarray,
+    responses: np.ndarray,
+    gram: np.ndarray,
+    lanes: Sequence[int] | None = None,
+) -> Start:
+    """The best combination of the effect's responses lane by lane and of the nominal knobs, within bounds.
+
+    lanes: knobs whose amplitudes may be scaled, all first ones by default; with none the probe is taken as it is.
+    """
+    both = point.hypothesis.joined(extra)
+    lanes = [i for i, knob in enumerate(extra.knobs) if knob.first] if lanes is None else list(lanes)
+    rows = [fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x) for lane in lanes or [0]]
+    directions = (fitter.problem.residual(np.array(rows), fitter.problem.fit) - point.residual).T
+    count, prior = directions.shape[1], 1.0 / fitter.spread**2
+    cross = directions.T @ responses
+    normal = np.block([[directions.T @ directions, cross], [cross.T, gram + np.diag(prior)]])
+    normal[np.diag_indices(count)] += 1e-9 * np.trace(normal[:count, :count]) + 1e-9
+    descent = -np.concatenate([directions.T @ point.residual, responses.T @ point.residual + prior * point.x])
+    low, high = amplitude_bounds(extra, probe, lanes)
+    limit = fitter.limit
+    move = bounded_solve(
+        normal, descent, np.concatenate([low, -limit - point.x]), np.concatenate([high, limit - point.x])
+    )
+    u = probe.copy()
+    u[lanes] = probe[lanes] * move[:count]
+    cost = point.cost - float(descent @ move) + 0.5 * float(move @ normal @ move)
+    return Start(both, np.concatenate([point.u, u]), point.x + move[count:], cost)
+
+
+def alone(probe: np.ndarray, lanes: list[int], lane: int) -> np.ndarray:
+    """The probe with all other lanes at neutral; as it is for an effect that is on or off."""
+    u = probe.copy()
+    u[[i for i in lanes if i != lane]] = 0.0
+    return u
+
+
+def amplitude_bounds(extra: Hypothesis, probe: np.ndarray, lanes: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """How far each direction may be scaled; an effect that is on or off is taken as it is."""
+    if not lanes:
+        return np.array([1.0]), np.array([1.0 + 1e-9])
+    ends = extra.bounds[lanes] / probe[lanes][:, None]
+    return ends.min(axis=1), ends.max(axis=1)
+
+
+def probes(extra: Hypothesis) -> list[np.ndarray]:
+    """Values of u at which an effect's response is measured: a modest amplitude, its further numbers as usual and
+    elsewhere.
+    """
+    if not any(knob.first for knob in extra.knobs):
+        return []
+    first = extra.start
+    for i, knob in enumerate(extra.knobs):
+        if knob.first:
+            first[i] = PROBE * (knob.start if knob.start != 0.0 else knob.scale)
+    found = [first]
+    for i, knob in enumerate(extra.knobs):
+        if not knob.first and (len(knob.lanes) > 1 or knob.lanes == ("",)):
+            found += [elsewhere(first, i, value) for value in other_values(knob, first[i])]
+    return found
+
+
+def elsewhere(u: np.ndarray, i: int, value: float) -> np.ndarray:
+    """u with its entry i at `value`."""
+    moved = u.copy()
+    moved[i] = value
+    return moved
+
+
+def other_values(knob: Knob, usual: float) -> list[float]:
+    """Where a further number is tried besides its usual value: well inside its range, on the wider side."""
+    low, high = knob.bounds
+    return [FAR * high + (1.0 - FAR) * low if usual < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
+
+
+def turns(extra: Hypothesis) -> list[np.ndarray]:
+    """Values of u to be taken as they are: a contact, a clipped current or a direction of gravity respond in no
+    proportion to them. The plausible range of a number of the whole robot, or the usual amount on all lanes at once.
+    """
+    lead = extra.knobs[0]
+    if lead.first and lead.lanes != ("",):
+        return [extra.start]
+    low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.bounds
+    return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(low, high, TURNS)]
