@@ -54,6 +54,9 @@ def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search
     if is_quiet(problem, nominal, limits):
         return Search(nominal, nominal)
     retuned = ranking.retuned()
+    if retuned.misfit <= limits.quiet and not is_quiet(problem, retuned, limits):
+        whole = ranking.tuned_to_all()
+        retuned = whole if is_quiet(problem, whole, limits) else retuned
     shaking = None if is_quiet(problem, retuned, limits) else ranking.shaking(retuned)
     if shaking:
         return Search(nominal, retuned, shaking=shaking)

@@ -5,7 +5,7 @@ forward search.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.line import TREMOR, Line, find, tremor
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.retune import Retuned, retuned
+from exodrake.diagnosis.retune import Retuned, leapt, retuned
 from exodrake.diagnosis.screen import Start, screened
 
 Progress = Callable[[str], None]
@@ -103,6 +103,15 @@ class Ranking:
     def retuned(self) -> Fitted:
         """The robot with its nominal numbers fitted."""
         return self.complete(self.tuned.point)
+
+    def tuned_to_all(self) -> Fitted:
+        """The robot with its nominal numbers fitted to held-out logs, too: these may meet an end stop that no fitted log meets."""
+        problem = self.full.problem
+        every = Fitter(replace(problem, fit=(*problem.fit, *problem.holdout)))
+        start = every.at(NOTHING, np.zeros(0), self.tuned.point.x)
+        responses = every.responses(start)
+        found = every.fit(leapt(every, start, responses), responses, steps=8)
+        return self.complete(self.full.at(NOTHING, np.zeros(0), found.x))
 
     def singles(self, quiet: bool = False) -> tuple[list[Fitted], list[tuple[str, float]]]:
         """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects. quiet: see
