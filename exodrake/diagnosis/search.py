@@ -105,7 +105,7 @@ class Ranking:
         return self.complete(self.tuned.point)
 
     def tuned_to_all(self) -> Fitted:
-        """The robot with its nominal numbers fitted to held-out logs, too: these may meet an end stop that no fitted log meets."""
+        """The robot with its nominal numbers fitted to held-out logs, too: only these may meet some end stop."""
         problem = self.full.problem
         every = Fitter(replace(problem, fit=(*problem.fit, *problem.holdout)))
         start = every.at(NOTHING, np.zeros(0), self.tuned.point.x)
