@@ -28,7 +28,8 @@ COMMANDS = {
     "blind": ("exodrake.commands.blind", "Make, seal and score cases from a second, independent simulator."),
     "import": ("exodrake.commands.import_", "Turn a foreign recording into a log, by a mapping file."),
     "export": ("exodrake.commands.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
-    "watch": ("exodrake.commands.watch", "Write a log as a page with the moving finger."),
+    "watch": ("exodrake.commands.watch", "Follow a growing log: the gap per block, and an alarm."),
+    "show": ("exodrake.commands.show", "Write a log as a page with the moving finger."),
     "bench": ("exodrake.commands.bench", "Measure how fast this machine simulates."),
     "warm-up": ("exodrake.commands.warm_up", "Compile the kernels now, not at first use."),
 }

@@ -62,7 +62,7 @@ def undrawn(monkeypatch):
 
 
 @bounded(150)
-@given(data=spoilt_table(FULL), gz=st.booleans(), command=st.sampled_from(["diagnose", "export", "simulate", "watch"]))
+@given(data=spoilt_table(FULL), gz=st.booleans(), command=st.sampled_from(["diagnose", "export", "simulate", "show"]))
 def test_spoilt_logs(place, undrawn, data, gz, command):
     folder = place()
     log = folder / ("log.csv.gz" if gz else "log.csv")
@@ -71,7 +71,7 @@ def test_spoilt_logs(place, undrawn, data, gz, command):
         "diagnose": ["diagnose", log],
         "export": ["export", log, "--out", folder / "out.npz"],
         "simulate": ["simulate", "--reference", log, "--out", folder / "out"],
-        "watch": ["watch", log, "--out", folder / "out.html"],
+        "show": ["show", log, "--out", folder / "out.html"],
     }
     said = run(*words[command])
     left = sorted(path.name for path in folder.iterdir() if path != log)
@@ -123,7 +123,7 @@ def test_spoilt_cases(place, undrawn, page):
 
 
 @bounded(120)
-@given(page=spoilt_page(CHANGED), command=st.sampled_from(["simulate", "effects", "draw", "watch"]))
+@given(page=spoilt_page(CHANGED), command=st.sampled_from(["simulate", "effects", "draw", "show"]))
 def test_spoilt_robots(place, undrawn, page, command):
     folder = place()
     (folder / "robot.yaml").write_bytes(page)
@@ -132,7 +132,7 @@ def test_spoilt_robots(place, undrawn, page, command):
         "simulate": ["simulate", "caging:hold=0.2", "--out", folder / "out"],
         "effects": ["effects", "tendon.slack", "--json"],
         "draw": ["draw", "--out", folder / "out.svg"],
-        "watch": ["watch", folder / "log.csv", "--out", folder / "out.html"],
+        "show": ["show", folder / "log.csv", "--out", folder / "out.html"],
     }
     said = run(*words[command], "--robot", folder / "robot.yaml")
     assert "error: " not in said or len(list(folder.iterdir())) == 2
@@ -187,7 +187,7 @@ WORDS = st.one_of(
 @bounded(100)
 @given(
     words=st.lists(WORDS, max_size=2),
-    command=st.sampled_from(["simulate", "grasp", "effects", "diagnose", "export", "draw", "watch", "analyse"]),
+    command=st.sampled_from(["simulate", "grasp", "effects", "diagnose", "export", "draw", "show", "analyse"]),
     option=st.sampled_from(
         ["--set", "--effect", "--part", "--robot", "--scenario", "--size", "--out", "--at", "--json"]
     ),

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parent.parent / "exodrake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 BOTTOM = {"errors", "units", "files", "log", "clock", "case", "casefile", "formats", "parallel", "counting", "frozen"}
-UPPER = {"identification", "grasping", "analysis", "diagnosis", "blind"}
+UPPER = {"identification", "grasping", "analysis", "diagnosis", "blind", "live"}
 # a part of the package may import itself, the bottom, and all below it; parts not listed here (cli, commands, figures,
 # viewer) stand on top of all, and nothing listed may import them unless said so
 BELOW = {

@@ -1,32 +1,66 @@
-"""`exodrake watch`: a log as a moving finger, in one HTML page that plays offline."""
+"""`exodrake watch`: follows a log that still grows, and raises an alarm when the robot leaves its model."""
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+if TYPE_CHECKING:
+    from exodrake.live.watcher import Watch
+
+REDRAW = 4  # times a second
+
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=click.Path(path_type=Path, dir_okay=False))
 @click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Page to write [LOG with .html].")
-@click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
-@click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
-def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
-    """Write LOG as a page with the moving finger, its wires coloured by tension.
+@click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="SECONDS",
+              help="End when no row has come for so long [never]; 0 reads a complete log to its end.")  # fmt: skip
+def command(log: Path, robot: str, until_idle: float | None) -> None:
+    """Follow LOG, a CSV file that a robot is writing, and show how far each block is from its model.
 
-    `#t=1.5` behind the page's address stops it at that time.
+    The model runs beside the robot, frame by frame. Ctrl-C ends with a summary. The exit status is 1 if there was an
+    alarm. For the cause: `exodrake diagnose LOG`; for the finger in motion: `exodrake show LOG`.
     """
     from exodrake.diagrams.robot import load_robot
-    from exodrake.files import write_text
-    from exodrake.log import read_log
-    from exodrake.viewer import recording_html
+    from exodrake.live.display import summary
+    from exodrake.live.watcher import Watch
 
-    kind = "angle_est" if estimated else "angle"
-    page = recording_html(read_log(log, required=("tension",)), load_robot(robot), log.name, angles=kind)
-    target = out or log.with_name(log.name.split(".")[0] + ".html")
-    write_text(target, page)
-    click.echo(f"{target}: {len(page) / 1e6:.1f} MB")
-    if show:
-        click.launch(str(target))
+    click.echo("loading the model (the first run compiles for half a minute)", err=True)
+    watch = Watch(load_robot(robot))
+    with suppress(KeyboardInterrupt):
+        (in_terminal if sys.stdout.isatty() else in_lines)(watch, log, until_idle)
+    click.echo("\n".join([*watch.notes, *summary(watch, log)]))
+    if watch.alarms:
+        sys.exit(1)
+
+
+def in_terminal(watch: Watch, log: Path, idle: float | None) -> None:
+    """A display that is redrawn in place."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from exodrake.live.display import screen
+    from exodrake.live.watcher import follow
+
+    with Live(screen(watch, log), console=Console(highlight=False), refresh_per_second=REDRAW, transient=True) as live:
+        for _ in follow(watch, log, idle):
+            live.update(screen(watch, log))
+
+
+def in_lines(watch: Watch, log: Path, idle: float | None) -> None:
+    """A line every ten seconds of the log, and one for each alarm."""
+    from exodrake.live.display import EVERY, line, sentence
+    from exodrake.live.watcher import follow
+
+    told = 0
+    for reading in follow(watch, log, idle):
+        if reading is not None and reading.second % EVERY == 0:
+            click.echo(line(watch, reading))
+        for alarm in watch.alarms[told:]:
+            click.echo(sentence(alarm, log))
+        told = len(watch.alarms)

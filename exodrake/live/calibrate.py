@@ -1,0 +1,107 @@
+"""Where the alarm's limits come from: healthy robots of the model itself, every number scattered by 3 %, at work.
+
+    python -m exodrake.live.calibrate --seed 21 --robots 60 --minutes 20 --write exodrake/live/limits.yaml
+
+The largest gap of each channel in a session is about log-normal over robots, with median m and spread s of its
+logarithm; a channel's limit is m exp(h s), with one h for all, the smallest at which none of the robots raises an
+alarm. So, whatever the law is, at most 1 - 0.05^(1/robots) of healthy robots raise one in such a session, with 95 %
+confidence (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 5 % for 60 robots, and 1 / (robots + 1) are to be
+expected. `live.check` tries the limits on other robots.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import numpy as np
+
+from exodrake.diagnosis.calibrate import scattered
+from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.simulate import simulate
+from exodrake.live.companion import Companion, channels
+from exodrake.live.gap import Gap, Reading, floors
+from exodrake.live.motion import session
+from exodrake.live.twin import KINDS
+
+MINUTE = 60.0  # s
+CONFIDENCE = 0.95
+LEAST = 1.0  # floors: no limit below, where a replay is exact
+
+
+def readings(nominal: Robot, robot: Robot, floor: np.ndarray, seed: int, duration: float) -> list[Reading]:
+    """What the nominal robot's companion says of `robot` at work for `duration` [s]: whole windows only."""
+    reference = session(nominal, seed, duration)
+    log = simulate(robot, reference, seed=seed)
+    measured = np.concatenate([log.array(kind) for kind in KINDS], axis=1)
+    residuals = Companion(nominal).push(reference.tension, measured, last=True)
+    return [r for r in Gap(floor, nominal.machine.frame).push(residuals) if r.full]
+
+
+def largest(nominal: Robot, seed: int, robots: int, duration: float) -> Iterator[np.ndarray]:
+    """The largest gap of each channel (24,) [floors] of healthy robots, one after the other."""
+    floor = floors(nominal)
+    for k in range(robots):
+        own = 100_000 * seed + k
+        robot = scattered(nominal, np.random.default_rng(own))
+        found = readings(nominal, robot, floor, own, duration)
+        yield np.nanmax([r.recent for r in found], axis=0)
+
+
+def limits_of(peaks: np.ndarray) -> np.ndarray:
+    """Limits (channels,) [floors] that none of the healthy robots' largest gaps (robots, channels) exceeds."""
+    logarithm = np.log(np.maximum(peaks, LEAST))
+    middle, spread = np.median(logarithm, axis=0), logarithm.std(axis=0)
+    score = np.divide(logarithm - middle, spread, out=np.zeros_like(logarithm), where=spread > 0)
+    return np.exp(middle + score.max() * spread)
+
+
+def share_at_most(robots: int) -> float:
+    """Share of healthy robots that raise an alarm where none of `robots` did: upper end of the one-sided 95 %
+    interval."""
+    return 1.0 - (1.0 - CONFIDENCE) ** (1.0 / robots)
+
+
+def page_of(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: float) -> str:
+    """The file of limits."""
+    import yaml
+
+    listed: dict[str, dict[str, float]] = {}
+    for channel, limit in zip(channels(robot), limits):
+        listed.setdefault(channel.segment, {})[channel.column] = float(f"{limit:.4g}")
+    head = (
+        f"# gaps over 10 s [floors] above which the alarm is raised; made by\n"
+        f"#   python -m exodrake.live.calibrate --seed {seed} --robots {robots} --minutes {duration / MINUTE:g}\n"
+    )
+    return head + yaml.safe_dump({"robots": robots, "minutes": duration / MINUTE, "limits": listed}, sort_keys=False)
+
+
+@click.command()
+@click.option("--seed", default=21, show_default=True)
+@click.option("--robots", default=60, show_default=True)
+@click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
+@click.option("--robot", default="exo_index", show_default=True, help="Nominal robot: file or built-in name.")
+@click.option("--write", type=click.Path(path_type=Path), default=None, help="File for the limits.")
+def main(seed: int, robots: int, minutes: float, robot: str, write: Path | None) -> None:
+    """Find limits that healthy robots stay below."""
+    from exodrake.files import write_text
+
+    nominal, began, peaks = load_robot(robot), time.process_time(), []
+    for k, found in enumerate(largest(nominal, seed, robots, minutes * MINUTE)):
+        peaks.append(found)
+        click.echo(f"robot {k}: largest gap {found.max():.1f} floors, {time.process_time() - began:.0f} s of CPU")
+    limits = limits_of(np.array(peaks))
+    for channel, limit, column in zip(channels(nominal), limits, np.array(peaks).T):
+        name = f"{channel.segment} {channel.column}"
+        click.echo(f"{name:28s} median {np.median(column):7.2f}  largest {column.max():7.2f}  limit {limit:7.2f}")
+    click.echo(
+        f"at most {share_at_most(robots):.1%} of healthy robots raise an alarm in {minutes:g} min (95 % confidence)"
+    )
+    if write:
+        write_text(write, page_of(nominal, limits, seed, robots, minutes * MINUTE))
+
+
+if __name__ == "__main__":
+    main()

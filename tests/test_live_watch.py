@@ -1,0 +1,223 @@
+"""Watching a log: files that grow, break off and begin anew; the alarm on planted effects and on healthy robots."""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from fuzzing import spoilt_table
+from hypothesis import HealthCheck, given, settings
+
+import exodrake as exo
+from exodrake.cli import cli
+from exodrake.diagnosis.calibrate import scattered
+from exodrake.formats.csv import write
+from exodrake.live.calibrate import limits_of, share_at_most
+from exodrake.live.check import first_alarm
+from exodrake.live.frames import Grid
+from exodrake.live.gap import floors
+from exodrake.live.motion import session
+from exodrake.live.tail import Tail
+from exodrake.live.watcher import Watch, follow
+from exodrake.log import write_log
+
+NOMINAL = exo.load_robot()
+CALM = write(exo.simulate(NOMINAL, exo.Reference(np.ones((6, 3))))).decode()
+WIRES, JOINTS = NOMINAL.machine.lanes
+
+
+@pytest.fixture(scope="module")
+def log():
+    return exo.simulate(NOMINAL, session(NOMINAL, 5, 30.0), seed=5)
+
+
+@pytest.fixture
+def file(tmp_path, log):
+    write_log(log, tmp_path / "log.csv")
+    return tmp_path / "log.csv"
+
+
+def tail_of(path):
+    return Tail(path, WIRES, JOINTS)
+
+
+def rows_of(pieces):
+    return np.concatenate([p.rows for p in pieces])
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, ["watch", *(str(a) for a in arguments)])
+
+
+def test_half_lines_wait_and_units_are_converted(tmp_path, file, log):
+    lines, path = file.read_bytes(), tmp_path / "grows.csv"
+    tail, found = tail_of(path), []
+    assert list(tail.poll()) == []
+    for cut in range(0, len(lines), 7919):
+        with open(path, "ab") as stream:
+            stream.write(lines[cut : cut + 7919])
+        found += list(tail.poll())
+    rows = rows_of(found)
+    assert [p.fresh for p in found] == [True] + [False] * (len(found) - 1)
+    np.testing.assert_array_equal(rows[:, 0], log.time)
+    np.testing.assert_array_equal(rows[:, 1:4], log.array("tension_ref"))
+    np.testing.assert_array_equal(rows[:, 13:], log.array("angle"))
+    deg = file.read_text().replace("angle_MCP [rad]", "angle_MCP [deg]", 1)
+    path.write_text(deg)
+    np.testing.assert_allclose(rows_of(list(tail.poll()))[:, 13], np.deg2rad(log["angle_MCP"]), rtol=1e-12)
+
+
+def test_truncated_rotated_and_repeated_headings_begin_anew(file):
+    heading, *lines = file.read_text().splitlines(keepends=True)
+    tail = tail_of(file)
+    list(tail.poll())
+    file.write_text(heading + lines[0] + lines[1])  # shorter: truncated
+    assert [(p.fresh, len(p.rows)) for p in tail.poll()] == [(True, 2)]
+    other = file.with_name("next.csv")
+    with open(file, "a") as stream:
+        stream.write(lines[2])
+    other.write_text(heading + "".join(lines[:50]))
+    os.replace(other, file)  # rotated: what the old file still holds comes first
+    assert [(p.fresh, len(p.rows)) for p in tail.poll()] == [(False, 1), (True, 50)]
+    with open(file, "a") as stream:
+        stream.write(lines[50] + heading + lines[0])
+    assert [(p.fresh, len(p.rows), p.first) for p in tail.poll()] == [(False, 1, 51), (True, 1, 52)]
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda t: t.replace("stroke_MF [m]", "stroke_XX [m]"), ["stroke_MF", "missing"]),
+        (lambda t: t.replace("tension_AF [N]", "tension_AF [m]"), ["tension_AF", "[m]"]),
+        (lambda t: t.replace("tension_AF [N]", "tension_AF"), ["tension_AF", "brackets"]),
+        (lambda t: t.replace(t.splitlines()[3].split(",")[4], "loose", 1), ["row 3", "tension_AF", "loose"]),
+        (lambda t: t.replace(t.splitlines()[3], "1,2,3", 1), ["row 3", "3 cells"]),
+        (lambda t: t + t.splitlines()[5] + "\n", ["row 1501", "comes after"]),
+        (lambda t: t.replace(",", ";"), ["';'"]),
+    ],
+)
+def test_bad_logs_are_named(file, change, words):
+    file.write_text(change(file.read_text()))
+    result = run(file, "--until-idle", 0)
+    assert result.exit_code == 2 and "Traceback" not in result.output
+    said = result.stderr.splitlines()[-1]
+    assert said.startswith(f"error: {file}") and all(word in said for word in words)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(data=spoilt_table(CALM))
+def test_spoilt_logs_are_refused_or_read(tmp_path, data):
+    path = tmp_path / "log.csv"
+    path.write_bytes(data)
+    grid = Grid(str(path), 0.02)
+    try:
+        stretches = [s for piece in tail_of(path).poll() for s in grid.push(piece)]
+    except exo.InputError as error:
+        assert str(path) in str(error)
+    else:
+        assert all(s.rows.shape[1] == 16 and not np.isinf(s.rows).any() for s in stretches)
+
+
+def test_a_file_that_never_comes_or_stays_empty(tmp_path):
+    result = run(tmp_path / "none.csv", "--until-idle", 0.1)
+    assert result.exit_code == 2 and "no such file" in result.stderr
+    (tmp_path / "empty.csv").touch()
+    assert "no rows" in run(tmp_path / "empty.csv", "--until-idle", 0).stderr
+
+
+def test_clock_gaps(file):
+    heading, *lines = file.read_text().splitlines(keepends=True)
+    keep = [*lines[:100], lines[99], *lines[103:200], *lines[600:]]
+    file.write_text(heading + "".join(keep))
+    grid, found = Grid("log", 0.02), []
+    for piece in tail_of(file).poll():
+        found += list(grid.push(piece))
+    assert grid.repeated == 1 and grid.missing == 3
+    assert [len(s.rows) for s in found] == [200, 900] and found[1].fresh and "8.0 s" in found[1].note
+    assert np.isnan(found[0].rows[100:103]).all() and np.isfinite(found[0].rows[103]).all()
+
+
+def test_a_log_that_grows_gives_the_readings_of_the_whole(file, log):
+    whole = [r for r in follow(Watch(NOMINAL), file, 0.0) if r]
+    grows = file.with_name("grows.csv")
+
+    def write():
+        data = file.read_bytes()
+        for cut in range(0, len(data), 40_001):
+            with open(grows, "ab") as stream:
+                stream.write(data[cut : cut + 40_001])
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    grown = [r for r in follow(Watch(NOMINAL), grows, 2.0) if r]
+    thread.join()
+    assert [r.second for r in grown] == [r.second for r in whole] == list(range(4, 31))
+    for a, b in zip(grown, whole):
+        np.testing.assert_array_equal(a.recent, b.recent)
+
+
+def test_a_log_cut_out_of_a_motion_raises_nothing(tmp_path, log):
+    write_log(log.between(7.3, 30.0), tmp_path / "cut.csv")
+    watch = Watch(NOMINAL)
+    assert [r for r in follow(watch, tmp_path / "cut.csv", 0.0) if r] and not watch.alarms
+
+
+def test_alarms():
+    """Planted effects, and none: in 20 minutes some 2 % of healthy robots raise one, in a minute fewer."""
+    floor = floors(NOMINAL)
+    quiet = [
+        first_alarm(NOMINAL, scattered(NOMINAL, np.random.default_rng(k)), floor, k, 60.0) is None for k in range(8)
+    ]
+    assert sum(quiet) >= 7
+    for effect, segment in [
+        ("motor.dead_zone", "motor"),
+        ("motor.current_limit", "motor"),
+        ("tendon.slack", "tendon"),
+        ("tendon.capstan_friction", "finger"),  # the sheath lies between cell and finger
+    ]:
+        alarm = first_alarm(NOMINAL, scattered(NOMINAL, np.random.default_rng(9)).splice(effect), floor, 9, 60.0)
+        assert alarm is not None and alarm.channel.segment == segment and alarm.gap > alarm.limit
+
+
+def test_limits_hold_for_the_robots_they_were_made_from():
+    peaks = np.exp(np.random.default_rng(3).normal(1.0, 0.4, (59, 24)))
+    assert (peaks <= limits_of(peaks) * (1 + 1e-12)).all()
+    assert (peaks > 0.999 * limits_of(peaks)).any()
+    assert share_at_most(59) == pytest.approx(0.05, abs=5e-4)  # Wilks: 59 for 95 % / 95 %
+
+
+def test_command(tmp_path, file, log):
+    result = run(file, "--until-idle", 0)
+    assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
+    loose = NOMINAL.splice("tendon.slack", lanes=["AF"])
+    write_log(exo.simulate(loose, session(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
+    result = run(tmp_path / "slack.mcap", "--until-idle", 0)
+    assert result.exit_code == 1 and "ALARM at" in result.stdout and "exodrake diagnose" in result.stdout
+    assert "tendon" in result.stdout and "tension_AF" in result.stdout
+
+
+def test_interrupt_ends_with_a_summary(file, monkeypatch):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("exodrake.live.watcher.time.sleep", stopped)
+    result = run(file)
+    assert result.exit_code == 0 and "no alarm" in result.stdout and "1500 frames" in result.stdout
+
+
+def test_screen_in_a_terminal(file):
+    from rich.console import Console
+
+    from exodrake.live.display import screen
+
+    watch = Watch(NOMINAL)
+    console = Console(record=True, width=110, file=open(os.devnull, "w"))  # noqa: SIM115
+    console.print(screen(watch, Path("not_yet.csv")))
+    list(follow(watch, file, 0.0))
+    console.print(screen(watch, file))
+    text = console.export_text()
+    assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
