@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.problem import SILENT
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import cubic
 from exodrake.diagrams.robot import Robot
@@ -17,7 +16,7 @@ KINDS = ("tension", "stroke", "speed_cmd", "angle")
 def silent(robot: Robot) -> np.ndarray:
     """The robot's flat numbers without noise and rounding."""
     values = prepared(robot, quantisation=False)
-    for name in SILENT:
+    for name in robot.machine.noise:
         values[robot.machine.index[name]] = 0.0
     return values
 

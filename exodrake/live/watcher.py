@@ -21,6 +21,7 @@ from exodrake.live.gap import Gap, Reading, floors
 from exodrake.live.tail import Piece, Tail
 
 PIECE = 500  # frames that the model takes at once, so that a long log shows how far it is
+WATCHED = ("exo_index",)  # machines whose segments `live.segments` knows
 POLL = 0.2  # s between looks at the file
 BLOCKS = (*sorted(set(SEGMENTS.values()), key=["controller", "motor", "tendon", "finger"].index), LOOP)
 
@@ -39,6 +40,10 @@ class Watch:
     busy: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.robot.machine.name not in WATCHED:
+            raise InputError(
+                f"{self.robot.source}: {self.robot.machine.name} cannot be watched, only {', '.join(WATCHED)}"
+            )
         self.floor, self.limit, self.listed = floors(self.robot), limits(self.robot), channels(self.robot)
         self.companion: Companion | None = None
 
