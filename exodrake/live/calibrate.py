@@ -11,13 +11,12 @@ expected. `live.check` tries the limits on other robots.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import click
 import numpy as np
 
+from exodrake.counting import counted, where_to_run
 from exodrake.diagnosis.calibrate import scattered
 from exodrake.diagrams.robot import Robot, load_robot
 from exodrake.diagrams.simulate import simulate
@@ -25,8 +24,10 @@ from exodrake.live.companion import Companion, channels
 from exodrake.live.gap import Gap, Reading, floors
 from exodrake.live.motion import session
 from exodrake.live.twin import KINDS
+from exodrake.parallel import each
 
 MINUTE = 60.0  # s
+SPAN = 100_000  # seeds of robots that one seed stands for
 CONFIDENCE = 0.95
 LEAST = 1.0  # floors: no limit below, where a replay is exact
 
@@ -40,14 +41,16 @@ def readings(nominal: Robot, robot: Robot, floor: np.ndarray, seed: int, duratio
     return [r for r in Gap(floor, nominal.machine.frame).push(residuals) if r.full]
 
 
-def largest(nominal: Robot, seed: int, robots: int, duration: float) -> Iterator[np.ndarray]:
-    """The largest gap of each channel (24,) [floors] of healthy robots, one after the other."""
-    floor = floors(nominal)
-    for k in range(robots):
-        own = 100_000 * seed + k
-        robot = scattered(nominal, np.random.default_rng(own))
-        found = readings(nominal, robot, floor, own, duration)
-        yield np.nanmax([r.recent for r in found], axis=0)
+def largest(robot: str, floor: np.ndarray, seed: int, duration: float) -> np.ndarray:
+    """The largest gap of each channel (24,) [floors] of one healthy robot, drawn by the seed from the nominal one."""
+    nominal = load_robot(robot)
+    found = readings(nominal, scattered(nominal, np.random.default_rng(seed)), floor, seed, duration)
+    return np.nanmax([r.recent for r in found], axis=0)
+
+
+def seeds(seed: int, robots: int) -> list[int]:
+    """A seed for each robot."""
+    return [SPAN * seed + k for k in range(robots)]
 
 
 def limits_of(peaks: np.ndarray) -> np.ndarray:
@@ -80,20 +83,29 @@ def page_of(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: 
 
 @click.command()
 @click.option("--seed", default=21, show_default=True)
-@click.option("--robots", default=60, show_default=True)
+@click.option("--robots", default=60, show_default=True, type=click.IntRange(min=2))
 @click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
 @click.option("--robot", default="exo_index", show_default=True, help="Nominal robot: file or built-in name.")
 @click.option("--write", type=click.Path(path_type=Path), default=None, help="File for the limits.")
-def main(seed: int, robots: int, minutes: float, robot: str, write: Path | None) -> None:
+@where_to_run
+def main(
+    seed: int, robots: int, minutes: float, robot: str, write: Path | None, jobs: int, cluster: str | None
+) -> None:
     """Find limits that healthy robots stay below."""
     from exodrake.files import write_text
 
-    nominal, began, peaks = load_robot(robot), time.process_time(), []
-    for k, found in enumerate(largest(nominal, seed, robots, minutes * MINUTE)):
-        peaks.append(found)
-        click.echo(f"robot {k}: largest gap {found.max():.1f} floors, {time.process_time() - began:.0f} s of CPU")
-    limits = limits_of(np.array(peaks))
-    for channel, limit, column in zip(channels(nominal), limits, np.array(peaks).T):
+    nominal, found = load_robot(robot), {}
+    floor = floors(nominal)
+    tasks = ((robot, floor, own, minutes * MINUTE) for own in seeds(seed, robots))
+    with counted("robots at work", "none of it is kept") as count:
+        for item in each(largest, tasks, jobs, cluster):
+            if item.value is None:
+                raise click.ClickException(f"robot {item.number}: {item.reason}")
+            found[item.number] = item.value
+            count(len(found), 0, robots)
+    peaks = np.array([found[k] for k in range(robots)])
+    limits = limits_of(peaks)
+    for channel, limit, column in zip(channels(nominal), limits, peaks.T):
         name = f"{channel.segment} {channel.column}"
         click.echo(f"{name:28s} median {np.median(column):7.2f}  largest {column.max():7.2f}  limit {limit:7.2f}")
     click.echo(

@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.diagnosis.calibrate import scattered
 from exodrake.diagrams.robot import Robot, load_robot
 from exodrake.live.alarm import Alarm, judge, limits
-from exodrake.live.calibrate import CONFIDENCE, MINUTE, readings
+from exodrake.live.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
 from exodrake.live.companion import channels
 from exodrake.live.gap import floors
 
@@ -59,8 +59,7 @@ def healthy(seed: int, robots: int, minutes: float) -> None:
     """Count healthy robots that raise an alarm."""
     nominal = load_robot()
     floor, hits = floors(nominal), 0
-    for k in range(robots):
-        own = 100_000 * seed + k
+    for k, own in enumerate(seeds(seed, robots)):
         alarm = first_alarm(nominal, scattered(nominal, np.random.default_rng(own)), floor, own, minutes * MINUTE)
         hits += alarm is not None
         if alarm or k % 10 == 9:
@@ -100,7 +99,7 @@ def effects(seed: int, robots: int) -> None:
     floor, total = floors(nominal), []
     click.echo(f"| effect | within {SOON:g} min | within {LATE:g} min | first alarm |\n|---|---|---|---|")
     for k, effect in enumerate(nominal.machine.shelf):
-        found = tried(nominal, floor, effect.id, 100_000 * seed + 100 * k, robots)
+        found = tried(nominal, floor, effect.id, SPAN * seed + 100 * k, robots)
         total.append(found)
         click.echo(f"| `{effect.id}` | {found.soon}/{robots} | {found.late}/{robots} | {shown(found.alarm)} |")
     runs = robots * len(total)
