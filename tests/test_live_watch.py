@@ -193,11 +193,11 @@ def test_limits_hold_for_the_robots_they_were_made_from():
 def test_command(tmp_path, file, log):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
-    loose = NOMINAL.splice("tendon.slack", lanes=["AF"])
+    loose = NOMINAL.splice("tendon.slack", lanes=["MF"])
     write_log(exo.simulate(loose, session(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
     assert result.exit_code == 1 and "ALARM at" in result.stdout and "exodrake diagnose" in result.stdout
-    assert "tendon" in result.stdout and "tension_AF" in result.stdout
+    assert "tendon" in result.stdout and "tension_MF" in result.stdout
 
 
 def test_interrupt_ends_with_a_summary(file, monkeypatch):

@@ -70,10 +70,10 @@ class Companion:
         asked = self.hold_reference.push(reference)
         looped = self.twin.push(asked, last)
         whole = self.hold.push(measured[:, FED])
-        fed, rate = (np.split(x, 3, axis=1) for x in self.smooth.push(whole, last))
+        fed, rate = (thirds(x) for x in self.smooth.push(whole, last))
         rows = self.rows.push(np.concatenate([asked, whole, measured], axis=1), last)
         asked, read, was = rows[:, :3], rows[:, 3:6], rows[:, 12:]
-        ordered = self.controller.push(np.ascontiguousarray(asked), np.ascontiguousarray(read))
+        ordered = self.controller.push(*map(np.ascontiguousarray, (asked, read)))
         sent = np.where(np.isfinite(was[:, COMMAND]), was[:, COMMAND], ordered)
         strokes = self.motor.push(sent, fed[0], rate[0], np.ascontiguousarray(was[:, STROKE]))
         tensions = self.tendon.push(fed[1], rate[1], fed[2], rate[2])
@@ -88,3 +88,8 @@ class Companion:
         self.known = here[-1] if len(here) else self.known
         tension, stroke, angle = (both[:, x].all(axis=1) for x in (TENSION, STROKE, ANGLE))
         return np.repeat(np.column_stack([stroke & angle, tension, tension, tension]), 3, axis=1)
+
+
+def thirds(rows: np.ndarray) -> list[np.ndarray]:
+    """Rows (n, 9) as three of (n, 3), each contiguous whatever n, so that numba compiles for one layout only."""
+    return [np.ascontiguousarray(part) for part in np.split(rows, 3, axis=1)]

@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.live.alarm import Alarm, calibration
 from exodrake.live.calibrate import share_at_most
 from exodrake.live.companion import LOOP
-from exodrake.live.gap import WINDOW, Reading
+from exodrake.live.gap import SKIP, WINDOW, Reading
 from exodrake.live.watcher import BLOCKS, Watch
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def screen(watch: Watch, path: Path) -> RenderableType:
     ):
         table.add_column(title, justify=side)  # pyright: ignore
     table.add_column("floors", justify="right")
-    table.add_column("of the limit │", width=BAR + 1)
+    table.add_column("of the limit│", width=BAR)
     for block in BLOCKS:
         column, gap, share = worst(watch, watch.reading.recent, block)
         tint = colour(share)
@@ -103,6 +103,8 @@ def verdict(watch: Watch, path: Path) -> list[RenderableType]:
     """The alarm that is on, the last that was, or the rate that is to be expected."""
     from rich.text import Text
 
+    if watch.reading is not None and not watch.reading.full:
+        return [Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")]
     if watch.alarm is not None:
         return [Text(sentence(watch.alarm, path), style="bold red")]
     if watch.alarms:
