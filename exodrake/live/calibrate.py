@@ -1,11 +1,11 @@
 """Where the alarm's limits come from: healthy robots of the model itself, every number scattered by 3 %, at work.
 
-    python -m exodrake.live.calibrate --seed 21 --robots 60 --minutes 20 --write exodrake/live/limits.yaml
+    python -m exodrake.live.calibrate --seed 21 --robots 120 --minutes 20 --write exodrake/live/limits.yaml
 
-The largest gap of each channel in a session is about log-normal over robots, with median m and spread s of its
-logarithm; a channel's limit is m exp(h s), with one h for all, the smallest at which none of the robots raises an
-alarm. So, whatever the law is, at most 1 - 0.05^(1/robots) of healthy robots raise one in such a session, with 95 %
-confidence (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 5 % for 60 robots, and 1 / (robots + 1) are to be
+The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
+other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. So,
+whatever the law is, at most 1 - 0.05^(1/n) of healthy robots raise one in such a session, with 95 % confidence, where n
+is half the robots (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 5 % for n = 60, and 1 / (n + 1) are to be
 expected. `live.check` tries the limits on other robots.
 """
 
@@ -54,17 +54,16 @@ def seeds(seed: int, robots: int) -> list[int]:
 
 
 def limits_of(peaks: np.ndarray) -> np.ndarray:
-    """Limits (channels,) [floors] that none of the healthy robots' largest gaps (robots, channels) exceeds."""
-    logarithm = np.log(np.maximum(peaks, LEAST))
-    middle, spread = np.median(logarithm, axis=0), logarithm.std(axis=0)
-    score = np.divide(logarithm - middle, spread, out=np.zeros_like(logarithm), where=spread > 0)
-    return np.exp(middle + score.max() * spread)
+    """Limits (channels,) [floors] from healthy robots' largest gaps (robots, channels): proportions from the first half
+    of the robots, size from the others, none of which exceeds them."""
+    half = len(peaks) // 2
+    proportions = np.maximum(peaks[:half].max(axis=0), LEAST)
+    return np.maximum(proportions * (peaks[half:] / proportions).max(), LEAST)
 
 
 def share_at_most(robots: int) -> float:
-    """Share of healthy robots that raise an alarm where none of `robots` did: upper end of the one-sided 95 %
-    interval."""
-    return 1.0 - (1.0 - CONFIDENCE) ** (1.0 / robots)
+    """Share of healthy robots that raise an alarm, with 95 % confidence at most, where limits come from so many."""
+    return 1.0 - (1.0 - CONFIDENCE) ** (1.0 / (robots - robots // 2))
 
 
 def page_of(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: float) -> str:
@@ -83,7 +82,7 @@ def page_of(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: 
 
 @click.command()
 @click.option("--seed", default=21, show_default=True)
-@click.option("--robots", default=60, show_default=True, type=click.IntRange(min=2))
+@click.option("--robots", default=120, show_default=True, type=click.IntRange(min=2))
 @click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
 @click.option("--robot", default="exo_index", show_default=True, help="Nominal robot: file or built-in name.")
 @click.option("--write", type=click.Path(path_type=Path), default=None, help="File for the limits.")
