@@ -1,11 +1,11 @@
 """Where the alarm's limits come from: healthy robots of the model itself, every number scattered by 3 %, at work.
 
-    python -m exodrake.live.calibrate --seed 21 --robots 120 --minutes 20 --write exodrake/live/limits.yaml
+    python -m exodrake.live.calibrate --seed 21 --robots 100 --minutes 20 --write exodrake/live/limits.yaml
 
 The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
 other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. So,
 whatever the law is, at most 1 - 0.05^(1/n) of healthy robots raise one in such a session, with 95 % confidence, where n
-is half the robots (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 5 % for n = 60, and 1 / (n + 1) are to be
+is half the robots (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 6 % for n = 50, and 1 / (n + 1) are to be
 expected. `live.check` tries the limits on other robots.
 """
 
@@ -82,7 +82,7 @@ def page_of(robot: Robot, limits: np.ndarray, seed: int, robots: int, duration: 
 
 @click.command()
 @click.option("--seed", default=21, show_default=True)
-@click.option("--robots", default=120, show_default=True, type=click.IntRange(min=2))
+@click.option("--robots", default=100, show_default=True, type=click.IntRange(min=2))
 @click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
 @click.option("--robot", default="exo_index", show_default=True, help="Nominal robot: file or built-in name.")
 @click.option("--write", type=click.Path(path_type=Path), default=None, help="File for the limits.")
