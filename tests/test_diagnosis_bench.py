@@ -52,3 +52,16 @@ def test_scaling_cuts_logs_and_reads_exponents():
     assert [len(item.log.time) for item in short.logs] == [51, 51]  # both ends of 1 s at 20 ms
     np.testing.assert_array_equal(short.logs[0].log["tension_AF"], case.logs[0].log["tension_AF"][:51])
     assert growth([1.0, 2.0, 4.0], [3.0, 12.0, 48.0]) == pytest.approx(2.0)
+
+
+def test_scaling_has_a_diagnosis_try_fewer_effects():
+    from exodrake.blind.scaling import FRICTION, trying
+    from exodrake.diagnosis.candidates import NOTHING
+    from exodrake.diagnosis.fit import Fitter
+    from exodrake.diagnosis.screen import shelf
+
+    fitter = Fitter(make_problem(bench.rubbing(load_robot(), 1.0), load_robot()))
+    start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    with trying(5):
+        assert len(found := shelf(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
+    assert len(shelf(fitter, start)) > 20

@@ -18,6 +18,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import process_time
+from typing import Any
 from unittest.mock import patch
 
 import click
@@ -85,12 +86,11 @@ def shortened(log: Log, seconds: float) -> Log:
 
 def cost(case: Case, shelf: int | None = None) -> Cost:
     """Cost of one diagnosis; `shelf`: how many effects it may try, all of the shelf for None."""
-    from exodrake.diagnosis import diagnose, search
+    from exodrake.diagnosis import diagnose
 
     load_everything(case)
-    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:shelf]  # the true one among them
     begun = process_time()
-    with patch.object(search, "COMMON", frozenset(tried)):  # the product itself offers no smaller shelf
+    with trying(shelf):
         verdict = diagnose(case).verdict
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
@@ -105,6 +105,14 @@ def load_everything(case: Case) -> None:
     problem = make_problem(cut(case, MOMENT), nominal)
     problem.residual(problem.silent()[None], problem.fit)
     measure(problem, nominal, nominal, nominal)
+
+
+def trying(shelf: int | None) -> Any:
+    """Context in which only some effects are tried, the true one among them: a diagnosis itself has no such choice."""
+    from exodrake.diagnosis import screen
+
+    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:shelf]
+    return patch.object(screen, "COMMON", frozenset(tried))
 
 
 def common() -> list[str]:
