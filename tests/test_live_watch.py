@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 
 import exodrake as exo
 from exodrake.cli import cli
-from exodrake.diagnosis.calibrate import scattered
+from exodrake.diagnosis.healthy import scattered
 from exodrake.formats.csv import write
 from exodrake.live.calibrate import limits_of, share_at_most
 from exodrake.live.check import first_alarm

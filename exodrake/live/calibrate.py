@@ -17,7 +17,7 @@ import click
 import numpy as np
 
 from exodrake.counting import counted, where_to_run
-from exodrake.diagnosis.calibrate import scattered
+from exodrake.diagnosis.healthy import scattered
 from exodrake.diagrams.robot import Robot, load_robot
 from exodrake.diagrams.simulate import simulate
 from exodrake.live.companion import Companion, channels

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import click
 import numpy as np
 
-from exodrake.diagnosis.calibrate import scattered
+from exodrake.diagnosis.healthy import scattered
 from exodrake.diagrams.robot import Robot, load_robot
 from exodrake.live.alarm import Alarm, judge, limits
 from exodrake.live.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
