@@ -60,7 +60,7 @@ def test_scaling_has_a_diagnosis_try_fewer_effects():
     from exodrake.diagnosis.fit import Fitter
     from exodrake.diagnosis.screen import shelf
 
-    fitter = Fitter(make_problem(bench.rubbing(load_robot(), 1.0), load_robot()))
+    fitter = Fitter(make_problem(bench.rubbing(load_robot(), 3.0), load_robot()))
     start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
     with trying(5):
         assert len(found := shelf(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
