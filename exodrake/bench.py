@@ -15,8 +15,9 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.robot import Robot, load_robot
-from exodrake.diagrams.simulate import Chance, Reference, prepared, state_size, wire_count
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
+from exodrake.diagrams.simulate import NOTHING, Chance, Reference, prepared, state_size, wire_count
 
 SPEED = "simulated s / s"
 ELSEWHERE = ("exodrake.identification.estimator.bench", "exodrake.diagnosis.bench")
@@ -70,16 +71,15 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     given = (reference.tension, chance.tension, chance.angle, chance.lottery)
     numbers = np.tile(prepared(robot), (rows, 1))
     records = np.zeros((rows, len(reference.tension), wire_count(machine)))
-    nothing = np.zeros((0, 0))
 
     def one_after_another() -> None:
         for row, recording in zip(numbers, records, strict=True):
             state, wires = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
             module.begin(row, state)
-            module.run(row, state, wires, *given, machine.slot, 1, recording, nothing)
+            module.run(row, state, wires, *given, machine.slot, 1, recording, NOTHING, NOTHING)
 
     def at_once() -> None:
-        module.batch(numbers, state_size(machine), *given, machine.slot, 1, records)
+        module.batch(numbers, state_size(machine), *given, machine.slot, 1, records, NOTHING)
 
     return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
 

@@ -21,8 +21,9 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.diagrams.machine import nearest
-from exodrake.diagrams.robot import Robot, build, load_robot
+from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.robot_check import check_content
+from exodrake.diagrams.robot_file import build, load_robot
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.errors import InputError
 from exodrake.files import is_file, parse_yaml, read_bytes, read_yaml

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Chance, Reference, prepared, run_compiled
 from exodrake.log import read_log
 

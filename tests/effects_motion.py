@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Chance, offsets, prepared, state_size, wire_count
 
 FRAMES = 400  # 8 s

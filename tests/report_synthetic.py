@@ -20,7 +20,7 @@ from exodrake.diagnosis.result import (
     SignalGap,
     Where,
 )
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
 WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")

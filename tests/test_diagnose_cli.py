@@ -11,7 +11,7 @@ import exodrake.diagnosis.pipeline as pipeline
 from exodrake.cli import cli
 from exodrake.commands.diagnose import STEPS, advance, robot_text
 from exodrake.diagnosis.result import NAMED
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.log import Log, write_log
 
 

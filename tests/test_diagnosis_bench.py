@@ -7,7 +7,7 @@ from exodrake.bench import as_row
 from exodrake.diagnosis import bench
 from exodrake.diagnosis.candidates import hypothesis
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from exodrake.diagnosis.regime import explained, since_reversal
 from exodrake.diagnosis.retune import retuned
 from exodrake.diagnosis.search import Fitted, Search
 from exodrake.diagrams.late import cubic
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
 

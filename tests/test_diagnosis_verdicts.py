@@ -10,7 +10,7 @@ import pytest
 from exodrake.case import Case, CaseLog
 from exodrake.diagnosis import diagnose
 from exodrake.diagnosis.healthy import scattered
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
 

@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 from exodrake.case import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.errors import InputError
 from exodrake.formats.hardware import SETS, reader
 from exodrake.hardware.ladder import ladder

@@ -9,7 +9,7 @@ import exodrake as exo
 from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference, record, simulate
 from exodrake.effects import (
     carriage_coulomb_friction,

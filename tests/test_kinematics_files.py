@@ -149,7 +149,7 @@ def test_layout_file(tmp_path):
 
 
 def test_command_writes_table_robot_and_figure(tmp_path):
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     run = CliRunner().invoke
     made = run(

@@ -76,7 +76,7 @@ def test_drawn_estimates_are_those_that_were_judged(found):
 
 
 def test_worn_robot_is_worn():
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     worn = worn_robot(load_robot())
     assert set(worn.effects()) == {"tendon.capstan_friction", "tendon.creep"}
@@ -105,7 +105,7 @@ def test_register(found, what, ours, verdict):
 
 
 def test_simulated_readings_step_by_the_resolutions():
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     fine = hardware.staircase(load_robot(), 0.001, 2 * np.pi / (16 * 69 * 4))
     assert fine.step_of(fine.tension) == pytest.approx(0.001, abs=1e-8)

@@ -11,7 +11,8 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.systems.finger import coriolis, inertia, mass_matrix
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
-from exodrake.systems.tendon_finger import BLOCK, Numbers, heights, paths
+from exodrake.systems.tendon_finger import BLOCK, Numbers
+from exodrake.systems.wire_paths import heights, paths
 
 RNG = np.random.default_rng(7)
 SAMPLES = [(RNG.uniform(-0.3, 1.5, 3), RNG.uniform(-15, 15, 3)) for _ in range(40)]

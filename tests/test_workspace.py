@@ -103,7 +103,7 @@ def test_impossible_fingers_are_refused(lengths, ranges):
 
 
 def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     robot = load_robot()
     wired = assisted(robot, 7)

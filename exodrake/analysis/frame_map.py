@@ -17,7 +17,7 @@ import numpy as np
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import Chance, offsets, prepared, state_size, wire_count
+from exodrake.diagrams.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 from exodrake.errors import InputError
 
 NO_FINE = np.zeros((0, 0))
@@ -95,7 +95,7 @@ class FrameMap:
         chance = Chance.draw(frames, seed, machine)
         self.module.run(
             self.numbers, x, w, np.ascontiguousarray(references, dtype=float),
-            chance.tension, chance.angle, chance.lottery, machine.slot, 1, rows, fine,
+            chance.tension, chance.angle, chance.lottery, machine.slot, 1, rows, fine, NOTHING,
         )  # fmt: skip
         return x, rows, fine
 

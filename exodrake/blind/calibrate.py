@@ -26,7 +26,7 @@ from exodrake.counting import counted, where_to_run
 from exodrake.diagnosis.decide import misfit, worst_column
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import Ranking
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.parallel import each
 
 HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)

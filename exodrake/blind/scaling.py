@@ -62,7 +62,7 @@ def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
 
 def faultless() -> Case:
     """A case of the model itself with its nominal numbers, which is diagnosed at once."""
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.diagrams.simulate import Reference, simulate
     from exodrake.identification.protocols import random_motion
 
@@ -99,7 +99,7 @@ def load_everything(case: Case) -> None:
     """Has the compiled code and Drake loaded by a moment's simulation."""
     from exodrake.diagnosis.closure import measure
     from exodrake.diagnosis.problem import make_problem
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     nominal = load_robot()
     problem = make_problem(cut(case, MOMENT), nominal)
@@ -118,7 +118,7 @@ def trying(shelf: int | None) -> Any:
 def common() -> list[str]:
     """Ids of the effects that a diagnosis tries."""
     from exodrake.diagnosis.vocabulary import COMMON
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     return [effect.id for effect in load_robot().machine.shelf if effect.id in COMMON]
 

@@ -65,7 +65,7 @@ def command(file, numbers, effects, parts, at, seed, out, target, model) -> None
 
 def robot_of(file: str, numbers: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
     """The robot that the options ask for: parts, then numbers, then effects."""
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.scenario import lanes_of, parse_effect, parse_number
 
     robot = load_robot(file)

@@ -109,7 +109,7 @@ def diagnose(out: Path) -> Diagnosis:
     from exodrake.commands.diagnose import contents_of, progress_bar, write_all
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.diagnosis.report.summary import print_summary
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     case, nominal = read_case(out / CASE), load_robot()
     with progress_bar() as say:

@@ -67,7 +67,7 @@ def diagnose_case(
     from exodrake.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.diagnosis.report.summary import print_summary
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     for path in (json_file, report, out_robot):
         check_target(path)
@@ -158,7 +158,7 @@ def robot_text(found: Diagnosis) -> str:
     from tempfile import TemporaryDirectory
 
     from exodrake.diagnosis.result import UNKNOWN
-    from exodrake.diagrams.robot import write_robot
+    from exodrake.diagrams.robot_file import write_robot
 
     kept = found.robots["retuned" if found.verdict == UNKNOWN else "improved"]
     with TemporaryDirectory() as folder:

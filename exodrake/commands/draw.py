@@ -11,7 +11,7 @@ import click
 def command(robot: str, out: Path) -> None:
     """Draw the robot's wiring: parts, wires with their units, and the tasks in the slots of a frame."""
     from exodrake.diagrams.draw import wiring_svg
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.errors import InputError
     from exodrake.files import write_text
 

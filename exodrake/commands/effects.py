@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option("--robot", default="exo_index", metavar="FILE", help="Whose shelf: a robot file or built-in robot.")
 def command(identity: str, as_json: bool, robot: str) -> None:
     """The shelf of effects: id, what it is, parameters with unit and plausible range; one page if ID is given."""
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
 
     machine = load_robot(robot).machine
     chosen = [machine.effect(identity)] if identity else list(machine.shelf)

@@ -40,7 +40,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from rich.console import Console
 
     from exodrake.commands.simulate import check_folder, write_folder
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import quick_estimator, run_plan
     from exodrake.identification.estimator.file import load

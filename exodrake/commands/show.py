@@ -18,7 +18,7 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
 
     `#t=1.5` behind the page's address stops it at that time.
     """
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.files import write_text
     from exodrake.log import read_log
     from exodrake.viewer import recording_html

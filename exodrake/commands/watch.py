@@ -26,7 +26,7 @@ def command(log: Path, robot: str, until_idle: float | None) -> None:
     The model runs beside the robot, frame by frame. Ctrl-C ends with a summary. The exit status is 1 if there was an
     alarm. For the cause: `exodrake diagnose LOG`; for the finger in motion: `exodrake show LOG`.
     """
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.live.display import summary
     from exodrake.live.watcher import Watch
 

@@ -22,7 +22,7 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
 
     Writes workspace.csv, table_2.md and workspace.png.
     """
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.identification.kinematics.report import write_all
     from exodrake.identification.workspace import assisted, table_2
     from exodrake.identification.workspace.figure import workspace_figure

@@ -19,7 +19,8 @@ from exodrake.diagnosis.closure import shown
 from exodrake.diagnosis.fit import Fitter
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference, record, simulate
 from exodrake.identification.protocols import random_motion
 

@@ -29,6 +29,10 @@ class Thresholds:
     margin: float
     pair: float
     second: float
+    pair_of_law: float
+    law: float
+    steered: float
+    settled: float
 
 
 @cache

@@ -105,10 +105,10 @@ class Fitter:
                 return point
         return point
 
-    def leap(self, point: Point, responses: np.ndarray, knob: int, value: float) -> tuple[float, Point]:
-        """The point with a nominal knob set to `value`, the other knobs following by their responses.
+    def leap(self, point: Point, responses: np.ndarray, knob: int, value: float) -> tuple[float, np.ndarray]:
+        """A nominal knob set to `value`, the other knobs following by their responses.
 
-        Returns the cost that these promise, and the point from which a fit may go on.
+        Returns the cost that these promise, and the nominal knobs from which a fit may go on.
         """
         x = point.x.copy()
         x[knob] = value
@@ -119,9 +119,7 @@ class Fitter:
         descent = -(rest.T @ moved.residual + prior * x[others])
         move = bounded_solve(normal, descent, -self.limit[others] - x[others], self.limit[others] - x[others])
         x[others] += move
-        return moved.cost - float(descent @ move) + 0.5 * float(move @ normal @ move), self.at(
-            point.hypothesis, point.u, x
-        )
+        return moved.cost - float(descent @ move) + 0.5 * float(move @ normal @ move), x
 
     def corrected(
         self, responses: np.ndarray, gram: np.ndarray, slopes: np.ndarray, point: Point, trial: Point

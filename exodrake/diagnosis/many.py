@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.case import Case, read_case
-from exodrake.diagrams.robot import load_robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.errors import InputError
 from exodrake.files import write_text
 from exodrake.frozen import configuration, told

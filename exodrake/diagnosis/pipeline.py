@@ -12,16 +12,17 @@ import numpy as np
 from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit, thresholds
-from exodrake.diagnosis.deeper import deeper
-from exodrake.diagnosis.drops import lossy, probability
+from exodrake.diagnosis.decide import left_over, misfit, thresholds
+from exodrake.diagnosis.drops import probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.line import TREMOR, named
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import LOSING, Fitted, Ranking, Search
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagnosis.views import View, looked
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 
 Progress = Callable[[str], None]
 
@@ -39,56 +40,10 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     robot = robot or load_robot()
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     problem = make_problem(case, robot)
-    limits = thresholds()
     progress("measuring the gap")
-    ranking = Ranking(problem, progress)
-    search = run_search(problem, ranking, limits)
-    decision = decide(problem, search, limits)
+    closed, chosen = looked(problem, thresholds(), progress)
     progress("measuring how far")
-    return answer(case, problem, ranking, search, decision, begun, progress)
-
-
-def run_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
-    """Nominal, retuned, then effects and pairs as far as the gap asks for them."""
-    nominal = ranking.nominal()
-    if is_quiet(problem, nominal, limits):
-        return Search(nominal, nominal)
-    retuned = ranking.retuned()
-    if retuned.misfit <= limits.quiet and not is_quiet(problem, retuned, limits):
-        whole = ranking.tuned_to_all()
-        retuned = whole if is_quiet(problem, whole, limits) else retuned
-    shaking = None if is_quiet(problem, retuned, limits) else ranking.shaking(retuned)
-    if shaking:
-        return Search(nominal, retuned, shaking=shaking)
-    singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
-    if misfit(problem, singles[0]) > limits.near and (shaking := ranking.shaking(singles[0])):
-        return Search(nominal, retuned, tuple(singles), (), tuple(screened), shaking=shaking)
-    if is_quiet(problem, singles[0], limits):
-        return Search(nominal, retuned, tuple(singles), (), tuple(screened))
-    pairs = worth(problem, singles[0], ranking.pairs(singles[0]), limits)
-    if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
-        singles = sorted((*singles, other), key=lambda f: f.score)
-        if misfit(problem, other) > limits.near:
-            pairs += worth(problem, other, ranking.pairs(other), limits)
-            pairs.sort(key=lambda f: f.score)
-    if problem.robot.machine.depth > 2:
-        pairs += deeper(problem, ranking, pairs, limits)
-    best = min((*singles, *pairs), key=lambda f: f.score)
-    losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
-    if losing and LOSING not in best.point.hypothesis.effects:
-        first = ranking.losing(singles)
-        singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
-        pairs += worth(problem, first, ranking.pairs(first), limits)
-    return Search(nominal, retuned, tuple(singles), tuple(pairs), tuple(screened), losing)
-
-
-def worth(problem: Problem, single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
-    """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case
-    but for its law.
-    """
-    if misfit(problem, single) > limits.near:
-        return [f for f in pairs if left_over(problem, f, single) < limits.pair]
-    return [f for f in pairs if left_over(problem, f, single) < limits.second and is_quiet(problem, f, limits)]
+    return answer(case, closed, chosen, begun, progress)
 
 
 def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:
@@ -107,11 +62,10 @@ def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) ->
     )  # fmt: skip
 
 
-def effects_of(
-    problem: Problem, ranking: Ranking, search: Search, fitted: Fitted, chance: dict[str, float]
-) -> tuple[NamedEffect, ...]:
-    """The effects of a candidate with lanes and intervals."""
-    machine = problem.robot.machine
+def effects_of(view: View) -> tuple[NamedEffect, ...]:
+    """The effects that a view's decision names, with lanes and intervals."""
+    problem, ranking, search, fitted = view.problem, view.ranking, view.search, view.decision.best
+    machine, chance = problem.robot.machine, view.decision.probability
     if not fitted.point.hypothesis.effects:
         return ()
     if fitted.name == TREMOR and search.shaking:
@@ -137,8 +91,11 @@ def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
     return replace(effect, parameters={"probability": Interval(*probability(drops))})
 
 
-def candidates_of(problem: Problem, search: Search) -> tuple[Candidate, ...]:
-    """All fitted hypotheses, best first: score 1 explains the gap to the floor, 0 no better than retuned numbers."""
+def candidates_of(view: View) -> tuple[Candidate, ...]:
+    """All hypotheses that a view fitted, best first: score 1 explains the gap to the floor, 0 no better than retuned
+    numbers.
+    """
+    problem, search = view.problem, view.search
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
     return tuple(
         Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.misfit, f.held_misfit) for f in ranked
@@ -160,22 +117,17 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(
-    case: Case, problem: Problem, ranking: Ranking, search: Search, decision: Decision, begun: float, progress: Progress
-) -> Diagnosis:
-    """The diagnosis, with everything measured that it states."""
-    best = decision.best
+def answer(case: Case, closed: View, chosen: View, begun: float, progress: Progress) -> Diagnosis:
+    """The diagnosis, with everything measured that it states: gaps in closed loop, causes in the chosen view."""
+    problem, search, ranking, decision = closed.problem, closed.search, closed.ranking, chosen.decision
     robots = {
         "nominal": problem.robot,
         "retuned": robot_of(problem, ranking, search.retuned, case.name),
-        "improved": robot_of(problem, ranking, best, case.name),
+        "improved": robot_of(problem, ranking, decision.best, case.name),
     }
     closure = measure(problem, robots["nominal"], robots["retuned"], robots["improved"])
-    effects = (
-        effects_of(problem, ranking, search, best, decision.probability)
-        if decision.verdict in (NAMED, AMBIGUOUS)
-        else ()
-    )
+    named = decision.verdict in (NAMED, AMBIGUOUS)
+    effects = effects_of(chosen) if named else ()
     experiment = None
     if decision.verdict == AMBIGUOUS:
         from exodrake.diagnosis.experiment import next_experiment
@@ -183,7 +135,7 @@ def answer(
         rows = np.array([ranking.full.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
         experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
     progress("where it lies")
-    where = place(problem, ranking.full, search, decision, effects)
+    where = place(problem, ranking.full, search, chosen, effects)
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
@@ -194,16 +146,31 @@ def answer(
         else (),
         closure=closure,
         next_experiment=experiment,
-        candidates=candidates_of(problem, search),
+        candidates=candidates_of(chosen),
         baselines=baselines_of(search),
         reasons=decision.reasons,
         notes=case.notes,
         seconds=time.perf_counter() - begun,
         robots=robots,
-        evidence={
-            "nominal": misfit(problem, search.nominal),
-            "retuned": misfit(problem, search.retuned),
-            "best": misfit(problem, best),
-            "unknown": float(decision.verdict == UNKNOWN),
-        },
+        evidence=evidence_of(closed, chosen),
     )
+
+
+def evidence_of(closed: View, chosen: View) -> dict[str, float]:
+    """Misfits [floor^2] on all logs, in closed loop; and steered by the logs, if that view was chosen."""
+    best, view = chosen.decision.best, chosen
+    if chosen is not closed:
+        point = best.point
+        best = closed.ranking.complete(closed.ranking.full.at(point.hypothesis, point.u, point.x))
+    found = {
+        "nominal": misfit(closed.problem, closed.search.nominal),
+        "retuned": misfit(closed.problem, closed.search.retuned),
+        "best": misfit(closed.problem, best),
+        "unknown": float(chosen.decision.verdict == UNKNOWN),
+    }
+    if chosen is not closed:
+        found |= {
+            "steered_retuned": misfit(view.problem, view.search.retuned),
+            "steered_best": misfit(view.problem, view.decision.best),
+        }
+    return found

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.decide import Decision
 from exodrake.diagnosis.fit import Fitter
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.replay import segment_gaps
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
 from exodrake.diagnosis.search import Fitted, Search
+from exodrake.diagnosis.views import View
 
 TRACED = 0.5  # a wire or joint with this share of the strongest one's residual counts as affected
 
@@ -30,16 +30,16 @@ def block_shares(search: Search) -> dict[str, float]:
     return {b: v / total for b, v in sorted(best.items(), key=lambda i: -i[1])} if total else {}
 
 
-def place(
-    problem: Problem, fitter: Fitter, search: Search, decision: Decision, effects: tuple[NamedEffect, ...]
-) -> Where:
-    """Block, lanes, Shapley shares of the segments, replay gaps and regime."""
-    if decision.verdict in (NO_GAP, RETUNE):
+def place(problem: Problem, fitter: Fitter, search: Search, chosen: View, effects: tuple[NamedEffect, ...]) -> Where:
+    """Block, lanes, Shapley shares of the segments, replay gaps and regime of a closed-loop search; the shares of the
+    blocks follow the chosen view.
+    """
+    if chosen.decision.verdict in (NO_GAP, RETUNE):
         return Where(block="none")
     values = fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
     segments, replay = segment_gaps(problem, values, problem.holdout[0]) if several(problem) else ({}, {})
     residuals = split(problem, search.retuned)
-    shares = block_shares(search)
+    shares = block_shares(chosen.search)
     block = (
         effects[0].id.split(".")[0] if effects else next(iter(shares), None) or max(segments, key=lambda s: segments[s])
     )

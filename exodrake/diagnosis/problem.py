@@ -12,11 +12,12 @@ from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import asked_rows, noise_floor
+from exodrake.diagnosis.signals import filled
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import seen_late
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import Chance, given_rows, offsets, prepared, state_size, wire_count
+from exodrake.diagrams.simulate import NOTHING, Chance, given_rows, offsets, prepared, state_size, wire_count
 from exodrake.errors import InputError
 
 
@@ -25,6 +26,7 @@ class Trial:
     """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
 
     drops: the commands that seem lost, used by the effect of that name only.
+    follow: (n, lanes) what a run is steered by (`Machine.steered`), if it is.
     """
 
     name: str
@@ -32,6 +34,12 @@ class Trial:
     reference: np.ndarray
     measured: np.ndarray
     drops: Drops | None = None
+    follow: np.ndarray | None = None
+
+    def first(self, n: int) -> Trial:
+        """The first n frames."""
+        follow = None if self.follow is None else self.follow[:n]
+        return replace(self, reference=self.reference[:n], measured=self.measured[:n], follow=follow)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +82,8 @@ class Problem:
             chance = replace(chance, lottery=trial.drops.lottery[:n])
         given = given_rows(machine, trial.reference, chance).values()
         records = np.empty((len(rows), n, count))
-        module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records)
+        follow = NOTHING if trial.follow is None else trial.follow
+        module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
         return seen_late(machine, records, self.wires)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
@@ -103,11 +112,33 @@ class Problem:
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
-        cut = tuple(
-            replace(t, reference=t.reference[: (n := max(2, int(share * len(t.reference))))], measured=t.measured[:n])
-            for t in self.fit
+        return replace(self, fit=tuple(t.first(max(2, int(share * len(t.reference)))) for t in self.fit))
+
+    def steered(self) -> Problem | None:
+        """The problem with runs that follow what was measured where the machine says so (`Machine.steered`): errors do
+        not go round the loop, nor does noise. None where the columns for it are missing.
+        """
+        steered, kinds = self.robot.machine.steered, [c.rsplit("_", 1)[0] for c in self.columns]
+        if steered is None or not {steered.imposed, steered.held} <= set(kinds):
+            return None
+        imposed, held = ([k == kind for k in kinds] for kind in (steered.imposed, steered.held))
+        machine = self.robot.machine
+        for kind, found in ((steered.imposed, imposed), (steered.held, held)):
+            if sum(found) < machine.width(machine.wire[machine.column(kind).wire].over):
+                return None
+        kept = ~np.array(imposed)
+
+        def follow(trial: Trial) -> Trial:
+            known = [filled(trial.measured[:, i]) for mask in (imposed, held) for i in np.flatnonzero(mask)]
+            return replace(trial, measured=trial.measured[:, kept], follow=np.column_stack(known))
+
+        return replace(
+            self,
+            columns=tuple(c for c, k in zip(self.columns, kept, strict=True) if k),
+            floor=self.floor[kept],
+            fit=tuple(map(follow, self.fit)),
+            holdout=tuple(map(follow, self.holdout)),
         )
-        return replace(self, fit=cut)
 
     def silent(self, robot: Robot | None = None) -> np.ndarray:
         """Flat numbers for prediction: no noise, no rounding."""

@@ -16,146 +16,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
-from math import cos, factorial, sin
+from math import factorial
 
 import numpy as np
 
-from exodrake.block import Block
+from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.signals import filled
-from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.leaves import held_wires, outer_reads
-from exodrake.diagrams.machine import Machine, feedthrough_order
 from exodrake.diagrams.simulate import Chance, Reference, given_rows, record
-from exodrake.systems import routers, tendon_finger
-from exodrake.systems.tendon_finger import RATE, TAKEN, Q
+from exodrake.systems import tendon_finger
 
-SOFT = 1e-3  # N/m: a wire this soft is a source of force
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
 LONGEST, MOST = 8.0, 1500  # s and frames of a trial that are replayed: the loop is interpreted
 READING = 0.005  # s after the start of a frame: middle of the three bus reads
-
-
-class Loop:
-    """The machine as an interpreted loop over its leaf functions, whose wires can be overruled tick by tick."""
-
-    def __init__(self, machine: Machine, values: np.ndarray) -> None:
-        self.machine, self.module = machine, compile_machine(machine)
-        self.wires = {w.name: np.zeros(machine.width(w.over)) for w in machine.wires}
-        self.states, self.numbers = {}, {}
-        state, at, p_at = np.zeros(sum(sum(machine.part_size(b)) for b in machine.blocks)), 0, 0
-        self.tasks_of = {
-            (b.name, t.function): (getattr(self.module, f"{b.name}__leaf__{t.function}"), outer_reads(b, t.reads))
-            for b in machine.blocks
-            for t in b.tasks
-        }
-        self.held = {b.name: [self.wires[n] for n in held_wires(b)] for b in machine.blocks}
-        self.module.begin(values, state)
-        for block in machine.blocks:
-            size, count = sum(machine.part_size(block)), sum(e.block == block.name for e in machine.entries)
-            self.states[block.name], self.numbers[block.name] = (
-                state[at : at + size].copy(),
-                values[p_at : p_at + count].copy(),
-            )
-            at, p_at = at + size, p_at + count
-            held = getattr(self.module, f"{block.name}__leaf__hold")
-            held(self.states[block.name], *self.held[block.name], self.numbers[block.name])
-        self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
-        self.routing = routing(machine, values)
-        self.pass_through({})
-
-    def call(self, block: Block, function: str, own: tuple = (), reads: tuple = ()) -> None:
-        """A task of a part: its own wires follow from its state."""
-        entry, _ = self.tasks_of[block.name, function]
-        entry(self.states[block.name], *self.held[block.name], self.numbers[block.name], *own, *reads)
-
-    def reads(self, block: Block, function: str) -> tuple[str, ...]:
-        """Wires from other parts that a task reads."""
-        return self.tasks_of[block.name, function][1]
-
-    def pass_through(self, imposed: dict[str, np.ndarray]) -> None:
-        """Imposed wires take their values, then wires of direct feedthrough follow."""
-        for name, value in imposed.items():
-            self.wires[name][:] = value
-        for block, output in self.direct:
-            entry = getattr(self.module, f"{block.name}__leaf__{output.function}")
-            entry(
-                self.states[block.name],
-                self.numbers[block.name],
-                *(self.wires[n] for n in (*output.reads, *output.writes)),
-            )
-            for name in set(output.writes) & set(imposed):
-                self.wires[name][:] = imposed[name]
-
-    def tasks(self, slot: int, imposed: dict[str, np.ndarray]) -> None:
-        """The sampled tasks of a slot."""
-        for block in self.machine.blocks:
-            for task in block.tasks:
-                if slot in task.slots:
-                    lane = (task.slots.index(slot),) if task.lanes else ()
-                    self.call(
-                        block, task.function, lane, tuple(self.wires[n] for n in self.reads(block, task.function))
-                    )
-        self.pass_through(imposed)
-
-    def tick(
-        self,
-        dt: float,
-        imposed: dict[str, np.ndarray],
-        forced: tuple[np.ndarray, np.ndarray] | None,
-        held: np.ndarray | None,
-    ) -> None:
-        """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in
-        place of its own.
-        """
-        before = {name: values.copy() for name, values in self.wires.items()}
-        for block in self.machine.blocks:
-            for task in block.tasks:
-                if task.slots:
-                    continue
-                reads = tuple(before[n] for n in self.reads(block, task.function))
-                if block.name == "finger" and forced is not None:
-                    reads = (forced[0] / SOFT, forced[1] / SOFT)
-                self.call(block, task.function, (dt,), reads)
-        if held is not None:
-            self.hold(held)
-        self.pass_through(imposed)
-
-    def hold(self, angle: np.ndarray) -> None:
-        """Puts the finger into a posture, at rest."""
-        x = self.states["finger"]
-        x[Q : Q + 3], x[RATE : RATE + 3], self.wires["angle"][:] = angle, 0.0, angle
-        x[TAKEN : TAKEN + 3] = taken_in(self.routing, angle)
-
-    def soften(self) -> None:
-        """Makes the finger's wires so soft that a stroke is a force."""
-        for place, entry in enumerate(e for e in self.machine.entries if e.block == "finger"):
-            if entry.name.startswith("tendon.k."):
-                self.numbers["finger"][place] = SOFT
-
-
-def routing(machine: Machine, values: np.ndarray) -> list[list[tuple[float, ...]]]:
-    """a, b, m, n [m] of the routers, flexor side and extensor side, joint by joint; nothing of a machine without
-    routers.
-    """
-    return [
-        [
-            tuple(values[machine.index[f"router.{letter}_{side}.{joint}"]] for letter in "abmn")
-            for joint in machine.lanes.joints
-        ]
-        for side in "fe"
-        if f"router.a_{side}.{machine.lanes.joints[0]}" in machine.index
-    ]
-
-
-def taken_in(sides: list[list[tuple[float, ...]]], angle: np.ndarray) -> np.ndarray:
-    """Wire taken in by the finger in a posture (3,) [m]."""
-    turned = [(cos(q), sin(q)) for q in angle]
-    flexor, extensor = (
-        [routers.path(c, s, a, b, m, n, sign)[0] for (c, s), (a, b, m, n) in zip(turned, side, strict=True)]
-        for side, sign in zip(sides, (routers.FLEXOR, routers.EXTENSOR), strict=True)
-    )
-    return np.array([sum(flexor), flexor[0], sum(extensor)])
 
 
 def smoothed(rows: np.ndarray) -> np.ndarray:

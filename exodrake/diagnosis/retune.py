@@ -31,17 +31,24 @@ def retuned(fitter: Fitter, origin: Point) -> Retuned:
     """The nominal numbers fitted, their responses taken anew until that gains no more."""
     point = base = origin
     kept: np.ndarray | None = None
-    for _ in range(RETUNES):
+    for turn in range(RETUNES):
         responses = fitter.responses(point)
         kept = responses if kept is None else kept
-        better = leapt(fitter, fitter.fit(point, responses, steps=8), responses)
+        better = fitter.fit(point, responses, steps=8)
+        if settled(point, better) or turn == RETUNES - 1:
+            better = leapt(fitter, better, responses)
         if better.misfit < NEARBY:
             base, kept = better, responses
-        gain, point = point.cost - better.cost, better
-        if gain < SETTLED * better.cost:
+        ended, point = settled(point, better), better
+        if ended:
             break
     assert kept is not None
     return Retuned(point, base, kept)
+
+
+def settled(before: Point, after: Point) -> bool:
+    """Whether a round gained so little that it is the last."""
+    return before.cost - after.cost < SETTLED * after.cost
 
 
 def leapt(fitter: Fitter, point: Point, responses: np.ndarray) -> Point:
@@ -50,8 +57,8 @@ def leapt(fitter: Fitter, point: Point, responses: np.ndarray) -> Point:
     """
     for i in (i for i, knob in enumerate(fitter.knobs) if knob.name.startswith(nuisance.SUDDEN)):
         leaps = (fitter.leap(point, responses, i, share * fitter.limit[i]) for share in LEAPS)
-        promised, start = min(leaps, key=lambda found: found[0])
+        promised, x = min(leaps, key=lambda found: found[0])
         if promised < point.cost - LEAP_GAIN:
-            trial = fitter.fit(start, responses, steps=8)
+            trial = fitter.fit(fitter.at(point.hypothesis, point.u, x), responses, steps=8)
             point = trial if trial.cost < point.cost else point
     return point

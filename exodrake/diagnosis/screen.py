@@ -17,6 +17,7 @@ from exodrake.diagnosis.vocabulary import COMMON
 
 PROBE = 0.6  # amplitude at which an effect is tried, in units of its typical value
 FAR = 0.7  # of the way through its range at which a further number is tried
+STRONG = 2.5  # times the usual amount
 TURNS = 5  # values at which an effect of the whole robot is tried
 
 
@@ -131,10 +132,12 @@ def other_values(knob: Knob, usual: float) -> list[float]:
 
 def turns(extra: Hypothesis) -> list[np.ndarray]:
     """Values of u to be taken as they are: a contact, a clipped current or a direction of gravity respond in no
-    proportion to them. The plausible range of a number of the whole robot, or the usual amount on all lanes at once.
+    proportion to them. The plausible range of a number of the whole robot; the usual amount on all lanes at once, and
+    a strong one, since what is small may hide below a threshold.
     """
     lead = extra.knobs[0]
     if lead.first and lead.lanes != ("",):
-        return [extra.start]
+        strong = np.where([knob.first for knob in extra.knobs], STRONG, 1.0) * extra.start
+        return [extra.start, np.clip(strong, *extra.bounds.T)]
     low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.bounds
     return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(low, high, TURNS)]

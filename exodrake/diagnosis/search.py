@@ -79,10 +79,11 @@ HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's aft
 class Ranking:
     """The course of a search: what is fitted, refined and paired."""
 
-    def __init__(self, problem: Problem, progress: Progress = lambda _: None) -> None:
+    def __init__(self, problem: Problem, progress: Progress = lambda _: None, start: np.ndarray | None = None) -> None:
         self.full, self.quick = Fitter(problem), Fitter(problem.shortened(SHARE))
         self.progress = progress
         self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
+        self.begin = self.origin if start is None else self.full.at(NOTHING, np.zeros(0), start)
         self.own: dict[str, np.ndarray] = {}
 
     def complete(self, point: Point) -> Fitted:
@@ -98,7 +99,7 @@ class Ranking:
     def tuned(self) -> Retuned:
         """The course of retuning."""
         self.progress("retuning the nominal numbers")
-        return retuned(self.full, self.origin)
+        return retuned(self.full, self.begin)
 
     def retuned(self) -> Fitted:
         """The robot with its nominal numbers fitted."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from exodrake.diagrams.drake_plans import part_plan
 from exodrake.diagrams.machine import Machine, nearest
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.errors import InputError
 from exodrake.systems.leaf import Leaf
 

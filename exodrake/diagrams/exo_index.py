@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.block import JOINTS, ONE, WIRES, Lanes, Wire
-from exodrake.diagrams.machine import Column, Machine
+from exodrake.diagrams.machine import Column, Machine, Steered
 from exodrake.effects import SHELF
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 
@@ -87,4 +87,5 @@ def exo_index() -> Machine:
         compared=("tension", "stroke", "speed_cmd", "angle"),
         floors=floors,
         segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
+        steered=Steered("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
     )

@@ -69,11 +69,47 @@ def print_begin(machine: Machine) -> str:
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
 
 
+def imposing(machine: Machine, slot: int) -> list[str]:
+    """Lines that put measured values on the imposed wire after the slot in which it is written."""
+    steered = machine.steered
+    if steered is None:
+        return []
+    wire = machine.column(steered.imposed).wire
+    here = [b for b in machine.blocks if any(slot in t.slots for t in b.tasks)]
+    if all(wire not in output.writes for b in here for output in b.outputs):
+        return []
+    width = machine.width(machine.wire[wire].over)
+    return ["if follow.shape[0] > 0:", f"    {wire}[:] = follow[frame, :{width}]"]
+
+
+def holding(machine: Machine) -> list[str]:
+    """Lines that move the observed state at a frame's end."""
+    steered = machine.steered
+    if steered is None:
+        return []
+    name, state = steered.state
+    block = next(b for b in machine.blocks if b.name == name)
+    own = [e.name for e in machine.entries if e.block == name]
+    wire, at = machine.column(steered.held).wire, 0
+    for s in block.states:
+        if s.name == state:
+            break
+        at += machine.width(s.over) * s.width
+    width = machine.width(machine.wire[machine.column(steered.imposed).wire].over)
+    number = next(i for i, full in enumerate(own) if full.startswith(steered.per + "."))
+    change = f"{steered.gain} * (follow[frame, {width} + j] - {wire}[j]) / {name}_p[{number} + j]"
+    return [
+        "if follow.shape[0] > 0:",
+        f"    for j in range({machine.width(machine.wire[wire].over)}):",
+        f"        {name}_x[{at} + j] += {change}",
+    ]
+
+
 def print_run(machine: Machine) -> str:
-    """`run(p, state, w, given..., dt, substeps, record, fine)`: frames in order.
+    """`run(p, state, w, given..., dt, substeps, record, fine, follow)`: frames in order.
 
     `record` and `fine` take the wires at each frame's and each slot's end. The plant's tick stands in one place, so
-    that it is inlined once.
+    that it is inlined once. `follow`: imposed and held values (frames, lanes of both), or of no length.
     """
     given = [f"{name}_rows" for name in machine.given]
     body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
@@ -82,23 +118,26 @@ def print_run(machine: Machine) -> str:
     inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine))]
     for slot in range(machine.slots):
         if lines := task_lines(machine, slot):
+            lines += imposing(machine, slot)
             inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
     inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
-    inner.append("record[frame, :] = w")
-    header = f"@njit(cache=True)\ndef run(p, state, w, {', '.join(given)}, dt, substeps, record, fine):\n"
+    inner += ["record[frame, :] = w", *holding(machine)]
+    header = f"@njit(cache=True)\ndef run(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow):\n"
     return header + indent(body + ["    " + line for line in inner])
 
 
 def print_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records)`: a run from the start for each row of numbers."""
+    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of numbers."""
     given = [f"{name}_rows" for name in machine.given]
     lines = [
         "for i in prange(rows.shape[0]):",
         "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",
         "    begin(rows[i], state)",
-        f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine)",
+        f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine, follow)",
     ]
-    header = f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records):\n"
+    header = (
+        f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
+    )
     return header + indent(lines)
 
 

@@ -45,6 +45,21 @@ class Scatter:
 
 
 @dataclass(frozen=True)
+class Steered:
+    """How a run may be made to follow a log, so that errors of a part do not go round the loop.
+
+    imposed: column kind whose wire takes its measured values. held: column kind that is held near its measured values
+    by an observer: each frame, state (block, name) moves by `gain` of the difference, divided by the number `per`.
+    """
+
+    imposed: str
+    held: str
+    state: tuple[str, str]
+    per: str
+    gain: float
+
+
+@dataclass(frozen=True)
 class Machine:
     """Who is wired to whom, and when.
 
@@ -59,6 +74,7 @@ class Machine:
         segments: what lies between two measured wires, and the column kind that it ends in.
         scatter: numbers that differ from one such machine to the next, as the robot file says.
         depth: effects that a diagnosis may name together.
+        steered: how a run can follow a log, if it can.
     """
 
     name: str
@@ -78,6 +94,7 @@ class Machine:
     segments: Mapping[str, str] = field(default_factory=dict)
     scatter: tuple[Scatter, ...] = ()
     depth: int = 2
+    steered: Steered | None = None
 
     def __post_init__(self) -> None:
         check_wiring(self)
@@ -135,6 +152,10 @@ class Machine:
             if effect.id == identity:
                 return effect
         raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.shelf])}")
+
+    def column(self, kind: str) -> Column:
+        """The column family of that kind."""
+        return next(c for c in self.columns if c.kind == kind)
 
     def part_size(self, block: Block) -> tuple[int, int]:
         """Lengths of a block's own state and of the states of the effects on it."""

@@ -68,6 +68,9 @@ class Recording:
     wires: dict[str, np.ndarray]
 
 
+NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
+
+
 def asked_width(machine: Machine) -> int:
     """How many references a machine takes."""
     return sum(machine.width(machine.wire[c.wire].over) for c in machine.asked)
@@ -182,7 +185,7 @@ def run_compiled(
     state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
     module.begin(values, state)
     given = given_rows(machine, reference.tension, chance).values()
-    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, np.zeros((0, 0)))
+    module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING)
     return rows
 
 

@@ -10,8 +10,8 @@ from time import sleep
 import numpy as np
 
 from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.robot import load_robot
-from exodrake.diagrams.simulate import Chance, Reference, prepared, record, state_size, wire_count
+from exodrake.diagrams.robot_file import load_robot
+from exodrake.diagrams.simulate import NOTHING, Chance, Reference, prepared, record, state_size, wire_count
 
 SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
 
@@ -23,7 +23,9 @@ def twin() -> None:
     record(robot, SHORT)
     records = np.zeros((1, len(SHORT.tension), wire_count(machine)))
     given = (SHORT.tension, chance.tension, chance.angle, chance.lottery)
-    compile_machine(machine).batch(prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records)
+    compile_machine(machine).batch(
+        prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
+    )
 
 
 def leaves() -> None:

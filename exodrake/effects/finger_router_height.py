@@ -16,6 +16,6 @@ EFFECT = Effect(
     summary="routers sit higher or lower than drawn",
     signature="wrong moment arms: angle against stroke has another slope, angle against tension another gain; no loop",
     source="physics.md 4.D; 0.5-2 mm",
-    at={"tendon_finger.router_height": router_height},
+    at={"wire_paths.router_height": router_height},
     numbers=(Number("height", "m", neutral=0.0, low=-1.5e-3, high=2e-3, over=JOINTS, usual=5e-4),),
 )

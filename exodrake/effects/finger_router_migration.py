@@ -26,7 +26,7 @@ EFFECT = Effect(
     summary="garment deforms: router height changes with tension",
     signature="moment arm depends on tension at the same angle; extra stroke grows with tension and flexion",
     source="physics.md 4.D; 0.05-0.3 mm/N",
-    at={"tendon_finger.worn_height": worn_height, "tendon.settle": settle},
+    at={"wire_paths.worn_height": worn_height, "tendon.settle": settle},
     numbers=(Number("migration", "m/N", neutral=0.0, low=1e-5, high=3e-4, over=WIRES, usual=1e-4),),
     states=(State("settled", WIRES, unit="N"),),
     advances=("tendon.settle",),

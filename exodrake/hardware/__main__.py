@@ -25,7 +25,7 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     import yaml
 
     matplotlib.use("Agg")
-    from exodrake.diagrams.robot import write_robot
+    from exodrake.diagrams.robot_file import write_robot
     from exodrake.files import write_text
     from exodrake.hardware.page import page, table, verdict
     from exodrake.hardware.sets import available

@@ -12,7 +12,8 @@ from exodrake.case import Case
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.formats.hardware import reader
 from exodrake.hardware import figures
 from exodrake.hardware.ladder import ladder, predicted

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.diagrams.machine import nearest
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference
 from exodrake.errors import InputError
 from exodrake.identification import protocols

@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 
 from exodrake.diagrams.machine import nearest
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference
 from exodrake.errors import InputError
 from exodrake.identification.tensions import above_floor, check_range, clock, generator, limits, smooth

@@ -18,7 +18,8 @@ import numpy as np
 
 from exodrake.counting import counted, where_to_run
 from exodrake.diagnosis.healthy import scattered
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import simulate
 from exodrake.live.companion import Companion, channels
 from exodrake.live.gap import Gap, Reading, floors

@@ -13,7 +13,8 @@ import click
 import numpy as np
 
 from exodrake.diagnosis.healthy import scattered
-from exodrake.diagrams.robot import Robot, load_robot
+from exodrake.diagrams.robot import Robot
+from exodrake.diagrams.robot_file import load_robot
 from exodrake.live.alarm import Alarm, judge, limits
 from exodrake.live.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
 from exodrake.live.companion import channels

@@ -1,4 +1,4 @@
-"""Replay of each segment between measured wires, frame by frame: the same ticks and tasks as `diagnosis.replay.Loop`,
+"""Replay of each segment between measured wires, frame by frame: the same ticks and tasks as `diagnosis.loop.Loop`,
 compiled.
 
 This page is printed behind an import of the machine's leaf functions (`live.compiled`), so that numba can cache it.

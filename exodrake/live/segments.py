@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.block import Block
-from exodrake.diagnosis.replay import READING, SOFT
+from exodrake.diagnosis.loop import SOFT
+from exodrake.diagnosis.replay import READING
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.leaves import held_wires
 from exodrake.diagrams.robot import Robot

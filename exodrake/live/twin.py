@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import cubic
 from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import offsets, prepared, state_size, wire_count
+from exodrake.diagrams.simulate import NOTHING, offsets, prepared, state_size, wire_count
 
 MEMORY = 1000  # frames that late pictures may look back
 KINDS = ("tension", "stroke", "speed_cmd", "angle")
@@ -69,7 +69,7 @@ class Twin:
         if count:
             self.module.run(
                 self.values, self.state, self.w, np.ascontiguousarray(reference), still, still, never,
-                self.machine.slot, 1, rows, np.zeros((0, 0)),
+                self.machine.slot, 1, rows, NOTHING, NOTHING,
             )  # fmt: skip
         seen = self.pictures.push(rows[:, self.angles], rows[:, self.lateness], last)
         self.waiting = np.concatenate([self.waiting, rows[:, self.plain]])

@@ -30,7 +30,7 @@ def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
 
     from threadpoolctl import threadpool_limits
 
-    from exodrake.diagrams.robot import load_robot
+    from exodrake.diagrams.robot_file import load_robot
     from exodrake.paper import arms, centres, equations, estimation, hardware, reach
     from exodrake.paper.study import study
 

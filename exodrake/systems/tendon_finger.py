@@ -12,10 +12,12 @@ from math import cos, sin
 from typing import Annotated, NamedTuple
 
 from exodrake.block import JOINTS, ONE, WIRES, Block, Output, Point, State, Task, Unit
-from exodrake.systems import finger, tendon
+from exodrake.systems import finger, tendon, wire_paths
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
-from exodrake.systems.routers import EXTENSOR, FLEXOR, applied_arm, path
+from exodrake.systems.routers import applied_arm
 from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid, stretched_by
+from exodrake.systems.triples import along, column, dot, solve
+from exodrake.systems.wire_paths import heights, paths
 
 
 class Numbers(NamedTuple):
@@ -44,60 +46,8 @@ class Numbers(NamedTuple):
 
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
-STEPS, CLOSE = 6, 1e-6  # Newton steps at most; tolerance [rad]
+STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
 NUDGE, NUDGE_WIRE = 1e-6, 1e-7  # of difference quotients [rad], [m]
-
-
-def router_height(e, z, i, height):
-    """Point: router height at joint i [m]."""
-    return height
-
-
-def worn_height(e, z, j, height, tension):
-    """Point: router height under wire j [m], which its tension [N] may move."""
-    return height
-
-
-def heights(e, z, n, pull):
-    """Heights m, n [m] of the routers at tensions `pull` [N]: AF at three joints, MF at the MCP, AE at three joints."""
-    f0 = pair(e, z, 0, 0, n.m_f, n.n_f, pull)
-    f1 = pair(e, z, 0, 1, n.m_f, n.n_f, pull)
-    f2 = pair(e, z, 0, 2, n.m_f, n.n_f, pull)
-    x0 = pair(e, z, 2, 0, n.m_e, n.n_e, pull)
-    x1 = pair(e, z, 2, 1, n.m_e, n.n_e, pull)
-    x2 = pair(e, z, 2, 2, n.m_e, n.n_e, pull)
-    return (f0, f1, f2), pair(e, z, 1, 0, n.m_f, n.n_f, pull), (x0, x1, x2)
-
-
-def pair(e, z, j, i, proximal, distal, pull):
-    """Heights of the proximal and the distal router of wire j at joint i [m]."""
-    m = worn_height(e, z, j, router_height(e, z, i, proximal[i]), pull[j])
-    return m, worn_height(e, z, j, router_height(e, z, i, distal[i]), pull[j])
-
-
-def flexor(i, cosines, sines, height, n):
-    """Path of a flexor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
-    return path(cosines[i], sines[i], n.a_f[i], n.b_f[i], height[0], height[1], FLEXOR)
-
-
-def extensor(i, cosines, sines, height, n):
-    """Path of an extensor over joint i: l, R, dR/dq (`routers.path`); height: m and n [m]."""
-    return path(cosines[i], sines[i], n.a_e[i], n.b_e[i], height[0], height[1], EXTENSOR)
-
-
-def paths(n, cosines, sines, high):
-    """Wire taken in [m], the rows of P [m] and of dP/dq [m/rad] for AF, MF, AE at these angles; high: `heights` [m]."""
-    all_flexor, mcp_flexor, all_extensor = high
-    f0 = flexor(0, cosines, sines, all_flexor[0], n)
-    f1 = flexor(1, cosines, sines, all_flexor[1], n)
-    f2 = flexor(2, cosines, sines, all_flexor[2], n)
-    g0 = flexor(0, cosines, sines, mcp_flexor, n)
-    x0 = extensor(0, cosines, sines, all_extensor[0], n)
-    x1 = extensor(1, cosines, sines, all_extensor[1], n)
-    x2 = extensor(2, cosines, sines, all_extensor[2], n)
-    taken = (f0[0] + f1[0] + f2[0], g0[0], x0[0] + x1[0] + x2[0])
-    arms = ((f0[1], f1[1], f2[1]), (g0[1], 0.0, 0.0), (x0[1], x1[1], x2[1]))
-    return taken, arms, ((f0[2], f1[2], f2[2]), (g0[2], 0.0, 0.0), (x0[2], x1[2], x2[2]))
 
 
 def wire(e, z, j, n, x, stroke, taken, dt):
@@ -125,6 +75,8 @@ def outside(e, z, n, angle, rate, moments, clock, lag):
     nothing, bones, quick = (0.0, 0.0, 0.0), (n.length, moments), NUDGE / lag
     (q0, q1, q2), (w0, w1, w2) = angle, rate
     here = external(e, z, nothing, angle, rate, bones, clock)
+    if here == nothing:
+        return here, (nothing, nothing, nothing)
     c0 = external(e, z, nothing, (q0 + NUDGE, q1, q2), (w0 + quick, w1, w2), bones, clock)
     c1 = external(e, z, nothing, (q0, q1 + NUDGE, q2), (w0, w1 + quick, w2), bones, clock)
     c2 = external(e, z, nothing, (q0, q1, q2 + NUDGE), (w0, w1, w2 + quick), bones, clock)
@@ -136,31 +88,11 @@ def slope(here, there):
     return (there[0] - here[0]) / NUDGE, (there[1] - here[1]) / NUDGE, (there[2] - here[2]) / NUDGE
 
 
-def dot(u, v):
-    """Scalar product of two triples."""
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
-
-
-def column(rows, i):
-    """Column i of three triples."""
-    return rows[0][i], rows[1][i], rows[2][i]
-
-
 def stiffness(i, k, arms, bends, falls, tensions, passive_slope, external_slope):
     """Entry i, k of d(passive - tendon - external torque)/dq [N m/rad]."""
     own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
     r, s = column(arms, i), column(arms, k)
     return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
-
-
-def solve(m, r):
-    """Solution of a 3 x 3 linear system given as rows, by Cramer's rule."""
-    (a, b, c), (d, f, g), (h, k, p) = m
-    u, v, w = f * p - g * k, g * h - d * p, d * k - f * h
-    inverse = 1.0 / (a * u + b * v + c * w)
-    x = (u * r[0] + (c * k - b * p) * r[1] + (b * g - c * f) * r[2]) * inverse
-    y = (v * r[0] + (a * p - c * h) * r[1] + (c * d - a * g) * r[2]) * inverse
-    return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
@@ -247,11 +179,6 @@ def onward(x, i):
     return 2.0 * x[i] - x[i + 6]
 
 
-def along(start, step, rate):
-    """start + step rate for triples."""
-    return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
-
-
 def arrive(x, z, n, e, ends, high, dt):
     """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
     cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
@@ -310,8 +237,8 @@ BLOCK = Block(
         Output("output_tension", ("tension",), reads=("stroke",)),
     ),
     points=(
-        Point("router_height", JOINTS),
-        Point("worn_height", WIRES),
+        Point("router_height", JOINTS, wire_paths),
+        Point("worn_height", WIRES, wire_paths),
         Point("stretch", WIRES, tendon),
         Point("elastic", WIRES, tendon),
         Point("transmit", WIRES, tendon),

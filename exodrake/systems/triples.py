@@ -1,0 +1,26 @@
+"""Triples as vectors and three of them as matrices: what a finger of three joints needs."""
+
+
+def dot(u, v):
+    """Scalar product of two triples."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def column(rows, i):
+    """Column i of three triples."""
+    return rows[0][i], rows[1][i], rows[2][i]
+
+
+def solve(m, r):
+    """Solution of a 3 x 3 linear system given as rows, by Cramer's rule."""
+    (a, b, c), (d, f, g), (h, k, p) = m
+    u, v, w = f * p - g * k, g * h - d * p, d * k - f * h
+    inverse = 1.0 / (a * u + b * v + c * w)
+    x = (u * r[0] + (c * k - b * p) * r[1] + (b * g - c * f) * r[2]) * inverse
+    y = (v * r[0] + (a * p - c * h) * r[1] + (c * d - a * g) * r[2]) * inverse
+    return x, y, (w * r[0] + (b * h - a * k) * r[1] + (a * f - b * d) * r[2]) * inverse
+
+
+def along(start, step, rate):
+    """start + step rate for triples."""
+    return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]

@@ -1,0 +1,82 @@
+"""Runs steered by a log: identities, and a loop that hunts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exodrake.case import Case, CaseLog
+from exodrake.diagnosis.problem import make_problem
+from exodrake.diagrams.robot_file import load_robot
+from exodrake.diagrams.simulate import Reference, simulate
+from exodrake.identification import protocols
+
+FRAMES = 750  # 15 s a log
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    return load_robot()
+
+
+def case_of(robot, seed, quantisation=True):
+    """Holds to fit, steps held out."""
+    plan = (("holds", "fit", protocols.holds(robot, seed=3)), ("steps", "holdout", protocols.steps(robot)))
+    logs = []
+    for k, (name, role, whole) in enumerate(plan):
+        asked = Reference(whole.tension[:FRAMES], name)
+        log = simulate(robot, asked, None if seed is None else seed + k, quantisation)
+        logs.append(CaseLog(log, name, role, None, name))
+    return Case("steered", {}, tuple(logs))
+
+
+def misfit(problem, robot):
+    """Mean square residual on the fitted logs [floor^2] of a robot."""
+    return float(np.mean(problem.residual(problem.silent(robot)[None], problem.fit) ** 2))
+
+
+def test_a_run_steered_by_its_own_log_is_that_log(nominal):
+    problem = make_problem(case_of(nominal, None, quantisation=False), nominal)
+    steered = problem.steered()
+    kept = [problem.columns.index(c) for c in steered.columns]
+    closed = problem.predict(problem.silent()[None], problem.fit[0])[0]
+    assert np.array_equal(steered.predict(steered.silent()[None], steered.fit[0])[0], closed[:, kept])
+
+
+def test_the_imposed_column_is_not_judged(nominal):
+    problem = make_problem(case_of(nominal, 1), nominal)
+    assert set(problem.columns) - set(problem.steered().columns) == {f"speed_cmd_{w}" for w in ("AF", "MF", "AE")}
+
+
+def test_a_log_without_commands_cannot_steer(nominal):
+    case = case_of(nominal, 1)
+
+    def mute(log):
+        return replace(log, signals={k: v for k, v in log.signals.items() if not k.startswith("speed_cmd")})
+
+    logs = tuple(replace(item, log=mute(item.log)) for item in case.logs)
+    assert make_problem(replace(case, logs=logs), nominal).steered() is None
+
+
+@pytest.mark.parametrize(
+    ("identity", "numbers"),
+    [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3})],
+)
+def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, numbers):
+    robot = nominal.splice(identity, numbers)
+    problem = make_problem(case_of(robot, 5), nominal)
+    steered = problem.steered()
+    assert misfit(steered, robot) < 1.3 < 0.5 * misfit(problem, robot)
+
+
+def test_an_effect_of_one_part_stays_in_its_part_when_steered(nominal):
+    """A slow drive moves the strokes; the tensions, which follow the strokes as measured, hardly feel it."""
+    robot = nominal.splice("motor.slow_velocity_loop", {"factor": 0.3})
+    closed = make_problem(case_of(robot, 5), nominal)
+    steered = closed.steered()
+
+    def power(problem, kind):
+        rows = problem.residual(problem.silent()[None], problem.fit)[0].reshape(-1, len(problem.columns))
+        return np.mean(rows[:, [c.startswith(kind) for c in problem.columns]] ** 2)
+
+    assert power(steered, "stroke") / power(steered, "angle") > 2.0 * power(closed, "stroke") / power(closed, "angle")
