@@ -32,7 +32,7 @@ class Thresholds:
     pair_of_law: float
     law: float
     steered: float
-    settled: float
+    vain: float
 
 
 @cache

@@ -66,29 +66,51 @@ class Fitter:
             hypothesis, u, x, residual, 0.5 * float(residual @ residual) + 0.5 * float(np.sum((x / self.spread) ** 2))
         )
 
-    def responses(self, point: Point) -> np.ndarray:
-        """d residual / d x at a point, (samples, nominal knobs)."""
+    def responses(self, point: Point, central: bool = False) -> np.ndarray:
+        """d residual / d x at a point, (samples, nominal knobs); `central`: from both sides."""
         rows = [self.values(point.hypothesis, point.u, point.x + NUDGE_NUMBER * row) for row in np.eye(len(self.knobs))]
         moved = self.problem.residual(np.array(rows), self.problem.fit)
-        return ((moved - point.residual) / NUDGE_NUMBER).T
+        if not central:
+            return ((moved - point.residual) / NUDGE_NUMBER).T
+        rows = [self.values(point.hypothesis, point.u, point.x - NUDGE_NUMBER * row) for row in np.eye(len(self.knobs))]
+        moved -= self.problem.residual(np.array(rows), self.problem.fit)
+        return (moved / (2.0 * NUDGE_NUMBER)).T
 
-    def slopes(self, point: Point) -> np.ndarray:
-        """d residual / d u at a point, (samples, effect knobs), one-sided and away from a bound."""
-        steps = NUDGE * point.hypothesis.scales
-        steps = np.where(point.u + steps > point.hypothesis.bounds[:, 1], -steps, steps)
+    def slopes(self, point: Point, central: bool = False) -> np.ndarray:
+        """d residual / d u at a point, (samples, effect knobs): one-sided and away from a bound, or `central` where
+        there is room on both sides.
+        """
+        steps, (low, high) = NUDGE * point.hypothesis.scales, point.hypothesis.bounds.T
+        steps = np.where(point.u + steps > high, -steps, steps)
         if not len(steps):
             return np.zeros((len(point.residual), 0))
-        rows = [
-            self.values(point.hypothesis, point.u + steps[i] * row, point.x) for i, row in enumerate(np.eye(len(steps)))
-        ]
-        return ((self.problem.residual(np.array(rows), self.problem.fit) - point.residual) / steps[:, None]).T
+        there = self.turned(point, steps)
+        if not central:
+            return ((there - point.residual) / steps[:, None]).T
+        back = np.where((point.u - steps < low) | (point.u - steps > high), 0.0, -steps)
+        return ((there - self.turned(point, back)) / (steps - back)[:, None]).T
 
-    def fit(self, start: Point, responses: np.ndarray, steps: int = 8, gram: np.ndarray | None = None) -> Point:
-        """Levenberg-Marquardt from a point; `responses` (samples, nominal knobs) of a point nearby."""
+    def turned(self, point: Point, steps: np.ndarray) -> np.ndarray:
+        """Residuals (effect knobs, samples) with each knob of the effect moved by its step alone."""
+        rows = [self.values(point.hypothesis, point.u + move, point.x) for move in np.diag(steps)]
+        return self.problem.residual(np.array(rows), self.problem.fit)
+
+    def fit(
+        self,
+        start: Point,
+        responses: np.ndarray,
+        steps: int = 8,
+        gram: np.ndarray | None = None,
+        enough: float = GAIN_ENOUGH,
+        central: bool = False,
+    ) -> Point:
+        """Levenberg-Marquardt from a point; `responses` (samples, nominal knobs) of a point nearby; it ends when a step
+        lowers the cost by less than the fraction `enough`; `central`: slopes from both sides.
+        """
         point, damping = start, DAMPING
         gram = responses.T @ responses if gram is None else gram
         for _ in range(steps):
-            slopes = self.slopes(point)
+            slopes = self.slopes(point, central)
             better = None
             for _ in range(4):
                 u, x = self.step(point, slopes, responses, gram, damping)
@@ -101,7 +123,7 @@ class Fitter:
             if better is None:
                 return point
             gain, point, damping = 1.0 - better.cost / point.cost, better, max(0.1 * damping, DAMPING)
-            if gain < GAIN_ENOUGH:
+            if gain < enough:
                 return point
         return point
 

@@ -43,7 +43,7 @@ class Spread:
 def spread(fitter: Fitter, point: Point, responses: np.ndarray) -> Spread:
     """Covariance of the effect parameters at a fitted point."""
     scales = point.hypothesis.scales
-    jacobian = np.concatenate([fitter.slopes(point) * scales, responses], axis=1)
+    jacobian = np.concatenate([fitter.slopes(point, central=True) * scales, responses], axis=1)
     count = len(scales)
     prior = np.concatenate([np.full(count, 1e-9), 1.0 / fitter.spread**2])
     normal = jacobian.T @ jacobian + np.diag(prior)

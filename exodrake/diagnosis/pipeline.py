@@ -42,6 +42,7 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     problem = make_problem(case, robot)
     progress("measuring the gap")
     closed, chosen = looked(problem, thresholds(), progress)
+    chosen = chosen.polished()
     progress("measuring how far")
     return answer(case, closed, chosen, begun, progress)
 
@@ -159,7 +160,7 @@ def answer(case: Case, closed: View, chosen: View, begun: float, progress: Progr
 def evidence_of(closed: View, chosen: View) -> dict[str, float]:
     """Misfits [floor^2] on all logs, in closed loop; and steered by the logs, if that view was chosen."""
     best, view = chosen.decision.best, chosen
-    if chosen is not closed:
+    if chosen.problem is not closed.problem:
         point = best.point
         best = closed.ranking.complete(closed.ranking.full.at(point.hypothesis, point.u, point.x))
     found = {
@@ -168,7 +169,7 @@ def evidence_of(closed: View, chosen: View) -> dict[str, float]:
         "best": misfit(closed.problem, best),
         "unknown": float(chosen.decision.verdict == UNKNOWN),
     }
-    if chosen is not closed:
+    if chosen.problem is not closed.problem:
         found |= {
             "steered_retuned": misfit(view.problem, view.search.retuned),
             "steered_best": misfit(view.problem, view.decision.best),

@@ -73,6 +73,7 @@ FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be th
 SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
 FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
+POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -162,6 +163,15 @@ class Ranking:
             return None
         both, u = tremor(self.full, fitted.point, line)
         return line, self.complete(self.full.at(both, u, fitted.point.x))
+
+    def polished(self, fitted: Fitted) -> Fitted:
+        """A hypothesis fitted until the cost stands still: along a flat valley between an effect and nominal numbers,
+        where a race stops early, only the small errors that these usually have tell where the truth lies. Slopes from
+        both sides: the curvature in one-sided ones passes for information along the valley.
+        """
+        self.progress(f"settling {fitted.name}")
+        responses = self.own[fitted.name] = self.full.responses(fitted.point, central=True)
+        return self.complete(self.full.fit(fitted.point, responses, steps=POLISH, enough=STILL, central=True))
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""

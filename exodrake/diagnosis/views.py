@@ -35,6 +35,13 @@ class View:
         """Share of the gap that the decision's best candidate leaves."""
         return left_over(self.problem, self.decision.best, self.search.retuned)
 
+    def polished(self) -> View:
+        """The view with the candidate that it names fitted to the end, as its parameters are to be stated."""
+        if self.decision.verdict not in (NAMED, AMBIGUOUS) or self.search.shaking:
+            return self
+        best = self.ranking.polished(self.decision.best)
+        return replace(self, decision=replace(self.decision, best=best))
+
 
 def looked(problem: Problem, limits: Thresholds, progress: Progress = lambda _: None) -> tuple[View, View]:
     """The closed view, and the one whose decision counts: the steered one where it names what leaves less."""
@@ -53,7 +60,7 @@ def settles(view: View, limits: Thresholds) -> bool:
     """Whether a view explains a case so well that no other is asked."""
     if view.decision.verdict in (NO_GAP, RETUNE) or view.search.shaking:
         return True
-    return misfit(view.problem, view.decision.best) <= limits.near or view.left <= limits.settled
+    return misfit(view.problem, view.decision.best) <= limits.near or view.left <= limits.form
 
 
 def closed_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
@@ -99,7 +106,8 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     found = replace(known, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits):
         return found
-    pairs = worth(problem, singles[0], ranking.pairs(singles[0]), retuned, limits)
+    hopeful = left_over(problem, singles[0], retuned) <= limits.vain
+    pairs = worth(problem, singles[0], ranking.pairs(singles[0]), retuned, limits) if hopeful else []
     if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
         singles = sorted((*singles, other), key=lambda f: f.score)
         if misfit(problem, other) > limits.near:
