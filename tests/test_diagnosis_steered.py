@@ -66,17 +66,18 @@ def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, num
     robot = nominal.splice(identity, numbers)
     problem = make_problem(case_of(robot, 5), nominal)
     steered = problem.steered()
-    assert misfit(steered, robot) < 1.3 < 0.5 * misfit(problem, robot)
+    assert misfit(steered, robot) < 1.6 < 0.25 * misfit(problem, robot)
 
 
 def test_an_effect_of_one_part_stays_in_its_part_when_steered(nominal):
-    """A slow drive moves the strokes; the tensions, which follow the strokes as measured, hardly feel it."""
+    """A slow drive errs in the strokes; the finger, which follows the strokes as measured, hardly feels it."""
     robot = nominal.splice("motor.slow_velocity_loop", {"factor": 0.3})
     closed = make_problem(case_of(robot, 5), nominal)
     steered = closed.steered()
 
-    def power(problem, kind):
+    def excess(problem, kind):
         rows = problem.residual(problem.silent()[None], problem.fit)[0].reshape(-1, len(problem.columns))
-        return np.mean(rows[:, [c.startswith(kind) for c in problem.columns]] ** 2)
+        return np.mean(rows[:, [c.startswith(kind) for c in problem.columns]] ** 2) - 1.0
 
-    assert power(steered, "stroke") / power(steered, "angle") > 2.0 * power(closed, "stroke") / power(closed, "angle")
+    assert excess(steered, "stroke") > 3.0
+    assert excess(steered, "angle") < 0.25 * excess(closed, "angle")
