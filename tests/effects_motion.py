@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Chance, offsets, prepared, state_size, wire_count
+from exodrake.diagrams.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 
 FRAMES = 400  # 8 s
 SEED = 20
@@ -40,7 +40,7 @@ def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
     for i, row in enumerate(rows):
         state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
         module.begin(row, state)
-        module.run(row, state, w, reference, still, still, lottery, machine.slot, 1, records[i], np.zeros((0, 0)))
+        module.run(row, state, w, reference, still, still, lottery, machine.slot, 1, records[i], NOTHING, NOTHING)
     return records
 
 

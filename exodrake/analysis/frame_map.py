@@ -20,8 +20,6 @@ from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 from exodrake.errors import InputError
 
-NO_FINE = np.zeros((0, 0))
-
 
 @dataclass(frozen=True)
 class StateName:
@@ -80,7 +78,7 @@ class FrameMap:
         Args:
             state: (states,). references: (frames, wires) [N]. seed: of the sensors' noise; None runs without.
         """
-        x, rows, _ = self._run(state, references, seed, NO_FINE)
+        x, rows, _ = self._run(state, references, seed, NOTHING)
         return x, rows
 
     def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
@@ -108,7 +106,7 @@ class FrameMap:
 
         def step(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             x = x.copy()
-            run(numbers, x, w, r[None, :], calm.tension, calm.angle, calm.lottery, slot, 1, row, NO_FINE)
+            run(numbers, x, w, r[None, :], calm.tension, calm.angle, calm.lottery, slot, 1, row, NOTHING, NOTHING)
             return x, row[0].copy()
 
         return step
