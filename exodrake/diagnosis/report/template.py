@@ -42,7 +42,7 @@ figure { margin: 18px 0; break-inside: avoid; } figure svg text { font-family: I
   'Liberation Sans', Arial, sans-serif !important; }
 figure svg, figure img { width: 100%; height: auto; display: block; }
 figcaption { font-size: 13px; color: var(--soft); line-height: 1.5; max-width: 62em; margin-top: 4px; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(380px, 100%), 1fr)); gap: 8px 44px;
+.pair { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(380px, 100%), 1fr)); gap: 8px 44px;
   align-items: start; }
 .legend { font-size: 13px; color: var(--ink); display: flex; flex-wrap: wrap; gap: 4px 24px; margin: 14px 0 0; }
 .legend i { display: inline-block; width: 22px; height: 0; border-top: 3px solid; vertical-align: middle;

@@ -41,11 +41,16 @@ def where(diagnosis: Diagnosis, evidence: Evidence) -> str:
         right = m.heading(3, "Segments between measured wires") + m.figure(
             bars_svg(named, "segments", "Shapley share [%]"), caption
         )
+    elif left and len(machine.segments) > 1:
+        right = m.heading(3, "Segments between measured wires") + m.paragraph(NO_SEGMENTS)
     return "".join([*parts, m.pair(left, right), regime(diagnosis, evidence)])
 
 
 WIRING = "The fuller a part's colour, the larger its share of the gap. Tendon and finger are one stiff part."
 BLOCKS = "Share of each block: how much of the gap its best single effect removes."
+NO_SEGMENTS = (
+    "No shares by replay: fed with what was measured, a segment runs away, or too little is left to share."
+)
 SHAPLEY = (
     "Exact Shapley shares of the closed-loop gap: a segment is mended by putting its measured output in its place."
 )
