@@ -33,6 +33,7 @@ class Thresholds:
     law: float
     steered: float
     vain: float
+    further: float
 
 
 @cache

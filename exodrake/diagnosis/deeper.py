@@ -1,6 +1,6 @@
 """Causes that come in threes and more: forward search beyond pairs, then what has become superfluous is dropped.
 
-Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`pair` in
+Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`further` in
 `thresholds.yaml`); one that was chosen early is dropped if the others explain as much without it.
 """
 
@@ -26,7 +26,7 @@ def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thre
     for _ in range(problem.robot.machine.depth - 2):
         if best is None or misfit(problem, best) <= limits.near:
             break
-        further = [f for f in ranking.pairs(best) if left_over(problem, f, best) < limits.pair]
+        further = [f for f in ranking.pairs(best) if left_over(problem, f, best) < limits.further]
         if not further:
             break
         best = min(further, key=lambda f: f.score)

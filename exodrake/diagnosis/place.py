@@ -83,5 +83,5 @@ def traced(problem: Problem, residuals: dict[str, np.ndarray], kind: str) -> tup
             lane = column.rsplit("_", 1)[1]
             if lane in power:
                 power[lane] += float(rows[:, i] @ rows[:, i])
-    strongest = max(power.values())
+    strongest = max(power.values(), default=0.0)
     return tuple(lane for lane, p in power.items() if p >= TRACED * strongest)

@@ -106,14 +106,15 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     found = replace(known, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits):
         return found
-    hopeful = left_over(problem, singles[0], retuned) <= limits.vain
+    several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
+    hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
     pairs = worth(problem, singles[0], ranking.pairs(singles[0]), retuned, limits) if hopeful else []
     if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
         singles = sorted((*singles, other), key=lambda f: f.score)
         if misfit(problem, other) > limits.near:
             pairs += worth(problem, other, ranking.pairs(other), retuned, limits)
             pairs.sort(key=lambda f: f.score)
-    if problem.robot.machine.depth > 2:
+    if several:
         pairs += deeper(problem, ranking, pairs, limits)
     best = min((*singles, *pairs), key=lambda f: f.score)
     losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
