@@ -33,7 +33,6 @@ class Thresholds:
     law: float
     steered: float
     vain: float
-    further: float
 
 
 @cache
@@ -61,10 +60,15 @@ def misfit(problem: Problem, fitted: Fitted) -> float:
     return (a * fitted.misfit + b * fitted.held_misfit) / (a + b)
 
 
+def signal_misfits(problem: Problem, fitted: Fitted) -> np.ndarray:
+    """Mean square residual of each signal (columns,) [floor^2], over fitted and held-out logs alike."""
+    both = np.concatenate([fitted.point.residual, fitted.held]).reshape(-1, len(problem.columns))
+    return np.mean(both**2, axis=0)
+
+
 def worst_column(problem: Problem, fitted: Fitted) -> float:
     """Mean square residual of the worst signal [floor^2]."""
-    both = np.concatenate([fitted.point.residual, fitted.held]).reshape(-1, len(problem.columns))
-    return float(np.max(np.mean(both**2, axis=0)))
+    return float(np.max(signal_misfits(problem, fitted)))
 
 
 def is_quiet(problem: Problem, fitted: Fitted, limits: Thresholds) -> bool:

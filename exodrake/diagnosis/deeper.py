@@ -1,7 +1,8 @@
 """Causes that come in threes and more: forward search beyond pairs, then what has become superfluous is dropped.
 
-Only for a machine whose `depth` asks for it. A further effect must remove its share of what is left (`further` in
-`thresholds.yaml`); one that was chosen early is dropped if the others explain as much without it.
+Only for a machine whose `depth` asks for it. A further effect must leave at most `pair` (`thresholds.yaml`) of what is
+left in some signal: one that sits on a single joint does little for the whole. One that was chosen early is dropped if
+the others explain as much without it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.diagnosis.candidates import Hypothesis
-from exodrake.diagnosis.decide import Thresholds, left_over, misfit
+from exodrake.diagnosis.decide import Thresholds, misfit, signal_misfits
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import Fitted, Ranking
 
@@ -26,13 +27,19 @@ def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thre
     for _ in range(problem.robot.machine.depth - 2):
         if best is None or misfit(problem, best) <= limits.near:
             break
-        further = [f for f in ranking.pairs(best) if left_over(problem, f, best) < limits.further]
+        further = [f for f in ranking.pairs(best) if f.score < best.score and halves_a_signal(problem, f, best, limits)]
         if not further:
             break
         best = min(further, key=lambda f: f.score)
         grown.append(best)
     leaner = pruned(problem, ranking, grown[-1]) if grown else []
     return [*grown[:-1], *leaner] if leaner else grown
+
+
+def halves_a_signal(problem: Problem, fitted: Fitted, before: Fitted, limits: Thresholds) -> bool:
+    """Whether a candidate leaves at most the share `pair` of what `before` leaves in a signal away from its floor."""
+    left, was = (signal_misfits(problem, f) for f in (fitted, before))
+    return bool(np.any((was > limits.near) & (left - 1.0 < limits.pair * (was - 1.0))))
 
 
 def pruned(problem: Problem, ranking: Ranking, best: Fitted) -> list[Fitted]:

@@ -124,8 +124,13 @@ def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
 
 
 def interval(knob: Knob, u: float, deviation: float) -> Interval:
-    """90 % interval of a parameter in its own unit, the error of its law included."""
+    """90 % interval of a parameter in its own unit, the error of its law included; one of unknown magnitude ends at the
+    number's plausible range.
+    """
     law = SAME_LAW if knob.effect in SELF_DEFINED else LAW
     whole = float(np.hypot(deviation, law if knob.number.scale == "log" else law * abs(u)))
-    ends = [knob.value(u - Z90 * whole), knob.value(u + Z90 * whole)]
+    low, high = u - Z90 * whole, u + Z90 * whole
+    if knob.number.scale == "log":
+        low, high = max(low, min(u, knob.bounds[0])), min(high, max(u, knob.bounds[1]))
+    ends = [knob.value(low), knob.value(high)]
     return Interval(knob.value(u), min(ends), max(ends), knob.number.unit)

@@ -48,9 +48,7 @@ def where(diagnosis: Diagnosis, evidence: Evidence) -> str:
 
 WIRING = "The fuller a part's colour, the larger its share of the gap. Tendon and finger are one stiff part."
 BLOCKS = "Share of each block: how much of the gap its best single effect removes."
-NO_SEGMENTS = (
-    "No shares by replay: fed with what was measured, a segment runs away, or too little is left to share."
-)
+NO_SEGMENTS = "No shares by replay: fed with what was measured, a segment runs away, or too little is left to share."
 SHAPLEY = (
     "Exact Shapley shares of the closed-loop gap: a segment is mended by putting its measured output in its place."
 )
