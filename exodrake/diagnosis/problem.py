@@ -122,9 +122,8 @@ class Problem:
         if steered is None or not {steered.imposed, steered.held} <= set(kinds):
             return None
         imposed, held = ([k == kind for k in kinds] for kind in (steered.imposed, steered.held))
-        machine = self.robot.machine
         for kind, found in ((steered.imposed, imposed), (steered.held, held)):
-            if sum(found) < machine.width(machine.wire[machine.column(kind).wire].over):
+            if sum(found) < self.robot.machine.column_width(kind):
                 return None
         kept = ~np.array(imposed)
 

@@ -78,8 +78,7 @@ def imposing(machine: Machine, slot: int) -> list[str]:
     here = [b for b in machine.blocks if any(slot in t.slots for t in b.tasks)]
     if all(wire not in output.writes for b in here for output in b.outputs):
         return []
-    width = machine.width(machine.wire[wire].over)
-    return ["if follow.shape[0] > 0:", f"    {wire}[:] = follow[frame, :{width}]"]
+    return ["if follow.shape[0] > 0:", f"    {wire}[:] = follow[frame, :{machine.column_width(steered.imposed)}]"]
 
 
 def holding(machine: Machine) -> list[str]:
@@ -89,18 +88,14 @@ def holding(machine: Machine) -> list[str]:
         return []
     name, state = steered.state
     block = next(b for b in machine.blocks if b.name == name)
+    wire, at = machine.column(steered.held).wire, machine.state_place(block, state)
     own = [e.name for e in machine.entries if e.block == name]
-    wire, at = machine.column(steered.held).wire, 0
-    for s in block.states:
-        if s.name == state:
-            break
-        at += machine.width(s.over) * s.width
-    width = machine.width(machine.wire[machine.column(steered.imposed).wire].over)
     number = next(i for i, full in enumerate(own) if full.startswith(steered.per + "."))
-    change = f"{steered.gain} * (follow[frame, {width} + j] - {wire}[j]) / {name}_p[{number} + j]"
+    first = machine.column_width(steered.imposed)
+    change = f"{steered.gain} * (follow[frame, {first} + j] - {wire}[j]) / {name}_p[{number} + j]"
     return [
         "if follow.shape[0] > 0:",
-        f"    for j in range({machine.width(machine.wire[wire].over)}):",
+        f"    for j in range({machine.column_width(steered.held)}):",
         f"        {name}_x[{at} + j] += {change}",
     ]
 

@@ -157,6 +157,15 @@ class Machine:
         """The column family of that kind."""
         return next(c for c in self.columns if c.kind == kind)
 
+    def column_width(self, kind: str) -> int:
+        """Lanes of a column family."""
+        return self.width(self.wire[self.column(kind).wire].over)
+
+    def state_place(self, block: Block, name: str) -> int:
+        """Where a state of a block begins in its own state vector."""
+        before = block.states[: next(i for i, s in enumerate(block.states) if s.name == name)]
+        return sum(self.width(s.over) * s.width for s in before)
+
     def part_size(self, block: Block) -> tuple[int, int]:
         """Lengths of a block's own state and of the states of the effects on it."""
         own = sum(self.width(s.over) * s.width for s in block.states)
