@@ -19,7 +19,7 @@ import signal
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from threading import Lock
@@ -84,15 +84,26 @@ def alone(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None, s
         return attempt(function, task)
 
 
+def one_blas_thread() -> AbstractContextManager:
+    """Holds linear algebra to one thread: in small products a second one only waits, at a core's cost."""
+    return one_each("blas")
+
+
+def one_each(kind: str | None = None) -> AbstractContextManager:
+    """Holds the thread pools of that kind ("blas", "openmp"; all by default) to one thread."""
+    import scipy.linalg  # noqa: F401  brings its own BLAS, which can only be held once it is there
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1, user_api=kind)
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Holds linear algebra and compiled loops to one thread."""
     import numba
-    import scipy.linalg  # noqa: F401  brings its own BLAS, which can only be held once it is there
-    from threadpoolctl import threadpool_limits
 
     before = numba.get_num_threads()
-    with threadpool_limits(1):
+    with one_each():
         numba.set_num_threads(1)
         try:
             yield

@@ -23,6 +23,7 @@ from exodrake.diagnosis.search import LOSING, Fitted, Ranking, Search
 from exodrake.diagnosis.views import View, looked
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.robot_file import load_robot
+from exodrake.parallel import one_blas_thread
 
 Progress = Callable[[str], None]
 
@@ -41,10 +42,11 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     problem = make_problem(case, robot)
     progress("measuring the gap")
-    closed, chosen = looked(problem, thresholds(), progress)
-    chosen = chosen.polished()
-    progress("measuring how far")
-    return answer(case, closed, chosen, begun, progress)
+    with one_blas_thread():
+        closed, chosen = looked(problem, thresholds(), progress)
+        chosen = chosen.polished()
+        progress("measuring how far")
+        return answer(case, closed, chosen, begun, progress)
 
 
 def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:

@@ -202,6 +202,7 @@ def load_module(machine: Machine) -> ModuleType:
             part = path.with_suffix(f".{os.getpid()}.part")
             part.write_text(text)
             part.replace(path)
+        os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # idle threads sleep, and leave their core to other work
         spec = importlib.util.spec_from_file_location(f"exodrake_printed_{name}", path)
         assert spec and spec.loader
         module = importlib.util.module_from_spec(spec)
