@@ -32,7 +32,7 @@ def command(seed: int, out: Path) -> None:
     grasp(console, out / "grasp")
     chapter(console, 2, "A robot with a hidden fault", HIDDEN)
     hide(console, out, seed)
-    chapter(console, 3, "The diagnosis", "Only the logs and the nominal robot are known. This takes about a minute.")
+    chapter(console, 3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
     found = diagnose(out)
     chapter(console, 4, "The envelope", "Now the label is read, and checked against its seal.")
     reveal(console, out, found)
