@@ -65,6 +65,6 @@ def signal(
     floor = float(problem.floor[i])
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
     rms = [floor * float(np.sqrt(x.mean())) for x in (b, t, a)]
-    kind = problem.columns[i].rsplit("_", 1)[0]
+    kind = problem.kinds[i]
     unit = next(problem.robot.machine.wire[c.wire].unit for c in problem.robot.machine.columns if c.kind == kind)
     return SignalGap(rms[0], rms[1], rms[2], floor, closure(b, a), unit)

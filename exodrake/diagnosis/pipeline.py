@@ -161,19 +161,17 @@ def answer(case: Case, closed: View, chosen: View, begun: float, progress: Progr
 
 def evidence_of(closed: View, chosen: View) -> dict[str, float]:
     """Misfits [floor^2] on all logs, in closed loop; and steered by the logs, if that view was chosen."""
-    best, view = chosen.decision.best, chosen
+    best, steered = chosen.decision.best, {}
     if chosen.problem is not closed.problem:
-        point = best.point
-        best = closed.ranking.complete(closed.ranking.full.at(point.hypothesis, point.u, point.x))
-    found = {
+        steered = {
+            "steered_retuned": misfit(chosen.problem, chosen.search.retuned),
+            "steered_best": misfit(chosen.problem, best),
+        }
+        best = closed.ranking.complete(closed.ranking.full.at(best.point.hypothesis, best.point.u, best.point.x))
+    return {
         "nominal": misfit(closed.problem, closed.search.nominal),
         "retuned": misfit(closed.problem, closed.search.retuned),
         "best": misfit(closed.problem, best),
         "unknown": float(chosen.decision.verdict == UNKNOWN),
+        **steered,
     }
-    if chosen.problem is not closed.problem:
-        found |= {
-            "steered_retuned": misfit(view.problem, view.search.retuned),
-            "steered_best": misfit(view.problem, view.decision.best),
-        }
-    return found

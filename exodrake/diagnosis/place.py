@@ -54,7 +54,7 @@ def place(problem: Problem, fitter: Fitter, search: Search, chosen: View, effect
 
 def several(problem: Problem) -> bool:
     """Whether measured wires cut the machine into segments, all of whose ends this case has."""
-    kinds = {c.rsplit("_", 1)[0] for c in problem.columns}
+    kinds = set(problem.kinds)
     segments = problem.robot.machine.segments
     return len(segments) > 1 and set(segments.values()) <= kinds
 

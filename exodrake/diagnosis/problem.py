@@ -59,6 +59,11 @@ class Problem:
     holdout: tuple[Trial, ...]
 
     @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kind of each column: its name without the lane."""
+        return tuple(column.rsplit("_", 1)[0] for column in self.columns)
+
+    @property
     def wires(self) -> list[int]:
         """Places of the columns in the flat vector of wires."""
         machine, at = self.robot.machine, offsets(self.robot.machine)
@@ -102,7 +107,7 @@ class Problem:
 
     def with_drops(self, trial: Trial) -> Trial:
         """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
-        kinds = [c.rsplit("_", 1)[0] for c in self.columns]
+        kinds = self.kinds
         if not {"speed_cmd", "stroke", "tension"} <= set(kinds):
             return trial
         command, stroke, tension = (
@@ -118,7 +123,7 @@ class Problem:
         """The problem with runs that follow what was measured where the machine says so (`Machine.steered`): errors do
         not go round the loop, nor does noise. None where the columns for it are missing.
         """
-        steered, kinds = self.robot.machine.steered, [c.rsplit("_", 1)[0] for c in self.columns]
+        steered, kinds = self.robot.machine.steered, self.kinds
         if steered is None or not {steered.imposed, steered.held} <= set(kinds):
             return None
         imposed, held = ([k == kind for k in kinds] for kind in (steered.imposed, steered.held))

@@ -41,7 +41,7 @@ def smoothed(rows: np.ndarray) -> np.ndarray:
 
 def measured_of(problem: Problem, trial: Trial, kind: str) -> np.ndarray:
     """Columns of one kind (n, lanes)."""
-    return trial.measured[:, [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == kind]]
+    return trial.measured[:, [k == kind for k in problem.kinds]]
 
 
 def replayed(problem: Problem, values: np.ndarray, trial: Trial, fixed: frozenset[str]) -> np.ndarray:
@@ -105,7 +105,7 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     segment runs away with what it is fed.
     """
     frames = min(round(LONGEST / problem.robot.machine.frame), MOST)
-    trial = replace(trial, reference=trial.reference[:frames], measured=trial.measured[:frames])
+    trial = trial.first(frames)
     power, alone = powers(problem, values, trial)
     floor, floor_alone = powers(problem, values, own_trial(problem, values, trial))
     net = {s: max(power[s] - floor[s], 0.0) for s in power}
@@ -145,11 +145,11 @@ def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[fro
     power, alone = {}, {}
     for fixed in subsets(segments):
         difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.floor)
-        free = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] not in {segments[s] for s in fixed}]
+        free = [k not in {segments[s] for s in fixed} for k in problem.kinds]
         power[fixed] = float(np.sum(difference[:, free] ** 2))
         if len(fixed) == len(segments) - 1:
             (segment,) = set(segments) - fixed
-            own = [i for i, c in enumerate(problem.columns) if c.rsplit("_", 1)[0] == segments[segment]]
+            own = [k == segments[segment] for k in problem.kinds]
             alone[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
     return power, alone
 

@@ -102,17 +102,21 @@ STEERED = "found with the simulation steered by the logs: in closed loop, noise 
 def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds) -> Search:
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
+
+    def beside(first: Fitted) -> list[Fitted]:
+        return worth(problem, first, ranking.pairs(first), retuned, limits)
+
     singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
     found = replace(known, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits):
         return found
     several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
     hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
-    pairs = worth(problem, singles[0], ranking.pairs(singles[0]), retuned, limits) if hopeful else []
+    pairs = beside(singles[0]) if hopeful else []
     if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
         singles = sorted((*singles, other), key=lambda f: f.score)
         if misfit(problem, other) > limits.near:
-            pairs += worth(problem, other, ranking.pairs(other), retuned, limits)
+            pairs += beside(other)
             pairs.sort(key=lambda f: f.score)
     if several:
         pairs += deeper(problem, ranking, pairs, limits)
@@ -121,7 +125,7 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     if losing and LOSING not in best.point.hypothesis.effects:
         first = ranking.losing(singles)
         singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
-        pairs += worth(problem, first, ranking.pairs(first), retuned, limits)
+        pairs += beside(first)
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)
 
 
