@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from exodrake.case import Case
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.report.evidence import Evidence
 from exodrake.diagnosis.result import (
@@ -49,7 +50,7 @@ def evidence(robot=None, frames=1500, gap=0.06):
     runs = {"nominal": course - lag, "retuned": course - 0.8 * lag, "improved": course}
     held = Trial("grasps.csv.gz", "holdout", np.abs(course[:, :3]), measured)
     fit = replace(held, name="chirp.csv.gz", role="fit")
-    return Evidence(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,)), (runs,))
+    return Evidence(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), Case("synthetic", {}, ())), (runs,))
 
 
 def closure(healthy=False):

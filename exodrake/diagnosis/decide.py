@@ -29,8 +29,9 @@ class Thresholds:
     margin: float
     pair: float
     second: float
-    pair_of_law: float
-    law: float
+    of_law: float
+    distinct_of_law: float
+    distinct: float
     steered: float
     vain: float
 
@@ -116,10 +117,6 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
     limits = limits or thresholds()
     if is_quiet(problem, search.nominal, limits):
         return Decision(NO_GAP, search.nominal, (), {}, ("the nominal robot explains every signal to its floor",))
-    if search.shaking:
-        line, robot = search.shaking
-        why = f"a line at {line.frequency:.1f} Hz holds {min(line.share, 1.0):.0%} of what is left, alike in every log"
-        return Decision(NAMED, robot, (robot,), {robot.name: 1.0}, (why,))
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
     best = ranked[0]
     if is_quiet(problem, search.retuned, limits) and search.retuned.score - best.score < limits.margin:

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from exodrake.case import Case
+from exodrake.diagnosis.signals import Bands, filled, without
 from exodrake.diagrams.machine import Machine
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Reference, simulate
@@ -26,15 +27,16 @@ def sensor_floor(robot: Robot) -> dict[str, float]:
     return robot.machine.floors(robot.__getitem__) if robot.machine.floors else {}
 
 
-def repeat_floor(case: Case, column: str) -> float | None:
+def repeat_floor(case: Case, column: str, stopped: Bands, period: float) -> float | None:
     """Standard deviation of one trial about its repeats, robust to rare events; None where nothing repeats."""
     spreads = []
     for group in case.repeat_groups:
         logs = [item.log for item in group if item.log.has(column)]
         for a, b in pairwise(logs):
             n = min(len(a), len(b))
-            difference = a[column][:n] - b[column][:n]
-            spreads.append(ROBUST * np.nanmedian(np.abs(difference - np.nanmedian(difference))) / np.sqrt(2.0))
+            difference = filled(a[column][:n] - b[column][:n])
+            difference = without(stopped, difference[:, None], period)[:, 0]
+            spreads.append(ROBUST * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2.0))
     return float(np.median(spreads)) if spreads else None
 
 
@@ -50,14 +52,18 @@ def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
 
-def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> np.ndarray:
-    """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say."""
+def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Bands = ()) -> np.ndarray:
+    """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say.
+
+    stopped: bands [Hz] that are left out.
+    """
     numbers = sensor_floor(robot)
     expected = {} if case.repeat_groups else simulated_floor(case, robot, columns)
     found = []
     for column in columns:
         kind = column.rsplit("_", 1)[0]
-        found.append(max(numbers.get(kind, 0.0), repeat_floor(case, column) or expected.get(column, 0.0)))
+        differ = repeat_floor(case, column, stopped, robot.machine.frame)
+        found.append(max(numbers.get(kind, 0.0), differ or expected.get(column, 0.0)))
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
     return np.array(found)

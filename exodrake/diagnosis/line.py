@@ -1,9 +1,9 @@
 """A line in the spectrum of what is left: a tremor, whose wandering phase no simulation repeats, so that it is seen
 rather than fitted.
 
-It is one if a narrow band holds most of what is left above the floor and holds alike in every log, whatever the
-reference does. The power that each joint's torque would leave in each signal, by simulation, then tells the joint and
-the torque.
+It is one if a narrow band stands out from its neighbourhood, alike in every log, whatever the reference does. Other
+causes are then sought without its band. The power that each joint's torque would leave in each signal, by simulation,
+tells the joint and the torque.
 """
 
 from __future__ import annotations
@@ -13,50 +13,70 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.diagnosis.candidates import Hypothesis, hypothesis
-from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.fit import Point
 from exodrake.diagnosis.intervals import LAW, MINOR, Z90
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.signals import Bands
 
 TREMOR = "finger.tremor"
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
 HALF, ASIDE = 0.6, 1.8  # Hz, half the band of a line, and the end of its neighbourhood; the phase wanders: assumed
-LEAST = 0.02  # of the floor: less than this is nothing left
-MOST = 0.6  # of what is left above the floor
+STANDS_OUT = 8.0  # times the ground beside it, in every log: noise reaches 1.3, a mount that rings 7
 ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
+STOPPED = 1.2  # Hz, half the band left out when other causes are sought: a phase that wanders has long wings
+WINGS = 0.1  # share of its power beyond that band, at most: a phase that wanders half a turn in 10 s leaves 0.04 there
+OVERTONES = 2  # the line itself and its octave: a muscle's pull is no pure sine
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """frequency [Hz], power (columns,) [floor^2], its share of what is left above the floor, and the weakest log
-    against the mean.
+    """frequency [Hz], power (columns,) [floor^2], density in the band over that beside it in the log where it stands
+    out least, and the weakest log's power against the mean.
     """
 
     frequency: float
     power: np.ndarray
-    share: float
+    prominence: float
     steady: float
 
     @property
     def certain(self) -> bool:
         """Whether it is a tremor's."""
-        return self.share > MOST and self.steady > ALIKE
+        return self.prominence > STANDS_OUT and self.steady > ALIKE
+
+    def bands(self, nyquist: float) -> Bands:
+        """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""
+        centres = (k * self.frequency for k in range(1, OVERTONES + 1))
+        return tuple((f - STOPPED, f + STOPPED) for f in centres if f + ASIDE < nyquist)
 
 
 def find(problem: Problem, logs: list[np.ndarray]) -> Line:
-    """The strongest line in residuals (n, columns) [floor] of several logs."""
+    """The line that stands out most in residuals (n, columns) [floor] of several logs."""
     spectra = [spectrum(problem, log) for log in logs]
+    frequency, sums = spectra[0][0], np.array([density.sum(axis=1) for _, density in spectra])
+    sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
+    prominences = [np.min(prominence(frequency, sums, centre)) for centre in sought]
+    near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
+    peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
     weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
-    frequency, whole = spectra[0][0], np.tensordot(weights, np.array([s[1] for s in spectra]), axes=1)
-    sought = (frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1]))
-    peak = float(frequency[sought][np.argmax(whole.sum(axis=1)[sought])])
-    powers = np.array([in_band(frequency, s[1], peak) for s in spectra])
-    power = weights @ powers
-    left = sum(w * float(np.mean(np.sum(log**2, axis=1))) for w, log in zip(weights, logs, strict=True))
+    powers = np.array([in_band(frequency, density, peak) for _, density in spectra])
     each = powers.sum(axis=1)
     steady = float(each.min() / max(each.mean(), 1e-12))
-    return Line(peak, power, float(power.sum() / max(left - len(power), LEAST * len(power))), steady)
+    return Line(peak, weights @ powers, float(np.max(prominences)), steady)
+
+
+def prominence(frequency: np.ndarray, sums: np.ndarray, centre: float) -> np.ndarray:
+    """Density in a band over that beside it (logs,), from densities (logs, f)."""
+    band, beside = around(frequency, centre)
+    return sums[:, band].mean(axis=1) / np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
+
+
+def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
+    """Which frequencies (f,) are in the band of a line, and which beside it."""
+    away = np.abs(frequency - centre)
+    return away <= HALF, (away > HALF) & (away < ASIDE)
 
 
 def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,38 +89,56 @@ def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
     """Power of the band around a line (columns,) above its neighbourhood."""
-    away = np.abs(frequency - peak)
-    band, beside = away <= HALF, (away > HALF) & (away < ASIDE)
+    band, beside = around(frequency, peak)
     ground = np.median(density[beside], axis=0) if beside.any() else 0.0
     return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
 
 
-def tremor(fitter: Fitter, point: Point, line: Line) -> tuple[Hypothesis, np.ndarray]:
-    """The point's hypothesis with a tremor, and its u: torques by non-negative least squares on the powers."""
+def seen(problem: Problem, point: Point) -> Line | None:
+    """The line of a tremor in what a fitted point leaves, if there is one and the machine can tremble."""
+    if all(effect.id != TREMOR for effect in problem.robot.machine.shelf):
+        return None
+    ends = np.cumsum([trial.measured.size for trial in problem.fit])[:-1]
+    logs = np.split(point.residual, ends)
+    line = find(problem, [log.reshape(trial.measured.shape) for log, trial in zip(logs, problem.fit, strict=True)])
+    return line if line.certain else None
+
+
+@dataclass(frozen=True, eq=False)
+class Tremor:
+    """A tremor as an effect: its line, its hypothesis and u."""
+
+    line: Line
+    hypothesis: Hypothesis
+    u: np.ndarray
+
+
+def tremor(problem: Problem, values: np.ndarray, line: Line) -> Tremor:
+    """The tremor behind a line, in the robot with the flat numbers `values`: torques by non-negative least squares on
+    the powers.
+    """
     from scipy.optimize import nnls
 
-    problem = fitter.problem
     extra = hypothesis(problem.robot.machine, problem.robot.machine.effect(TREMOR))
-    both, u = point.hypothesis.joined(extra), extra.start
+    u = extra.start
     joints = [i for i, knob in enumerate(extra.knobs) if knob.first]
     u[[i for i in range(len(u)) if i not in joints]] = extra.knobs[-1].at(line.frequency)
-    trial = problem.fit[0]
-    rows = [fitter.values(point.hypothesis, point.u, point.x)]
+    rows = [values]
     for joint in joints:
         alone = u.copy()
         alone[[i for i in joints if i != joint]] = 0.0
-        rows.append(fitter.values(both, np.concatenate([point.u, alone]), point.x))
-    logs = problem.predict(np.array(rows), trial) / problem.floor
+        rows.append(extra.apply(values, alone))
+    logs = problem.predict(np.array(rows), problem.fit[0]) / problem.floor
     unit = [in_band(*spectrum(problem, log - logs[0]), line.frequency) for log in logs[1:]]
     scale = np.sqrt(line.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], line.power / scale)
     u[joints] *= np.sqrt(shares)
-    return both, np.concatenate([point.u, u])
+    return Tremor(line, extra, u)
 
 
-def named(point: Point, line: Line, joints: tuple[str, ...]) -> NamedEffect:
-    """The tremor of a point, its joints those with more than a minor part of the strongest one's torque."""
-    knobs = [(k, u) for k, u in zip(point.hypothesis.knobs, point.u, strict=True) if k.effect == TREMOR and k.first]
+def named(found: Tremor, joints: tuple[str, ...]) -> NamedEffect:
+    """A tremor, its joints those with more than a minor part of the strongest one's torque."""
+    line, knobs = found.line, [(k, u) for k, u in zip(found.hypothesis.knobs, found.u, strict=True) if k.first]
     strongest = max(u for _, u in knobs)
     torques = {k.lanes[0]: torque(u) for k, u in knobs if u > MINOR * strongest}
     mean = float(np.mean([i.value for i in torques.values()]))

@@ -12,14 +12,14 @@ import numpy as np
 from exodrake.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.decide import left_over, misfit, thresholds
+from exodrake.diagnosis.decide import Decision, left_over, misfit, thresholds
 from exodrake.diagnosis.drops import probability
 from exodrake.diagnosis.intervals import describe, spread
-from exodrake.diagnosis.line import TREMOR, named
+from exodrake.diagnosis.line import named
 from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
-from exodrake.diagnosis.search import LOSING, Fitted, Ranking, Search
+from exodrake.diagnosis.search import LOSING, Fitted, Search
 from exodrake.diagnosis.views import View, looked
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.robot_file import load_robot
@@ -46,45 +46,36 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
         closed, chosen = looked(problem, thresholds(), progress)
         chosen = chosen.polished()
         progress("measuring how far")
-        return answer(case, closed, chosen, begun, progress)
+        return answer(case, problem.robot, closed, chosen, begun, progress)
 
 
-def robot_of(problem: Problem, ranking: Ranking, fitted: Fitted, source: str) -> Robot:
-    """The robot of a fitted point: the problem's own, with its retuned numbers and effects."""
+def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
+    """The robot of a fitted point: the nominal one with its retuned numbers and effects."""
     point = fitted.point
-    values = nuisance.turned(problem.robot.values, ranking.full.knobs, point.x)
+    values = nuisance.turned(nominal.values, view.ranking.full.knobs, point.x)
     changed = {
         e.name: f"fitted to {source}"
-        for e, a, b in zip(problem.robot.machine.entries, values, problem.robot.values, strict=True)
+        for e, a, b in zip(nominal.machine.entries, values, nominal.values, strict=True)
         if a != b
     }
     values = point.hypothesis.apply(values, point.u)
-    return Robot(
-        problem.robot.machine, values, {**problem.robot.sources, **changed}, problem.robot.ranges,
-        problem.robot.limits, problem.robot.grasps, problem.robot.source,
-    )  # fmt: skip
+    return replace(nominal, values=values, sources={**nominal.sources, **changed})
 
 
 def effects_of(view: View) -> tuple[NamedEffect, ...]:
-    """The effects that a view's decision names, with lanes and intervals."""
-    problem, ranking, search, fitted = view.problem, view.ranking, view.search, view.decision.best
+    """The effects that a view's decision names, with lanes and intervals; a tremor last."""
+    problem, ranking, fitted = view.problem, view.ranking, view.decision.best
     machine, chance = problem.robot.machine, view.decision.probability
-    if not fitted.point.hypothesis.effects:
-        return ()
-    if fitted.name == TREMOR and search.shaking:
-        return (named(fitted.point, search.shaking[0], machine.lanes.joints),)
-    fitter = ranking.full
-    responses = ranking.own.get(fitted.name)
-    estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
     found = []
-    for identity in fitted.point.hypothesis.effects:
-        over = machine.effect(identity).over
-        effect = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
-        if identity == LOSING:
-            effect = counted(problem, effect)
-        if identity == TREMOR and search.shaking:
-            effect = named(fitted.point, search.shaking[0], machine.lanes.joints)
-        found.append(effect)
+    if fitted.point.hypothesis.effects:
+        fitter, responses = ranking.full, ranking.own.get(fitted.name)
+        estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
+        for identity in fitted.point.hypothesis.effects:
+            over = machine.effect(identity).over
+            effect = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
+            found.append(counted(problem, effect) if identity == LOSING else effect)
+    if view.tremor:
+        found.append(named(view.tremor, machine.lanes.joints))
     return tuple(found)
 
 
@@ -92,6 +83,13 @@ def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
     """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
     drops = [t.drops for t in (*problem.fit, *problem.holdout) if t.drops]
     return replace(effect, parameters={"probability": Interval(*probability(drops))})
+
+
+def equivalents_of(decision: Decision) -> tuple[str, ...]:
+    """Ids in the class of an ambiguous verdict, those of the best candidate first."""
+    if decision.verdict != AMBIGUOUS:
+        return ()
+    return tuple(dict.fromkeys(i for f in decision.rivals for i in f.point.hypothesis.effects))
 
 
 def candidates_of(view: View) -> tuple[Candidate, ...]:
@@ -120,13 +118,13 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(case: Case, closed: View, chosen: View, begun: float, progress: Progress) -> Diagnosis:
+def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float, progress: Progress) -> Diagnosis:
     """The diagnosis, with everything measured that it states: gaps in closed loop, causes in the chosen view."""
     problem, search, ranking, decision = closed.problem, closed.search, closed.ranking, chosen.decision
     robots = {
-        "nominal": problem.robot,
-        "retuned": robot_of(problem, ranking, search.retuned, case.name),
-        "improved": robot_of(problem, ranking, decision.best, case.name),
+        "nominal": nominal,
+        "retuned": robot_of(nominal, closed, search.retuned, case.name),
+        "improved": robot_of(problem.robot, closed, decision.best, case.name),
     }
     closure = measure(problem, robots["nominal"], robots["retuned"], robots["improved"])
     named = decision.verdict in (NAMED, AMBIGUOUS)
@@ -144,9 +142,7 @@ def answer(case: Case, closed: View, chosen: View, begun: float, progress: Progr
         verdict=decision.verdict,
         where=where,
         effects=effects,
-        equivalents=tuple(i for f in decision.rivals for i in f.point.hypothesis.effects)
-        if decision.verdict == AMBIGUOUS
-        else (),
+        equivalents=equivalents_of(decision),
         closure=closure,
         next_experiment=experiment,
         candidates=candidates_of(chosen),

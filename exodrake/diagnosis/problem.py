@@ -12,7 +12,7 @@ from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import asked_rows, noise_floor
-from exodrake.diagnosis.signals import filled
+from exodrake.diagnosis.signals import Bands, filled, without
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import seen_late
 from exodrake.diagrams.machine import Machine
@@ -50,6 +50,7 @@ class Problem:
         robot: the nominal robot with the case's overrides.
         columns: (c,) names. floor: (c,) [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the floor only.
+        case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
     """
 
     robot: Robot
@@ -57,6 +58,8 @@ class Problem:
     floor: np.ndarray
     fit: tuple[Trial, ...]
     holdout: tuple[Trial, ...]
+    case: Case
+    stopped: Bands = ()
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -100,10 +103,19 @@ class Problem:
             here = slice(at, at := at + trial.measured.size)
             for k in range(0, len(rows), ROWS):
                 some = slice(k, k + ROWS)
-                difference = (trial.measured - self.predict(rows[some], trial)) / self.floor
+                simulated = self.predict(rows[some], trial)
+                np.nan_to_num(simulated, copy=False, nan=np.inf)
+                difference = (trial.measured - simulated) / self.floor
                 np.nan_to_num(difference, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
-                out[some, here] = difference.clip(-WILD, WILD, out=difference).reshape(len(difference), -1)
+                difference.clip(-WILD, WILD, out=difference)
+                difference = without(self.stopped, difference, self.robot.machine.frame)
+                out[some, here] = difference.reshape(len(difference), -1)
         return out
+
+    def without(self, bands: Bands) -> Problem:
+        """The problem with bands [Hz] filtered out of residuals and floors."""
+        floor = noise_floor(self.case, self.robot, self.columns, bands)
+        return replace(self, stopped=bands, floor=np.minimum(floor, self.floor))
 
     def with_drops(self, trial: Trial) -> Trial:
         """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
@@ -196,7 +208,7 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
     if not held and len(fit) > 1:
         held = [fit.pop()]
-    problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit))
+    problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit), case)
     return replace(
         problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit))
     )

@@ -12,7 +12,6 @@ import numpy as np
 
 from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
-from exodrake.diagnosis.line import TREMOR, Line, find, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.retune import Retuned, leapt, retuned
 from exodrake.diagnosis.screen import Start, screened
@@ -53,8 +52,6 @@ class Search:
     """What was tried, best first, with the nominal and the retuned robot beside it.
 
     lossy: commands were seen to be lost, though that does not close the gap: what was lost unseen cannot be repeated.
-    shaking: a line that was seen in the spectrum, and the robot with the tremor that leaves it: its phase cannot be
-    repeated, either.
     """
 
     nominal: Fitted
@@ -63,14 +60,13 @@ class Search:
     pairs: tuple[Fitted, ...] = ()
     screened: tuple[tuple[str, float], ...] = field(default=())
     lossy: bool = False
-    shaking: tuple[Line, Fitted] | None = None
 
 
 LOSING = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
 SHORTLIST, SURVIVORS, REFINED = 12, 3, 2  # effects raced; fitted to the end; refined on whole trials
 FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be there is small, and screening it linear
-SECONDS, SECOND_SURVIVORS = 6, 2  # the same for second effects
+SECONDS, SECOND_SURVIVORS, SECOND_REFINED = 6, 3, 2  # the same for second effects
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
 FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
 POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
@@ -149,21 +145,6 @@ class Ranking:
         alone = hypothesis(machine, machine.effect(LOSING))
         return self.complete(self.full.fit(self.full.at(alone, alone.start, tuned.base.x), tuned.responses, steps=4))
 
-    def shaking(self, fitted: Fitted) -> tuple[Line, Fitted] | None:
-        """The line of a tremor in what a robot leaves, if there is one, and the robot with that tremor."""
-        problem = self.full.problem
-        if all(effect.id != TREMOR for effect in problem.robot.machine.shelf):
-            return None
-        logs, at = [], 0
-        for trial in problem.fit:
-            logs.append(fitted.point.residual[at : at + trial.measured.size].reshape(trial.measured.shape))
-            at += trial.measured.size
-        line = find(problem, logs)
-        if not line.certain:
-            return None
-        both, u = tremor(self.full, fitted.point, line)
-        return line, self.complete(self.full.at(both, u, fitted.point.x))
-
     def polished(self, fitted: Fitted) -> Fitted:
         """A hypothesis fitted until the cost stands still: along a flat valley between an effect and nominal numbers,
         where a race stops early, only the small errors that these usually have tell where the truth lies. Slopes from
@@ -221,4 +202,4 @@ class Ranking:
         responses = self.kept_rows(whole)
         gram = responses.T @ responses
         starts = screened(self.quick, point, responses, gram)
-        return self.refine(self.race(starts[:SECONDS], responses, gram, SECOND_SURVIVORS), 1, whole)
+        return self.refine(self.race(starts[:SECONDS], responses, gram, SECOND_SURVIVORS), SECOND_REFINED, whole)

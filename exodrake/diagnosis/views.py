@@ -10,12 +10,16 @@ held near the logged strokes, so that each part answers for its own error only, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit
 from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy
+from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import LOSING, Fitted, Progress, Ranking, Search
 
 CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one must leave to count
@@ -23,31 +27,36 @@ CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A problem, what was tried on it, and what follows."""
+    """A problem, what was tried on it, and what follows; `tremor`: one that is in its runs, and its band left out."""
 
     problem: Problem
     ranking: Ranking
     search: Search
     decision: Decision
+    tremor: Tremor | None = None
 
     @property
     def left(self) -> float:
         """Share of the gap that the decision's best candidate leaves."""
         return left_over(self.problem, self.decision.best, self.search.retuned)
 
+    @cached_property
+    def values(self) -> np.ndarray:
+        """Flat numbers of the best candidate, a tremor aside."""
+        point = self.decision.best.point
+        return self.ranking.full.values(point.hypothesis, point.u, point.x)
+
     def polished(self) -> View:
         """The view with the candidate that it names fitted to the end, as its parameters are to be stated."""
-        if self.decision.verdict not in (NAMED, AMBIGUOUS) or self.search.shaking:
+        best = self.decision.best
+        if self.decision.verdict not in (NAMED, AMBIGUOUS) or not best.point.hypothesis.effects:
             return self
-        best = self.ranking.polished(self.decision.best)
-        return replace(self, decision=replace(self.decision, best=best))
+        return replace(self, decision=replace(self.decision, best=self.ranking.polished(best)))
 
 
 def looked(problem: Problem, limits: Thresholds, progress: Progress = lambda _: None) -> tuple[View, View]:
     """The closed view, and the one whose decision counts: the steered one where it names what leaves less."""
-    ranking = Ranking(problem, progress)
-    search = closed_search(problem, ranking, limits)
-    closed = View(problem, ranking, search, decide(problem, search, limits))
+    closed = closed_view(problem, limits, progress)
     if settles(closed, limits):
         return closed, closed
     steered = steered_view(closed, limits, progress)
@@ -58,13 +67,33 @@ def looked(problem: Problem, limits: Thresholds, progress: Progress = lambda _: 
 
 def settles(view: View, limits: Thresholds) -> bool:
     """Whether a view explains a case so well that no other is asked."""
-    if view.decision.verdict in (NO_GAP, RETUNE) or view.search.shaking:
+    if view.decision.verdict in (NO_GAP, RETUNE) or not view.decision.best.point.hypothesis.effects:
         return True
     return misfit(view.problem, view.decision.best) <= limits.near or view.left <= limits.form
 
 
-def closed_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
-    """Nominal, retuned, then effects and pairs as far as the gap asks for them."""
+def closed_view(problem: Problem, limits: Thresholds, progress: Progress) -> View:
+    """Nominal, retuned, then effects and pairs as far as the gap asks for them; beside a tremor, if one is seen."""
+    ranking = Ranking(problem, progress)
+    search = tuned_search(problem, ranking, limits)
+    if line := seen(problem, search.retuned.point):
+        tuned = View(problem, ranking, search, Decision(RETUNE, search.retuned, (), {}, ()))
+        return shaken_view(problem, line, tuned, limits, progress)
+    view = view_of(problem, ranking, search, limits)
+    if view.decision.verdict == UNKNOWN and (line := seen(problem, view.decision.best.point)):
+        return shaken_view(problem, line, view, limits, progress)
+    return view
+
+
+def view_of(problem: Problem, ranking: Ranking, search: Search, limits: Thresholds) -> View:
+    """The view once nominal numbers are retuned."""
+    if not is_quiet(problem, search.nominal, limits):
+        search = causes(problem, ranking, search, limits)
+    return View(problem, ranking, search, decide(problem, search, limits))
+
+
+def tuned_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Search:
+    """The nominal robot, and the retuned one where it is needed."""
     nominal = ranking.nominal()
     if is_quiet(problem, nominal, limits):
         return Search(nominal, nominal)
@@ -72,13 +101,26 @@ def closed_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Sea
     if retuned.misfit <= limits.quiet and not is_quiet(problem, retuned, limits):
         whole = ranking.tuned_to_all()
         retuned = whole if is_quiet(problem, whole, limits) else retuned
-    shaking = None if is_quiet(problem, retuned, limits) else ranking.shaking(retuned)
-    if shaking:
-        return Search(nominal, retuned, shaking=shaking)
-    search = causes(problem, ranking, Search(nominal, retuned), limits)
-    if misfit(problem, search.singles[0]) > limits.near and (shaking := ranking.shaking(search.singles[0])):
-        return replace(search, shaking=shaking)
-    return search
+    return Search(nominal, retuned)
+
+
+def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, progress: Progress) -> View:
+    """The view without the band of a tremor, which is named with whatever else is. The tremor is in all runs: it keeps
+    friction moving.
+    """
+    progress(f"once more, without the line at {line.frequency:.1f} Hz")
+    found = tremor(problem, start.values, line)
+    robot = replace(problem.robot, values=found.hypothesis.apply(problem.robot.values, found.u))
+    whole, problem = problem, replace(problem, robot=robot).without(line.bands(0.5 / robot.machine.frame))
+    ranking = Ranking(problem, progress, start.decision.best.point.x)
+    view = view_of(problem, ranking, tuned_search(problem, ranking, limits), limits)
+    decision, retuned = view.decision, view.search.retuned
+    why = f"a line at {line.frequency:.1f} Hz stands out {line.prominence:.0f}-fold, alike in every log"
+    wings = WINGS * float(np.mean(line.power * (whole.floor / problem.floor) ** 2))
+    earned = decision.verdict in (NAMED, AMBIGUOUS) and view.left <= limits.pair
+    if not earned and misfit(problem, retuned) <= max(limits.near, 1.0 + wings):
+        decision = Decision(NAMED, retuned, (retuned,), {}, ())
+    return replace(view, decision=replace(decision, reasons=(*decision.reasons, why)), tremor=found)
 
 
 def steered_view(closed: View, limits: Thresholds, progress: Progress) -> View | None:
@@ -93,7 +135,7 @@ def steered_view(closed: View, limits: Thresholds, progress: Progress) -> View |
         return None
     search = causes(problem, ranking, Search(nominal, retuned), limits)
     decision = decide(problem, search, replace(limits, explained=limits.steered))
-    return View(problem, ranking, search, replace(decision, reasons=(*decision.reasons, STEERED)))
+    return View(problem, ranking, search, replace(decision, reasons=(*decision.reasons, STEERED)), closed.tremor)
 
 
 STEERED = "found with the simulation steered by the logs: in closed loop, noise decides when this robot moves"
@@ -103,21 +145,21 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
 
-    def beside(first: Fitted) -> list[Fitted]:
-        return worth(problem, first, ranking.pairs(first), retuned, limits)
-
     singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
     found = replace(known, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits):
         return found
     several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
     hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
-    pairs = beside(singles[0]) if hopeful else []
-    if pairs and (other := ranking.second_alone(pairs[0])).score < singles[0].score:
-        singles = sorted((*singles, other), key=lambda f: f.score)
-        if misfit(problem, other) > limits.near:
-            pairs += beside(other)
-            pairs.sort(key=lambda f: f.score)
+    tried = ranking.pairs(singles[0]) if hopeful else []
+    pairs = worth(problem, singles[0], tried, retuned, limits)
+    if pairs:
+        other = ranking.second_alone(pairs[0])
+        better = other.score < singles[0].score
+        singles = sorted((*singles, other), key=lambda f: f.score) if better else singles
+        if (better or left_over(problem, pairs[0], retuned) > limits.form) and misfit(problem, other) > limits.near:
+            tried = once([*tried, *ranking.pairs(other)])
+        pairs = worth(problem, singles[0], tried, retuned, limits)
     if several:
         pairs += deeper(problem, ranking, pairs, limits)
     best = min((*singles, *pairs), key=lambda f: f.score)
@@ -125,16 +167,31 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     if losing and LOSING not in best.point.hypothesis.effects:
         first = ranking.losing(singles)
         singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
-        pairs += beside(first)
+        pairs += worth(problem, first, ranking.pairs(first), retuned, limits)
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)
+
+
+def once(pairs: list[Fitted]) -> list[Fitted]:
+    """The best fit of each set of effects, whatever their order; best first."""
+    found: dict[frozenset[str], Fitted] = {}
+    for pair in sorted(pairs, key=lambda f: f.score):
+        found.setdefault(frozenset(pair.point.hypothesis.effects), pair)
+    return list(found.values())
 
 
 def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds) -> list[Fitted]:
     """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case
-    but for its law.
+    but for its law, or more than any other could.
     """
+
+    def left(pair: Fitted) -> float:
+        return left_over(problem, pair, single)
+
     if misfit(problem, single) <= limits.near:
-        return [f for f in pairs if left_over(problem, f, single) < limits.second and is_quiet(problem, f, limits)]
-    of_law = left_over(problem, single, retuned) <= limits.form and misfit(problem, single) <= limits.law
-    share = limits.pair_of_law if of_law else limits.pair
-    return [f for f in pairs if left_over(problem, f, single) < share]
+        return [f for f in pairs if left(f) < limits.second and is_quiet(problem, f, limits)]
+    if left_over(problem, single, retuned) > limits.explained:
+        return [f for f in pairs if left(f) < limits.pair]
+    best, *others = sorted(pairs, key=left) or [single]
+    if others and left(best) < limits.distinct_of_law and left(others[0]) > limits.distinct * left(best):
+        return [best]
+    return [f for f in pairs if left(f) < limits.of_law]
