@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.case import Case
+from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.report.evidence import Evidence
 from exodrake.diagnosis.result import (
@@ -22,6 +22,7 @@ from exodrake.diagnosis.result import (
     Where,
 )
 from exodrake.diagrams.robot_file import load_robot
+from exodrake.log import Log
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
 WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
@@ -50,7 +51,9 @@ def evidence(robot=None, frames=1500, gap=0.06):
     runs = {"nominal": course - lag, "retuned": course - 0.8 * lag, "improved": course}
     held = Trial("grasps.csv.gz", "holdout", np.abs(course[:, :3]), measured)
     fit = replace(held, name="chirp.csv.gz", role="fit")
-    return Evidence(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), Case("synthetic", {}, ())), (runs,))
+    log = Log(time, dict(zip(COLUMNS, measured.T, strict=True)))
+    case = Case("synthetic", {}, (CaseLog(log, "chirp", "fit", None, fit.name),))
+    return Evidence(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case), (runs,))
 
 
 def closure(healthy=False):

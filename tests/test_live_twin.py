@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.case import Case
+from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.replay import replayed, smoothed
 from exodrake.diagrams.simulate import simulate
@@ -52,10 +52,9 @@ def test_replays_are_those_of_the_interpreted_loop(log):
     n, reference = 250, log.array("tension_ref")
     rows = measured(log)[:n]
     columns = tuple(f"{kind}_{lane}" for kind, lane in signals(NOMINAL))
-    problem, trial = (
-        Problem(NOMINAL, columns, np.ones(12), (), (), Case("none", {}, ())),
-        Trial("log", "fit", reference[:n], rows),
-    )
+    trial = Trial("log", "fit", reference[:n], rows)
+    case = Case("one log", {}, (CaseLog(log, "log", "fit", None, "log.csv"),))
+    problem = Problem(NOMINAL, columns, np.ones(12), (trial,), (trial,), case)
     tension, stroke, angle = (smoothed(rows[:, at]) for at in (slice(0, 3), slice(3, 6), slice(9, 12)))
     rates = [np.gradient(x, NOMINAL.machine.frame, axis=0) for x in (tension, stroke, angle)]
     held = replayed(problem, silent(NOMINAL), trial, frozenset({"motor", "finger"}))[:, :3]

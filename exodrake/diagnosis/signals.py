@@ -6,6 +6,7 @@ import numpy as np
 
 Bands = tuple[tuple[float, float], ...]
 STEEP = 2  # order of the filter, which runs forwards and backwards
+FINE = 4096  # frequencies at which its response is taken
 
 
 def filled(values: np.ndarray) -> np.ndarray:
@@ -21,10 +22,11 @@ def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
     """Signals (..., n, columns) sampled every `period` [s] without some bands [Hz]; white ones keep their power."""
     if not bands:
         return signals
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import butter, sosfiltfilt, sosfreqz
 
-    kept = 1.0
+    kept = np.ones(FINE)
     for low, high in bands:
-        signals = sosfiltfilt(butter(STEEP, (low, high), "bandstop", fs=1.0 / period, output="sos"), signals, axis=-2)
-        kept -= 2.0 * (high - low) * period
-    return signals / np.sqrt(kept)
+        sections = butter(STEEP, (low, high), "bandstop", fs=1.0 / period, output="sos")
+        signals = sosfiltfilt(sections, signals, axis=-2)
+        kept *= np.abs(sosfreqz(sections, FINE)[1]) ** 4  # of the power; the filter runs twice
+    return signals / np.sqrt(kept.mean())

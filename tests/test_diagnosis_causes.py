@@ -1,0 +1,108 @@
+"""Several causes in one case: beside a tremor, beside another law, and runs that diverge on the way."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from exodrake.case import Case, CaseLog
+from exodrake.diagnosis import signals, views
+from exodrake.diagnosis.candidates import Hypothesis
+from exodrake.diagnosis.decide import thresholds
+from exodrake.diagnosis.fit import Point
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.problem import WILD, make_problem
+from exodrake.diagnosis.search import Fitted
+from exodrake.diagrams.robot_file import load_robot
+from exodrake.diagrams.simulate import Reference, simulate
+from exodrake.identification import protocols
+
+PERIOD = 0.02
+
+
+def case_of(robot, frames=1200):
+    """Two random motions to fit, steps held out."""
+    logs = []
+    for seed, role in enumerate(("fit", "fit", "holdout")):
+        whole = protocols.steps(robot) if role == "holdout" else protocols.random_motion(robot, seed=seed)
+        log = simulate(robot, Reference(whole.tension[:frames], role), seed=seed)
+        logs.append(CaseLog(log, f"log {seed}", role, None, f"{seed}.csv"))
+    return Case("several", {}, tuple(logs))
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot()
+
+
+@pytest.mark.parametrize("frequency, left", [(2.0, 1.0), (7.0, 0.0), (12.0, 1.0)])
+def test_a_stopped_band_takes_what_is_in_it_and_nothing_else(frequency, left):
+    time = PERIOD * np.arange(4000)
+    wave = np.sin(2 * np.pi * frequency * time)[None, :, None]
+    kept = signals.without(((6.0, 8.0),), wave, PERIOD)
+    power = np.mean(kept[0, 200:-200, 0] ** 2)
+    assert power == pytest.approx(0.5 * left / (1.0 - 2.0 * 2.0 * PERIOD), abs=0.05)  # white noise keeps its power
+
+
+def test_white_noise_keeps_its_power_without_a_band():
+    noise = np.random.default_rng(4).standard_normal((1, 60_000, 2))
+    left = signals.without(((4.0, 6.4), (9.0, 11.4)), noise, PERIOD)
+    assert np.mean(left**2) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_run_that_divides_by_zero_is_bad_not_fatal(robot):
+    problem = make_problem(case_of(robot, frames=200), robot)
+    broken = problem.silent()
+    broken[robot.machine.index["motor.r_set"]] = 0.0  # speed references are divided by it
+    residual = problem.residual(np.array([problem.silent(), broken]), problem.fit)
+    assert np.isfinite(residual).all()
+    assert np.mean(residual[0] ** 2) < 2.0
+    assert np.mean(np.abs(residual[1]) == WILD) > 0.1
+
+
+def fitted(misfit, *effects):
+    """A candidate that leaves so much [floor^2] in every sample."""
+    residual = np.full(1000, np.sqrt(misfit))
+    point = Point(Hypothesis(effects, ()), np.zeros(0), np.zeros(0), residual, 500.0 * misfit)
+    return Fitted(point, residual)
+
+
+@pytest.mark.parametrize(
+    "first, seconds, kept",
+    [
+        (400.0, (150.0, 160.0), 2),  # much is left: half of it is enough
+        (400.0, (250.0, 390.0), 0),
+        (11.0, (6.0, 11.0), 1),  # as another law may: the second stands alone
+        (11.0, (6.0, 6.5), 0),  # what a law leaves, both take up
+        (11.0, (3.0, 3.1), 2),  # nearly all of it
+        (11.0, (8.0, 30.0), 0),
+        (1.4, (1.2, 1.4), 0),  # near the floor the pair must reach it
+        (1.4, (1.01, 1.4), 1),
+    ],
+)
+def test_a_second_effect_must_be_worth_it(first, seconds, kept):
+    problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(1001.0)
+    pairs = [fitted(misfit, "a", str(k)) for k, misfit in enumerate(seconds)]
+    found = views.worth(problem, fitted(first, "a"), pairs, retuned, thresholds())
+    assert found == pairs[:kept]
+
+
+def test_a_pair_counts_once_in_whatever_order():
+    worse, better = fitted(3.0, "a", "b"), fitted(2.0, "b", "a")
+    assert views.once([worse, fitted(4.0, "a", "c"), better])[0] is better
+    assert len(views.once([worse, better])) == 1
+
+
+def test_the_cause_beside_a_tremor_is_named(robot):
+    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, lanes=["MCP"])
+    found = diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, lanes=["PIP"])), robot)
+    named = {effect.id: effect for effect in found.effects}
+    assert found.verdict == "NAMED" and set(named) == {"finger.tremor", "mocap.gain"}
+    assert named["finger.tremor"].parameters["frequency"].value == pytest.approx(7.3, abs=0.1)
+    assert named["finger.tremor"].joints == ("MCP",) and named["mocap.gain"].joints == ("PIP",)
+
+
+def test_a_tremor_alone_is_named_alone(robot):
+    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 5.1}, lanes=["PIP"])
+    found = diagnose(case_of(shaken), robot)
+    assert [effect.id for effect in found.effects] == ["finger.tremor"]
