@@ -80,7 +80,7 @@ class Problem:
 
     def predict(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
         """Logs (rows, n, columns) [SI], noise-free and unquantised, of robots with the flat numbers `rows` (rows,
-        numbers).
+        numbers); infinite for one that comes to divide by zero.
         """
         machine = self.robot.machine
         module, count = compile_machine(machine), wire_count(machine)
@@ -89,10 +89,15 @@ class Problem:
         if trial.drops:
             chance = replace(chance, lottery=trial.drops.lottery[:n])
         given = given_rows(machine, trial.reference, chance).values()
-        records = np.empty((len(rows), n, count))
+        records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
-        module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
-        return seen_late(machine, records, self.wires)
+        try:
+            module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
+        except SystemError:  # numba's word for an exception in a parallel loop; one in another thread ends in silence
+            if len(rows) > 1:
+                return np.concatenate([self.predict(row[None], trial) for row in rows])
+        with np.errstate(invalid="ignore"):
+            return seen_late(machine, records, self.wires)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
         """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was
@@ -105,7 +110,8 @@ class Problem:
                 some = slice(k, k + ROWS)
                 simulated = self.predict(rows[some], trial)
                 np.nan_to_num(simulated, copy=False, nan=np.inf)
-                difference = (trial.measured - simulated) / self.floor
+                with np.errstate(over="ignore"):
+                    difference = (trial.measured - simulated) / self.floor
                 np.nan_to_num(difference, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
                 difference.clip(-WILD, WILD, out=difference)
                 difference = without(self.stopped, difference, self.robot.machine.frame)

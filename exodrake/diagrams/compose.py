@@ -25,7 +25,6 @@ from exodrake.diagrams.machine import Machine, block_pages, page_name
 from exodrake.diagrams.splice import compose_point
 
 # Pages allocate nothing: without reference counts an array costs a call nothing, with them some ten nanoseconds.
-IEEE = 'njit = partial(njit, error_model="numpy")  # a run that diverges goes to infinity, and does not end its batch'
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
 HEADER = '"""Printed by exodrake.diagrams.compose from the table of {name}; do not edit."""\n\n'
 
@@ -164,8 +163,7 @@ def print_module(machine: Machine) -> str:
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
-        "from functools import partial\n\nimport numpy as np\nfrom numba import njit, prange",
-        IEEE,
+        "import numpy as np\nfrom numba import njit, prange",
         *sorted(imports),
         *print_leaves(machine),
         *print_pages(machine, pages),
