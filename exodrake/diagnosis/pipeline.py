@@ -32,8 +32,9 @@ def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Prog
     """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
 
     Args:
-        case: a case, or its folder. robot: the nominal robot; the built-in one if None. progress: called with what is
-        being done.
+        case: a case, or its folder.
+        robot: the nominal robot; the built-in one if None.
+        progress: called with what is being done.
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """

@@ -165,8 +165,8 @@ def multisine(
 ) -> Reference:
     """All wires at once, each on its own comb of harmonics, so that one run tells their frequency responses apart.
 
-    Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean as a share of
-            F_max, about which 0.2 F_max are swung.
+    Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about
+    which 0.2 F_max are swung.
     """
     robot = robot or load_robot()
     time, ceiling, rng = clock(robot, period=period), limits(robot)[1], generator(seed)
