@@ -129,6 +129,7 @@ class Number:
         usual: value taken when the effect is spliced without saying.
         free: whether a fit may move it.
         scale: how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose neutral value is infinite).
+        period: values that differ by it mean the same and are told from `low` on; 0 for none.
     """
 
     name: str
@@ -140,6 +141,7 @@ class Number:
     usual: float | None = None
     free: bool = True
     scale: str = "linear"
+    period: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
@@ -153,6 +155,10 @@ class Number:
         if self.scale != "linear" and self.low > 0:
             return (self.low * self.high) ** 0.5
         return 0.5 * (self.low + self.high)
+
+    def told(self, value: float) -> float:
+        """The value as reports state it: of those that mean the same, the one within a period from `low`."""
+        return self.low + (value - self.low) % self.period if self.period else value
 
 
 @dataclass(frozen=True)

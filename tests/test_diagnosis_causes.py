@@ -18,6 +18,7 @@ from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
 
 PERIOD = 0.02
+SAMPLES = 20_000
 
 
 def case_of(robot, frames=1200):
@@ -62,8 +63,8 @@ def test_a_run_that_divides_by_zero_is_bad_not_fatal(robot):
 
 def fitted(misfit, *effects):
     """A candidate that leaves so much [floor^2] in every sample."""
-    residual = np.full(1000, np.sqrt(misfit))
-    point = Point(Hypothesis(effects, ()), np.zeros(0), np.zeros(0), residual, 500.0 * misfit)
+    residual = np.full(SAMPLES, np.sqrt(misfit))
+    point = Point(Hypothesis(effects, ()), np.zeros(0), np.zeros(0), residual, 0.5 * SAMPLES * misfit)
     return Fitted(point, residual)
 
 
@@ -76,8 +77,9 @@ def fitted(misfit, *effects):
         (11.0, (6.0, 6.5), 0),  # what a law leaves, both take up
         (11.0, (3.0, 3.1), 2),  # nearly all of it
         (11.0, (8.0, 30.0), 0),
-        (1.4, (1.2, 1.4), 0),  # near the floor the pair must reach it
-        (1.4, (1.01, 1.4), 1),
+        (1.4, (1.35, 1.4), 0),  # near the floor the cost must fall by much
+        (1.4, (1.2, 1.4), 1),
+        (1.4, (1.2, 1.25), 0),  # and by more than beside an effect of another block
     ],
 )
 def test_a_second_effect_must_be_worth_it(first, seconds, kept):

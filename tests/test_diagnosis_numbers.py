@@ -10,7 +10,7 @@ from exodrake.diagnosis.candidates import hypothesis
 from exodrake.diagnosis.decide import thresholds
 from exodrake.diagnosis.deeper import halves_a_signal
 from exodrake.diagnosis.fit import Fitter
-from exodrake.diagnosis.intervals import interval
+from exodrake.diagnosis.intervals import interval, spread
 from exodrake.diagnosis.place import traced
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import Fitted, Ranking
@@ -58,6 +58,37 @@ def test_a_polished_fit_is_where_the_cost_stands_still(robot, problem):
     assert found.point.cost - again.point.cost < 0.5  # half a unit of log-likelihood
     factors = [k.value(u) for k, u in zip(h.knobs, found.point.u, strict=True)]
     assert factors == pytest.approx([1.0, 1.3, 1.0], abs=0.12)  # kappa's own 3 % is a valley of that length
+
+
+def test_an_interval_is_that_of_so_many_frames_as_one(robot, problem):
+    """One gain, the nominal numbers held: variance = frames / sum (q / floor)^2 at a misfit of 1."""
+    h = hypothesis(robot.machine, robot.machine.effect("mocap.gain"), ("PIP",))
+    fitter = Fitter(problem, memory=25.0 * robot.machine.frame)
+    point = fitter.at(h, np.zeros(1), np.zeros(len(fitter.knobs)))
+    point = replace(point, residual=point.residual / np.sqrt(point.misfit))
+    found = spread(fitter, point, np.zeros((len(point.residual), len(fitter.knobs))))
+    slopes = fitter.slopes(point, central=True)[:, 0]
+    assert found.deviations[0] == pytest.approx(np.sqrt(25.0 / np.sum(slopes**2)), rel=1e-6)
+
+
+def test_numbers_are_held_near_where_they_usually_are(robot, problem):
+    """A marker offset and a rest angle that errs by three deviations leave nearly the same log; the longer the
+    piece of log that counts as one frame, the less does the angle take.
+    """
+    h = hypothesis(robot.machine, robot.machine.effect("mocap.offset"))
+    strains = []
+    for memory in (0.02, 0.66, 1e4):
+        fitter = Fitter(problem, memory)
+        point, _ = fitter.settled(fitter.at(h, np.zeros(3), np.zeros(len(fitter.knobs))))
+        strains.append(fitter.strain(point))
+    assert strains[0] > strains[1] > strains[2] and strains[2] < 1e-3
+
+
+def test_a_pitch_is_told_near_palm_down_or_palm_up(robot):
+    knob = next(k for k in hypothesis(robot.machine, robot.machine.effect("finger.gravity")).knobs)
+    for told, fitted in ((-0.2, -0.2), (3.3, 3.3 - 2 * np.pi), (3.0, 3.0)):
+        found = interval(knob, knob.at(fitted), 0.01)
+        assert found.value == pytest.approx(told) and found.low < told < found.high
 
 
 def test_an_undetermined_number_ends_at_its_range(robot):

@@ -110,6 +110,32 @@ def test_lost_commands_are_decoded(robot):
     clean = simulate(robot, reference, seed=9)
     whole = drops.decode(robot.machine, robot.values, *(clean.array(k) for k in ("speed_cmd", "stroke", "tension")))
     assert whole.lost <= 0.05 * max(whole.events, 1) + 1
+    assert drops.lossy(shares) and not drops.lossy([whole])
+
+
+def test_commands_lost_in_bursts_are_decoded(robot):
+    """A held command repeats in the log what the drive was last told: losses of two and three frames in a row."""
+    reference = np.concatenate([protocols.random_motion(robot, seed=seed).tension for seed in range(3)])
+    rng, lottery = np.random.default_rng(5), np.ones((len(reference), 3))
+    for frame in rng.choice(len(reference) - 3, len(reference) // 12, replace=False):
+        lottery[frame : frame + rng.integers(2, 4)] = 0.0
+    deaf = robot.splice("timing.dropped_commands", {"probability": 0.5})
+    problem = make_problem(short_case(robot), robot)
+    trial = replace(problem.fit[0], reference=reference, drops=drops.Drops(lottery, 0, 0, 0))
+    log = problem.predict(problem.silent(deaf)[None], trial)[0]
+    kinds = problem.kinds
+    arrays = (log[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension"))
+    found = drops.decode(robot.machine, problem.silent(), *arrays)
+    lost = found.lottery == 0.0
+    assert found.certain >= 5 and np.mean(lottery[lost] == 0.0) > 0.9
+
+
+def test_a_slow_drive_loses_no_command(robot):
+    """It follows badly, but no stroke is the held command's."""
+    reference = Reference(protocols.steps(robot, dwell=0.6).tension, "steps")
+    log = simulate(robot.splice("motor.slow_velocity_loop", {"factor": 0.3}), reference, seed=3)
+    found = drops.decode(robot.machine, robot.values, *(log.array(k) for k in ("speed_cmd", "stroke", "tension")))
+    assert not drops.lossy([found])
 
 
 @pytest.mark.parametrize(

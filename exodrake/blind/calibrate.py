@@ -7,9 +7,11 @@ measures on each robot, retuned,
     quiet         the misfit over all signals [floor^2],
     quiet_column  that of the worst signal,
     margin        the cost by which the best effect, none of which is there, beats the retuned numbers,
-and prints their medians and largest values. A threshold lies above the largest value found: seen on n healthy robots, a
-false alarm rate is then below 3 / n with 95 % confidence (rule of three). No label but "healthy" is read, and no
-practice case.
+and prints their medians and largest values; and, for several lengths of log that may count as one frame (`fit.py`), how
+many 90 % intervals of nominal numbers cover the truth, and how far off these are.
+
+A threshold lies above the largest value found: seen on n healthy robots, a false alarm rate is then below 3 / n with 95
+% confidence (rule of three). No label but "healthy" and the numbers is read, and no practice case.
 """
 
 from __future__ import annotations
@@ -20,8 +22,9 @@ from pathlib import Path
 import click
 import numpy as np
 
+from exodrake.blind.known import MEMORIES, known
 from exodrake.blind.make import make_case
-from exodrake.blind.mix import CaseMix, plan
+from exodrake.blind.mix import CaseMix, draw_case, plan
 from exodrake.counting import counted, where_to_run
 from exodrake.diagnosis.decide import misfit, worst_column
 from exodrake.diagnosis.problem import make_problem
@@ -33,8 +36,10 @@ HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
 MEASURES = ("quiet", "quiet_column", "margin")
 
 
-def measured(seed: int, robots: int, number: int) -> tuple[float, float, float]:
-    """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot."""
+def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
+    """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot; and
+    how well its numbers are known.
+    """
     from exodrake.case import read_case
 
     drawn = plan(seed, robots, HEALTHY)[number]
@@ -44,7 +49,8 @@ def measured(seed: int, robots: int, number: int) -> tuple[float, float, float]:
     ranking = Ranking(problem)
     retuned = ranking.retuned()
     best = ranking.singles(quiet=True)[0][0]
-    return misfit(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
+    limits = misfit(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
+    return limits, known(ranking, retuned, draw_case(drawn).spec.numbers)
 
 
 @click.command()
@@ -59,12 +65,13 @@ def main(seed: int, robots: int, jobs: int, cluster: str | None) -> None:
             if item.reason is not None:
                 raise click.ClickException(f"robot {item.number}: {item.reason}")
             found[item.number] = item.value
-            click.echo(
-                f"robot {item.number}: " + ", ".join(f"{m} {v:.4g}" for m, v in zip(MEASURES, item.value, strict=True))
-            )
+            limits = zip(MEASURES, item.value[0], strict=True)
+            click.echo(f"robot {item.number}: " + ", ".join(f"{m} {v:.4g}" for m, v in limits))
             count(len(found), 0, robots)
-    for name, values in zip(MEASURES, np.array([found[k] for k in range(robots)]).T, strict=True):
+    for name, values in zip(MEASURES, np.array([found[k][0] for k in range(robots)]).T, strict=True):
         click.echo(f"{name}: median {np.median(values):.4g}, largest {np.max(values):.4g} of {robots}")
+    for memory, (cover, error) in zip(MEMORIES, np.mean([found[k][1] for k in range(robots)], axis=0), strict=True):
+        click.echo(f"{memory:g} s as one frame: {cover:.1%} of the intervals cover, error {error:.2f} spreads")
 
 
 if __name__ == "__main__":

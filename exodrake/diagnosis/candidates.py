@@ -53,7 +53,13 @@ class Knob:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Range of u: the plausible one, stretched by REACH, neutral included for a first number."""
+        """Range of u in a fit: what is plausible, and a period to spare on both sides where a number comes round."""
+        low, high = self.plausible
+        return low - self.number.period, high + self.number.period
+
+    @property
+    def plausible(self) -> tuple[float, float]:
+        """Plausible range of u, stretched by REACH, neutral included for a first number."""
         ends = sorted((self.at(self.number.low), self.at(self.number.high)))
         if not self.first and self.number.scale == "log":
             return ends[0] - math.log(REACH), ends[1] + math.log(REACH)
@@ -66,7 +72,7 @@ class Knob:
     @property
     def scale(self) -> float:
         """A plausible amount of u, never 0: what a fit takes for one unit."""
-        low, high = self.bounds
+        low, high = self.plausible
         return 0.5 * max(abs(low), abs(high)) / REACH if self.first else 0.25 * (high - low)
 
     @property

@@ -10,6 +10,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from exodrake.diagnosis.fit import as_one
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import LOSING, Fitted, Search
@@ -23,12 +24,14 @@ class Thresholds:
     quiet_column: float
     explained: float
     near: float
-    temper: float
+    half: float
     alike: float
     form: float
     margin: float
+    alarm: float
     pair: float
     second: float
+    far: float
     of_law: float
     distinct_of_law: float
     distinct: float
@@ -84,14 +87,15 @@ def left_over(problem: Problem, fitted: Fitted, before: Fitted) -> float:
 
 
 def explains(problem: Problem, fitted: Fitted, before: Fitted, limits: Thresholds) -> bool:
-    """Whether a candidate explains enough of a gap to be named."""
-    return left_over(problem, fitted, before) <= limits.explained or misfit(problem, fitted) <= limits.near
+    """Whether a candidate explains enough of a gap to be named: nearly all, or half of it and what is left is small."""
+    left = left_over(problem, fitted, before)
+    return left <= limits.explained or (left <= limits.half and misfit(problem, fitted) <= limits.near)
 
 
-def probabilities(candidates: list[Fitted], best: float, limits: Thresholds) -> dict[str, float]:
-    """Probability of each candidate: its cost tempered by the best misfit and by how long residuals are correlated."""
+def probabilities(problem: Problem, candidates: list[Fitted], best: float) -> dict[str, float]:
+    """Probability of each candidate: its cost tempered by the best misfit and by the frames that count as one."""
     costs = np.array([c.score for c in candidates])
-    weights = np.exp(-np.minimum((costs - costs.min()) / (max(1.0, best) * limits.temper), 700.0))
+    weights = np.exp(-np.minimum((costs - costs.min()) / (max(1.0, best) * as_one(problem)), 700.0))
     return {c.name: float(w) for c, w in zip(candidates, weights / weights.sum(), strict=True)}
 
 
@@ -119,11 +123,11 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
         return Decision(NO_GAP, search.nominal, (), {}, ("the nominal robot explains every signal to its floor",))
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
     best = ranked[0]
-    if is_quiet(problem, search.retuned, limits) and search.retuned.score - best.score < limits.margin:
+    if is_quiet(problem, search.retuned, limits) and search.retuned.score - best.score < limits.alarm:
         return Decision(
             RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",)
         )
-    chance = probabilities(ranked, misfit(problem, best), limits)
+    chance = probabilities(problem, ranked, misfit(problem, best))
     left, final = left_over(problem, best, search.retuned), misfit(problem, best)
     if not explains(problem, best, search.retuned, limits):
         if search.lossy:

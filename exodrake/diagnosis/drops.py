@@ -1,13 +1,14 @@
 """Which speed commands were lost on the way to the drives, decoded frame by frame from a log.
 
 A lost command can be seen where it would have changed the speed by much: the drive is simulated on the measured
-commands and tensions, once with the command and once without, and the stroke of the next frames decides. What cannot be
-seen counts as received.
+commands and tensions, once with the command and once without, whatever became of the commands after it, and the stroke
+of the next frames decides. What cannot be seen counts as received.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -16,20 +17,26 @@ from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.machine import Machine
 
 STEP = 4e-3  # m/s: a smaller change of speed moves the stroke by less than two encoder counts a frame
-AHEAD = 3  # frames that decide
-CLEAR = 0.5  # of the squared error that losing the command must leave
+AHEAD = 3  # frames that decide; losses come in bursts
+CLEAR = 0.2  # of the squared error that losing the command must leave
+CERTAIN, LARGE = 0.03, 2.0 * STEP  # the same, and the change of speed, for a loss that nothing else looks like: the
+# stroke is the held command's to a sixth, all that a drive's own errors leave. A weak or late drive never is
+EVIDENCE = 2  # certain losses from which they count as seen
+BROKEN = 0.5  # share of lost commands beyond which a drive is late or weak rather than deaf
+FUTURES = tuple(product((False, True), repeat=AHEAD - 1))
 Z90 = 1.645
 
 
 @dataclass(frozen=True, eq=False)
 class Drops:
     """`lottery` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen, lost: those
-    lost.
+    lost, certain: those beyond doubt.
     """
 
     lottery: np.ndarray
     events: int
     lost: int
+    certain: int
 
 
 class Drive:
@@ -60,46 +67,62 @@ class Drive:
 WRITE_AFTER_READ = 4  # slots from a wire's bus read to its bus write: `model.md`, Timing
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a log shows: command [m/s], stroke [m], tension [N], each (n, wires), without gaps."""
+
+    command: np.ndarray
+    stroke: np.ndarray
+    tension: np.ndarray
+
+
 def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> Drops:
     """Lost commands of one log. command [m/s], stroke [m], tension [N]: (n, wires), as logged."""
-    command, stroke, tension = (
-        np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension)
-    )
+    log = Seen(*(np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension)))
     drive = Drive(machine, values)
-    lottery, applied, state = np.ones_like(command), np.zeros(command.shape[1]), drive.state
-    events = lost = 0
-    for n in range(len(command) - AHEAD):
-        seen = np.abs(command[n] - applied) > STEP
+    lottery, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
+    events = lost = certain = 0
+    for n in range(len(lottery) - AHEAD):
+        change = np.abs(log.command[n] - applied)
+        seen = change > STEP
         if seen.any():
-            keep = error(drive, state, applied, command[n], n, command, stroke, tension)
-            drop = error(drive, state, applied, np.where(seen, applied, command[n]), n, command, stroke, tension)
+            keep, drop = (least_error(drive, state, applied, seen, log, n, first) for first in (False, True))
             gone = seen & (drop < CLEAR * keep)
             lottery[n, gone] = 0.0
             events, lost = events + int(seen.sum()), lost + int(gone.sum())
-        now = np.where(lottery[n] == 0.0, applied, command[n])
-        drive.frame(state, applied, now, tension[n])
+            certain += int(np.sum((change > LARGE) & (drop < CERTAIN * keep)))
+        now = np.where(lottery[n] == 0.0, applied, log.command[n])
+        drive.frame(state, applied, now, log.tension[n])
         applied = now
-    return Drops(lottery, events, lost)
+    return Drops(lottery, events, lost, certain)
+
+
+def least_error(
+    drive: Drive, state: np.ndarray, before: np.ndarray, seen: np.ndarray, log: Seen, n: int, lost: bool
+) -> np.ndarray:
+    """Least squared error of the strokes (wires,) [m2] over the next frames, whatever is lost after frame n, if the
+    commands of the wires that are `seen` are lost in frame n, or are not.
+    """
+    return np.min([error(drive, state, before, seen, log, n, (lost, *future)) for future in FUTURES], axis=0)
 
 
 def error(
     drive: Drive,
     state: np.ndarray,
     before: np.ndarray,
-    now: np.ndarray,
+    seen: np.ndarray,
+    log: Seen,
     n: int,
-    command: np.ndarray,
-    stroke: np.ndarray,
-    tension: np.ndarray,
+    lost: tuple[bool, ...],
 ) -> np.ndarray:
-    """Squared error of the strokes (wires,) [m2] over the next frames if `now` is the speed from frame n on."""
-    trial, total, start = state.copy(), np.zeros(len(now)), None
-    speeds = [before, now, *command[n + 1 : n + AHEAD]]
-    origin = drive_stroke(drive, trial)
+    """Squared error of the strokes (wires,) [m2] over the next frames; `lost`: in which of them commands are."""
+    trial, total, speed = state.copy(), np.zeros(len(before)), before
+    start = drive_stroke(drive, trial)
     for k in range(AHEAD):
-        end = drive.frame(trial, speeds[k], speeds[k + 1], tension[n + k])
-        start = origin if start is None else start
-        total += ((end - start) - (stroke[n + k + 1] - stroke[n])) ** 2
+        now = np.where(seen, speed, log.command[n + k]) if lost[k] else log.command[n + k]
+        end = drive.frame(trial, speed, now, log.tension[n + k])
+        total += ((end - start) - (log.stroke[n + k + 1] - log.stroke[n])) ** 2
+        speed = now
     return total
 
 
@@ -121,15 +144,9 @@ def probability(drops: list[Drops]) -> tuple[float, float, float]:
     return k / n, float(max(centre - half, 0.0)), float(min(centre + half, 1.0))
 
 
-LOSSY, BROKEN = (
-    0.05,
-    0.5,
-)  # share of lost commands that counts as evidence, and beyond which a drive is late or weak rather than deaf
-
-
 def lossy(drops: list[Drops]) -> bool:
     """Whether the decoded losses are evidence of their own; a drive that follows badly loses commands in this sense,
     too.
     """
-    share, low, _ = probability(drops)
-    return low > LOSSY and share < BROKEN
+    share, _, _ = probability(drops)
+    return sum(d.certain for d in drops) >= EVIDENCE and share < BROKEN

@@ -1,9 +1,8 @@
 """Intervals of fitted parameters, and the lanes that an effect really sits on.
 
-Residuals are coloured, so J'J alone is too sure: the covariance is the larger, entry by entry of the diagonal, of (J'J
-+ prior)^-1 and a sandwich whose meat is summed over blocks of time, the errors of the nominal numbers included. To that
-comes what no residual shows: a parameter of friction, creep or contact belongs to a law, reality follows another one,
-and the fitted value is an effective one.
+Residuals are coloured, so J'J alone is too sure: so many frames count as one (`Fitter`), against the errors that the
+nominal numbers usually have; covariance = (J'J / frames + prior)^-1. To that comes what no residual shows: a parameter
+of friction, creep or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.vocabulary import SELF_DEFINED
 
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
-BLOCK = 2.0  # s, longer than the memory of the loop
 # relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
 LAW = 0.2
 SAME_LAW = 0.01  # of a parameter that means the same in every law: integration and rounding; assumed
@@ -41,33 +39,21 @@ class Spread:
 
 
 def spread(fitter: Fitter, point: Point, responses: np.ndarray) -> Spread:
-    """Covariance of the effect parameters at a fitted point."""
+    """A fitted point with the covariance of its effect parameters; `fitter`: the one that it was settled with."""
+    count = len(point.u)
+    return Spread(point, covariance(fitter, point, responses)[:count, :count])
+
+
+def covariance(fitter: Fitter, point: Point, responses: np.ndarray) -> np.ndarray:
+    """Covariance of effect parameters and nominal knobs at a fitted point, (u + x, u + x)."""
     scales = point.hypothesis.scales
     jacobian = np.concatenate([fitter.slopes(point, central=True) * scales, responses], axis=1)
     count = len(scales)
     prior = np.concatenate([np.full(count, 1e-9), 1.0 / fitter.spread**2])
     normal = jacobian.T @ jacobian + np.diag(prior)
-    bread = np.linalg.inv(normal + 1e-10 * np.diag(np.diag(normal)))
-    noisy = bread * max(1.0, point.misfit)
-    pieces = block_edges(fitter, len(point.residual))
-    scores = np.add.reduceat(jacobian * point.residual[:, None], pieces, axis=0)
-    sandwich = bread @ (scores.T @ scores + np.diag(prior)) @ bread
-    widen = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(noisy), 1.0))
-    covariance = noisy * np.outer(widen, widen)
-    return Spread(point, covariance[:count, :count] * np.outer(scales, scales))
-
-
-def block_edges(fitter: Fitter, samples: int) -> np.ndarray:
-    """First sample of each block of time in the stacked residual."""
-    problem = fitter.problem
-    columns, length = len(problem.columns), round(BLOCK / problem.robot.machine.frame)
-    edges, at = [], 0
-    for trial in problem.fit:
-        frames = len(trial.reference)
-        edges += [at + columns * i for i in range(0, frames, length)]
-        at += columns * frames
-    assert at == samples
-    return np.array(edges)
+    found = np.linalg.inv(normal + 1e-10 * np.diag(np.diag(normal))) * fitter.frames * max(1.0, point.misfit)
+    units = np.concatenate([scales, np.ones(len(fitter.knobs))])
+    return found * np.outer(units, units)
 
 
 def affected(estimate: Spread, effect: str) -> list[int]:
@@ -133,4 +119,6 @@ def interval(knob: Knob, u: float, deviation: float) -> Interval:
     if knob.number.scale == "log":
         low, high = max(low, min(u, knob.bounds[0])), min(high, max(u, knob.bounds[1]))
     ends = [knob.value(low), knob.value(high)]
-    return Interval(knob.value(u), min(ends), max(ends), knob.number.unit)
+    value = knob.value(u)
+    turns = knob.number.told(value) - value
+    return Interval(value + turns, min(ends) + turns, max(ends) + turns, knob.number.unit)

@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.diagnosis.candidates import Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Point
 from exodrake.diagnosis.intervals import LAW, MINOR, Z90
-from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.signals import Bands
 
@@ -98,9 +98,7 @@ def seen(problem: Problem, point: Point) -> Line | None:
     """The line of a tremor in what a fitted point leaves, if there is one and the machine can tremble."""
     if all(effect.id != TREMOR for effect in problem.robot.machine.shelf):
         return None
-    ends = np.cumsum([trial.measured.size for trial in problem.fit])[:-1]
-    logs = np.split(point.residual, ends)
-    line = find(problem, [log.reshape(trial.measured.shape) for log, trial in zip(logs, problem.fit, strict=True)])
+    line = find(problem, by_trial(point.residual, problem.fit))
     return line if line.certain else None
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.diagnosis.fit import Fitter
-from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.replay import segment_gaps
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
@@ -61,17 +61,9 @@ def several(problem: Problem) -> bool:
 
 def split(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
     """Residuals by trial: name -> (n, columns) [floors]."""
-    found, at = {}, 0
-    for trial in problem.fit:
-        size = trial.measured.size
-        found[trial.name] = fitted.point.residual[at : at + size].reshape(trial.measured.shape)
-        at += size
-    at = 0
-    for trial in problem.holdout:
-        size = trial.measured.size
-        found[trial.name] = fitted.held[at : at + size].reshape(trial.measured.shape)
-        at += size
-    return found
+    trials = (*problem.fit, *problem.holdout)
+    logs = (*by_trial(fitted.point.residual, problem.fit), *by_trial(fitted.held, problem.holdout))
+    return {trial.name: log for trial, log in zip(trials, logs, strict=True)}
 
 
 def traced(problem: Problem, residuals: dict[str, np.ndarray], kind: str) -> tuple[str, ...]:

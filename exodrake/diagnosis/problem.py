@@ -170,6 +170,12 @@ class Problem:
         return values
 
 
+def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
+    """A stacked residual (samples,) cut into one (n, columns) for each trial."""
+    ends = np.cumsum([trial.measured.size for trial in trials])[:-1]
+    return [part.reshape(t.measured.shape) for part, t in zip(np.split(rows, ends), trials, strict=True)]
+
+
 ROWS = 4  # robots simulated at once: their records stay in the cache
 WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad, not infinite
 

@@ -126,7 +126,7 @@ def elsewhere(u: np.ndarray, i: int, value: float) -> np.ndarray:
 
 def other_values(knob: Knob, usual: float) -> list[float]:
     """Where a further number is tried besides its usual value: well inside its range, on the wider side."""
-    low, high = knob.bounds
+    low, high = knob.plausible
     return [FAR * high + (1.0 - FAR) * low if usual < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
 
 
@@ -139,5 +139,5 @@ def turns(extra: Hypothesis) -> list[np.ndarray]:
     if lead.first and lead.lanes != ("",):
         strong = np.where([knob.first for knob in extra.knobs], STRONG, 1.0) * extra.start
         return [extra.start, np.clip(strong, *extra.bounds.T)]
-    low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.bounds
+    low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.plausible
     return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(low, high, TURNS)]

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from exodrake.diagnosis.candidates import NOTHING, hypothesis
+from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.retune import Retuned, leapt, retuned
@@ -69,7 +69,7 @@ FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be th
 SECONDS, SECOND_SURVIVORS, SECOND_REFINED = 6, 3, 2  # the same for second effects
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
 FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
-POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
+LESS = 1.0, 0.5, 0.2  # of an effect's promised amount, tried where its fit begins
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -129,12 +129,25 @@ class Ranking:
         """The second effect of a pair fitted without the first, which may only have stood in for it when singles were
         screened.
         """
-        machine, both = self.full.problem.robot.machine, pair.point.hypothesis
-        alone = hypothesis(machine, machine.effect(both.effects[-1]))
-        u = pair.point.u[[both.knobs.index(knob) for knob in alone.knobs]]
+        alone, u = self.second_of(pair)
         self.progress(f"{alone.name} alone")
         start = self.full.at(alone, u, pair.point.x)
         return self.complete(self.full.fit(start, self.tuned.responses, steps=8))
+
+    def second_beside(self, pair: Fitted, other: Fitted) -> Fitted:
+        """The second effect of a pair beside another first one."""
+        alone, u = self.second_of(pair)
+        both = other.point.hypothesis.joined(alone)
+        self.progress(both.name)
+        start = self.full.at(both, np.concatenate([other.point.u, u]), pair.point.x)
+        responses = self.own.get(pair.name, self.tuned.responses)
+        return self.complete(self.full.fit(start, responses, steps=8))
+
+    def second_of(self, pair: Fitted) -> tuple[Hypothesis, np.ndarray]:
+        """The second effect of a pair, and its u."""
+        machine, both = self.full.problem.robot.machine, pair.point.hypothesis
+        alone = hypothesis(machine, machine.effect(both.effects[-1]))
+        return alone, pair.point.u[[both.knobs.index(knob) for knob in alone.knobs]]
 
     def losing(self, singles: list[Fitted]) -> Fitted:
         """The fit of lost commands alone."""
@@ -146,13 +159,10 @@ class Ranking:
         return self.complete(self.full.fit(self.full.at(alone, alone.start, tuned.base.x), tuned.responses, steps=4))
 
     def polished(self, fitted: Fitted) -> Fitted:
-        """A hypothesis fitted until the cost stands still: along a flat valley between an effect and nominal numbers,
-        where a race stops early, only the small errors that these usually have tell where the truth lies. Slopes from
-        both sides: the curvature in one-sided ones passes for information along the valley.
-        """
+        """A hypothesis settled (`Fitter.settled`), as its parameters are to be stated."""
         self.progress(f"settling {fitted.name}")
-        responses = self.own[fitted.name] = self.full.responses(fitted.point, central=True)
-        return self.complete(self.full.fit(fitted.point, responses, steps=POLISH, enough=STILL, central=True))
+        point, self.own[fitted.name] = self.full.settled(fitted.point)
+        return self.complete(point)
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""
@@ -167,12 +177,24 @@ class Ranking:
         fitter, points = self.quick, []
         for start in starts:
             self.progress(start.hypothesis.name)
-            u, x = np.clip(start.u, *start.hypothesis.bounds.T), np.clip(start.x, -fitter.limit, fitter.limit)
-            points.append(fitter.fit(fitter.at(start.hypothesis, u, x), responses, steps=2, gram=gram))
+            points.append(fitter.fit(self.begun(start), responses, steps=2, gram=gram))
         points.sort(key=lambda p: p.cost)
         hopeful = [p for p in points[:survivors] if p.misfit < HOPELESS * points[0].misfit]
         ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
         return sorted([*ended, *points[len(hopeful) :]], key=lambda p: p.cost)
+
+    def begun(self, start: Start) -> Point:
+        """Where a fit begins: what screening promises, or less of the effect where that breaks the promise."""
+        fitter, latest = self.quick, start.hypothesis.effects[-1]
+        first = np.array([knob.first and knob.effect == latest for knob in start.hypothesis.knobs])
+        x = np.clip(start.x, -fitter.limit, fitter.limit)
+        tried: list[Point] = []
+        for less in LESS:
+            u = np.clip(np.where(first, less * start.u, start.u), *start.hypothesis.bounds.T)
+            tried.append(fitter.at(start.hypothesis, u, x))
+            if tried[-1].cost < HOPELESS * start.cost:
+                break
+        return min(tried, key=lambda point: point.cost)
 
     def refine(self, points: list[Point], count: int, responses: np.ndarray) -> list[Fitted]:
         """The best few fitted on whole trials, contenders with responses taken at their own points, the rest as they

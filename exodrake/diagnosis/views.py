@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from exodrake.diagnosis.decide import Decision, Thresholds, decide, explains, is_quiet, left_over, misfit
+from exodrake.diagnosis.decide import Decision, Thresholds, as_good, decide, explains, is_quiet, left_over, misfit
 from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
@@ -22,6 +22,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import LOSING, Fitted, Progress, Ranking, Search
 
+STRAINED = 1.0  # mean square of the nominal numbers in units of their spread, beyond which they hide something
 CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one must leave to count
 
 
@@ -47,7 +48,7 @@ class View:
         return self.ranking.full.values(point.hypothesis, point.u, point.x)
 
     def polished(self) -> View:
-        """The view with the candidate that it names fitted to the end, as its parameters are to be stated."""
+        """The view with what it names settled, as its parameters are to be stated."""
         best = self.decision.best
         if self.decision.verdict not in (NAMED, AMBIGUOUS) or not best.point.hypothesis.effects:
             return self
@@ -144,10 +145,9 @@ STEERED = "found with the simulation steered by the logs: in closed loop, noise 
 def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds) -> Search:
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
-
     singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
     found = replace(known, singles=tuple(singles), screened=tuple(screened))
-    if is_quiet(problem, singles[0], limits):
+    if is_quiet(problem, singles[0], limits) and ranking.full.strain(singles[0].point) <= STRAINED:
         return found
     several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
     hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
@@ -160,6 +160,7 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
         if (better or left_over(problem, pairs[0], retuned) > limits.form) and misfit(problem, other) > limits.near:
             tried = once([*tried, *ranking.pairs(other)])
         pairs = worth(problem, singles[0], tried, retuned, limits)
+        pairs = once([*pairs, *alternatives(problem, ranking, singles, pairs, limits)])
     if several:
         pairs += deeper(problem, ranking, pairs, limits)
     best = min((*singles, *pairs), key=lambda f: f.score)
@@ -171,6 +172,21 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)
 
 
+def alternatives(
+    problem: Problem, ranking: Ranking, singles: list[Fitted], pairs: list[Fitted], limits: Thresholds
+) -> list[Fitted]:
+    """The best pair with its first effect replaced by each that is as good alone."""
+    if not pairs:
+        return []
+    best = min(pairs, key=lambda f: f.score)
+    first, tried = best.point.hypothesis.effects[0], {f.name for f in pairs}
+    alone = next((f for f in singles if f.name == first), None)
+    rivals = [f for f in singles if alone and f is not alone and as_good(problem, f, alone, limits)]
+    second = best.point.hypothesis.effects[-1]
+    wanted = [f for f in rivals if f.name != second and f"{f.name} + {second}" not in tried]
+    return [ranking.second_beside(best, f) for f in wanted]
+
+
 def once(pairs: list[Fitted]) -> list[Fitted]:
     """The best fit of each set of effects, whatever their order; best first."""
     found: dict[frozenset[str], Fitted] = {}
@@ -180,18 +196,37 @@ def once(pairs: list[Fitted]) -> list[Fitted]:
 
 
 def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds) -> list[Fitted]:
-    """Pairs whose second effect removes enough of what the first leaves: all of it where the first explains the case
-    but for its law, or more than any other could.
+    """Pairs whose second effect removes enough of what the first leaves: where that is next to nothing, the second one
+    must relieve the nominal numbers or leave less, by far more than any other does; where it is another law, all of it,
+    or more than any other could.
     """
 
     def left(pair: Fitted) -> float:
         return left_over(problem, pair, single)
 
     if misfit(problem, single) <= limits.near:
-        return [f for f in pairs if left(f) < limits.second and is_quiet(problem, f, limits)]
+        return relieving(single, pairs, limits)
     if left_over(problem, single, retuned) > limits.explained:
         return [f for f in pairs if left(f) < limits.pair]
-    best, *others = sorted(pairs, key=left) or [single]
-    if others and left(best) < limits.distinct_of_law and left(others[0]) > limits.distinct * left(best):
-        return [best]
+    match sorted(pairs, key=left):
+        case [best, second, *_] if left(best) < min(limits.distinct_of_law, left(second) / limits.distinct):
+            return [best]
     return [f for f in pairs if left(f) < limits.of_law]
+
+
+def relieving(single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
+    """Pairs with a second effect that lowers the cost by much, and by far more than those of any other block do."""
+    if not pairs:
+        return []
+
+    def gain(pair: Fitted) -> float:
+        return single.score - pair.score
+
+    def block(pair: Fitted) -> str:
+        return pair.point.hypothesis.effects[-1].split(".")[0]
+
+    best = max(pairs, key=gain)
+    other = max((gain(f) for f in pairs if block(f) != block(best)), default=0.0)
+    if gain(best) < max(limits.second, limits.far * other):
+        return []
+    return [f for f in pairs if block(f) == block(best) and gain(f) > limits.second]

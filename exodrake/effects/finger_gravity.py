@@ -3,7 +3,7 @@
 Q_i = acceleration moment_i cos(phi_i + pitch)          tau_i = Q_i + .. + Q_3          phi_i = q_1 + .. + q_i
 """
 
-from math import cos
+from math import cos, pi
 
 from exodrake.block import Effect, Number
 
@@ -26,6 +26,6 @@ EFFECT = Effect(
     at={"finger.external": external},
     numbers=(
         Number("acceleration", "m/s2", neutral=0.0, low=9.78, high=9.84, usual=9.81, free=False),
-        Number("pitch", "rad", neutral=0.0, low=-3.2, high=3.2, usual=0.0),
+        Number("pitch", "rad", neutral=0.0, low=-pi / 2, high=3 * pi / 2, usual=0.0, period=2 * pi),
     ),
 )
