@@ -81,7 +81,7 @@ def test_numbers_are_held_near_where_they_usually_are(robot, problem):
         fitter = Fitter(problem, memory)
         point, _ = fitter.settled(fitter.at(h, np.zeros(3), np.zeros(len(fitter.knobs))))
         strains.append(fitter.strain(point))
-    assert strains[0] > strains[1] > strains[2] and strains[2] < 1e-3
+    assert strains[0] > strains[1] > strains[2] and strains[2] < 0.01
 
 
 def test_a_pitch_is_told_near_palm_down_or_palm_up(robot):
