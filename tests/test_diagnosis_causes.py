@@ -51,6 +51,16 @@ def test_white_noise_keeps_its_power_without_a_band():
     assert np.mean(left**2) == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.parametrize("frequency, strength, left", [(7.0, 1.0, 0.0), (7.0, 0.6, 0.4), (2.0, 1.0, np.sqrt(2.0))])
+def test_in_the_band_of_a_tremor_only_its_strength_counts(frequency, strength, left):
+    """A quarter turn out of phase: sin - cos has sqrt(2) the amplitude of either."""
+    time = PERIOD * np.arange(4000)
+    measured = np.sin(2 * np.pi * frequency * time)[:, None]
+    simulated = strength * np.cos(2 * np.pi * frequency * time)[:, None]
+    gap = signals.mismatch(measured, simulated, ((6.0, 8.0),), PERIOD)
+    assert np.sqrt(np.mean(gap[200:-200] ** 2)) == pytest.approx(left * np.sqrt(0.5), abs=0.02)
+
+
 def test_a_run_that_divides_by_zero_is_bad_not_fatal(robot):
     problem = make_problem(case_of(robot, frames=200), robot)
     broken = problem.silent()

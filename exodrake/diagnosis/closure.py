@@ -2,7 +2,8 @@
 
     C = 1 - (MSE_after - floor^2) / (MSE_before - floor^2)          1: down to the floor, 0: nothing gained
 
-with an interval from a bootstrap over blocks of time.
+with an interval from a bootstrap over blocks of time. In the band of a tremor its strength counts, not its phase
+(`signals.mismatch`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
+from exodrake.diagnosis.signals import mismatch
 from exodrake.diagrams.robot import Robot
 from exodrake.diagrams.simulate import Recording, Reference, record
 
@@ -24,7 +26,8 @@ def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.n
     found = []
     for trial in problem.holdout:
         run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)
-        found.append(np.nan_to_num((trial.measured - shown(problem, run)) / problem.floor))
+        gap = mismatch(trial.measured, shown(problem, run), problem.stopped, problem.robot.machine.frame)
+        found.append(np.nan_to_num(gap / problem.floor))
     return found
 
 

@@ -22,11 +22,38 @@ def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
     """Signals (..., n, columns) sampled every `period` [s] without some bands [Hz]; white ones keep their power."""
     if not bands:
         return signals
-    from scipy.signal import butter, sosfiltfilt, sosfreqz
+    from scipy.signal import sosfreqz
 
     kept = np.ones(FINE)
-    for low, high in bands:
-        sections = butter(STEEP, (low, high), "bandstop", fs=1.0 / period, output="sos")
-        signals = sosfiltfilt(sections, signals, axis=-2)
+    for sections in filters(bands, period):
         kept *= np.abs(sosfreqz(sections, FINE)[1]) ** 4  # of the power; the filter runs twice
-    return signals / np.sqrt(kept.mean())
+    return outside(bands, signals, period) / np.sqrt(kept.mean())
+
+
+def filters(bands: Bands, period: float) -> list[np.ndarray]:
+    """Second-order sections that stop each band."""
+    from scipy.signal import butter
+
+    return [np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands]
+
+
+def outside(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
+    """Signals (..., n, columns) without some bands [Hz], all else as it is."""
+    from scipy.signal import sosfiltfilt
+
+    for sections in filters(bands, period):
+        signals = sosfiltfilt(sections, signals, axis=-2)
+    return signals
+
+
+def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: float) -> np.ndarray:
+    """measured - simulated (n, columns), NaN where nothing was measured; in the `bands` [Hz] of a tremor, whose phase
+    no simulation repeats, as if the simulated one had the measured phase: only its strength counts.
+    """
+    if not bands:
+        return measured - simulated
+    known = np.column_stack([filled(column) for column in measured.T])
+    seen, told = (signal - outside(bands, signal, period) for signal in (known, simulated))
+    strength = np.sqrt(np.mean(told**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
+    found = outside(bands, known - simulated, period) + seen * (1.0 - strength)
+    return np.where(np.isfinite(measured), found, np.nan)

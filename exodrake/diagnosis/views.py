@@ -116,7 +116,8 @@ def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, p
     ranking = Ranking(problem, progress, start.decision.best.point.x)
     view = view_of(problem, ranking, tuned_search(problem, ranking, limits), limits)
     decision, retuned = view.decision, view.search.retuned
-    why = f"a line at {line.frequency:.1f} Hz stands out {line.prominence:.0f}-fold, alike in every log"
+    where = f"a line at {line.frequency:.1f} Hz stands out {line.prominence:.0f}-fold, alike in every log"
+    why = f"{where}; its phase wanders, so that there only strength is compared"
     wings = WINGS * float(np.mean(line.power * (whole.floor / problem.floor) ** 2))
     earned = decision.verdict in (NAMED, AMBIGUOUS) and view.left <= limits.pair
     if not earned and misfit(problem, retuned) <= max(limits.near, 1.0 + wings):

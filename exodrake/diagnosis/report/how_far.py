@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.diagnosis.line import TREMOR
 from exodrake.diagnosis.report import markup as m
 from exodrake.diagnosis.report import words as w
 from exodrake.diagnosis.report.drawing import AFTER, BEFORE, MEASURED
@@ -89,12 +90,17 @@ def gap_table(diagnosis: Diagnosis) -> str:
         (f"{w.KINDS[g.kind]}, all", *row_of(g.before, g.retuned, g.after, g.floor, g.closure, g.unit))
         for g in w.kind_gaps(diagnosis)
     ]
-    return m.table(header, [*rows, *sums], sums=len(sums)) + m.paragraph(GAPS)
+    shaken = any(effect.id == TREMOR for effect in diagnosis.effects)
+    return m.table(header, [*rows, *sums], sums=len(sums)) + m.paragraph(GAPS + SHAKEN if shaken else GAPS)
 
 
 GAPS = (
     "Gap: RMS of measured − simulated. Closure: the share of the gap above the noise floor that is gone; 100 % is down "
     "to the floor. It says little where the gap was near the floor to begin with (“–”)."
+)
+SHAKEN = (
+    " A tremor’s phase wanders: in its band, gaps compare its strength only, while curves and spectra show the whole "
+    "difference."
 )
 SURE = 0.999  # no probability is told as larger
 SMALL = 1.1  # floors: a gap below it has nothing to close
