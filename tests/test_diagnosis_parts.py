@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from exodrake.case import Case, CaseLog
-from exodrake.diagnosis import drops, line, replay
+from exodrake.diagnosis import drops, line, replay, signals
 from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.closure import closure
 from exodrake.diagnosis.decide import decide
@@ -210,6 +210,13 @@ def test_a_line_in_the_spectrum_is_told_from_noise(robot):
     assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
     assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
     assert not line.find(problem, [quiet[0], quiet[1], shaken[2]]).certain  # in one log only: no tremor
+
+
+def test_the_band_of_a_slow_line_can_be_filtered(robot):
+    """A line at the slow end has no band below zero, which no filter takes."""
+    slow = line.Line(1.0, np.zeros(1), 10.0, 1.0)
+    left = signals.without(slow.bands(25.0), np.ones((500, 1)), robot.machine.frame)
+    assert np.isfinite(left).all()
 
 
 def test_late_motion_capture_shows_in_a_simulated_log(robot):

@@ -26,6 +26,7 @@ HALF, ASIDE = 0.6, 1.8  # Hz, half the band of a line, and the end of its neighb
 STANDS_OUT = 8.0  # times the ground beside it, in every log: noise reaches 1.3, a mount that rings 7
 ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
 STOPPED = 1.2  # Hz, half the band left out when other causes are sought: a phase that wanders has long wings
+SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 WINGS = 0.1  # share of its power beyond that band, at most: a phase that wanders half a turn in 10 s leaves 0.04 there
 OVERTONES = 2  # the line itself and its octave: a muscle's pull is no pure sine
 
@@ -49,7 +50,7 @@ class Line:
     def bands(self, nyquist: float) -> Bands:
         """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""
         centres = (k * self.frequency for k in range(1, OVERTONES + 1))
-        return tuple((f - STOPPED, f + STOPPED) for f in centres if f + ASIDE < nyquist)
+        return tuple((max(f - STOPPED, SLOWEST), f + STOPPED) for f in centres if f + ASIDE < nyquist)
 
 
 def find(problem: Problem, logs: list[np.ndarray]) -> Line:

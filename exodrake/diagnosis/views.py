@@ -147,7 +147,11 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
     singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
-    found = replace(known, singles=tuple(singles), screened=tuple(screened))
+    if is_quiet(problem, retuned, limits) and retuned.score - singles[0].score >= limits.alarm:
+        retuned = ranking.polished(
+            retuned
+        )  # an effect must beat numbers that are settled, not a fit that stopped early
+    found = replace(known, retuned=retuned, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits) and ranking.full.strain(singles[0].point) <= STRAINED:
         return found
     several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
