@@ -148,9 +148,8 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     retuned = known.retuned
     singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
     if is_quiet(problem, retuned, limits) and retuned.score - singles[0].score >= limits.alarm:
-        retuned = ranking.polished(
-            retuned
-        )  # an effect must beat numbers that are settled, not a fit that stopped early
+        # an effect must beat numbers that are settled, not a fit that stopped early
+        retuned = ranking.polished(retuned)
     found = replace(known, retuned=retuned, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits) and ranking.full.strain(singles[0].point) <= STRAINED:
         return found
