@@ -6,7 +6,7 @@ unseen.
 measures on each robot, retuned,
     quiet         the misfit over all signals [floor^2],
     quiet_column  that of the worst signal,
-    margin        the cost by which the best effect, none of which is there, beats the retuned numbers,
+    alarm         the cost by which the best effect, none of which is there, beats the retuned numbers,
 and prints their medians and largest values; and, for several lengths of log that may count as one frame (`fit.py`), how
 many 90 % intervals of nominal numbers cover the truth, and how far off these are.
 
@@ -33,7 +33,7 @@ from exodrake.diagrams.robot_file import load_robot
 from exodrake.parallel import each
 
 HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
-MEASURES = ("quiet", "quiet_column", "margin")
+MEASURES = ("quiet", "quiet_column", "alarm")
 
 
 def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], list[tuple[float, float]]]:

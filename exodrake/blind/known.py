@@ -27,6 +27,7 @@ def truth(knobs, lanes, numbers):
 
 
 def true_knob(knob, lanes, numbers, nominal):
+    """Where one knob truly is: a relative error, or an angle [rad]."""
     name, _, lane = knob.name.split()[0].rpartition(".")
     if knob.name in SAME:
         name, lane = knob.name, ""

@@ -12,15 +12,16 @@ from itertools import product
 
 import numpy as np
 
-from exodrake.diagnosis.signals import filled
+from exodrake.diagnosis.signals import filled_columns
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.machine import Machine
 
 STEP = 4e-3  # m/s: a smaller change of speed moves the stroke by less than two encoder counts a frame
 AHEAD = 3  # frames that decide; losses come in bursts
 CLEAR = 0.2  # of the squared error that losing the command must leave
-CERTAIN, LARGE = 0.03, 2.0 * STEP  # the same, and the change of speed, for a loss that nothing else looks like: the
-# stroke is the held command's to a sixth, all that a drive's own errors leave. A weak or late drive never is
+# the same, and the change of speed, for a loss that nothing else looks like: the stroke is the held command's to a
+# sixth, all that a drive's own errors leave; a weak or late drive's never is
+CERTAIN, LARGE = 0.03, 2.0 * STEP
 EVIDENCE = 2  # certain losses from which they count as seen
 BROKEN = 0.5  # share of lost commands beyond which a drive is late or weak rather than deaf
 FUTURES = tuple(product((False, True), repeat=AHEAD - 1))
@@ -78,7 +79,7 @@ class Seen:
 
 def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np.ndarray, tension: np.ndarray) -> Drops:
     """Lost commands of one log. command [m/s], stroke [m], tension [N]: (n, wires), as logged."""
-    log = Seen(*(np.column_stack([filled(a[:, j]) for j in range(a.shape[1])]) for a in (command, stroke, tension)))
+    log = Seen(*map(filled_columns, (command, stroke, tension)))
     drive = Drive(machine, values)
     lottery, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
     events = lost = certain = 0

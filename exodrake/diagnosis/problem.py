@@ -12,7 +12,7 @@ from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import asked_rows, noise_floor
-from exodrake.diagnosis.signals import Bands, filled, without
+from exodrake.diagnosis.signals import Bands, filled_columns, without
 from exodrake.diagrams.compose import compile_machine
 from exodrake.diagrams.late import seen_late
 from exodrake.diagrams.machine import Machine
@@ -151,8 +151,8 @@ class Problem:
         kept = ~np.array(imposed)
 
         def follow(trial: Trial) -> Trial:
-            known = [filled(trial.measured[:, i]) for mask in (imposed, held) for i in np.flatnonzero(mask)]
-            return replace(trial, measured=trial.measured[:, kept], follow=np.column_stack(known))
+            known = filled_columns(trial.measured[:, [*np.flatnonzero(imposed), *np.flatnonzero(held)]])
+            return replace(trial, measured=trial.measured[:, kept], follow=known)
 
         return replace(
             self,

@@ -22,7 +22,7 @@ import numpy as np
 
 from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.signals import filled
+from exodrake.diagnosis.signals import filled_columns
 from exodrake.diagrams.simulate import Chance, Reference, given_rows, record
 from exodrake.systems import tendon_finger
 
@@ -35,7 +35,7 @@ def smoothed(rows: np.ndarray) -> np.ndarray:
     """What is fed into a segment (n, lanes): gaps filled, noise and encoder steps smoothed."""
     from scipy.signal import savgol_filter
 
-    whole = np.column_stack([filled(rows[:, i]) for i in range(rows.shape[1])])
+    whole = filled_columns(rows)
     return np.asarray(savgol_filter(whole, WINDOW, ORDER, axis=0)) if len(whole) > WINDOW else whole
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 Bands = tuple[tuple[float, float], ...]
@@ -18,23 +20,35 @@ def filled(values: np.ndarray) -> np.ndarray:
     return np.nan_to_num(values[last], nan=values[known][0])
 
 
+def filled_columns(rows: np.ndarray) -> np.ndarray:
+    """Signals (n, columns), each filled."""
+    return np.column_stack([filled(column) for column in rows.T])
+
+
 def without(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
     """Signals (..., n, columns) sampled every `period` [s] without some bands [Hz]; white ones keep their power."""
     if not bands:
         return signals
+    return outside(bands, signals, period) / np.sqrt(power_kept(bands, period))
+
+
+@cache
+def filters(bands: Bands, period: float) -> tuple[np.ndarray, ...]:
+    """Second-order sections that stop each band."""
+    from scipy.signal import butter
+
+    return tuple(np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands)
+
+
+@cache
+def power_kept(bands: Bands, period: float) -> float:
+    """Share of a white signal's power that is outside some bands."""
     from scipy.signal import sosfreqz
 
     kept = np.ones(FINE)
     for sections in filters(bands, period):
         kept *= np.abs(sosfreqz(sections, FINE)[1]) ** 4  # of the power; the filter runs twice
-    return outside(bands, signals, period) / np.sqrt(kept.mean())
-
-
-def filters(bands: Bands, period: float) -> list[np.ndarray]:
-    """Second-order sections that stop each band."""
-    from scipy.signal import butter
-
-    return [np.asarray(butter(STEEP, band, "bandstop", fs=1.0 / period, output="sos")) for band in bands]
+    return float(kept.mean())
 
 
 def outside(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
@@ -52,7 +66,7 @@ def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: 
     """
     if not bands:
         return measured - simulated
-    known = np.column_stack([filled(column) for column in measured.T])
+    known = filled_columns(measured)
     seen, told = (signal - outside(bands, signal, period) for signal in (known, simulated))
     strength = np.sqrt(np.mean(told**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
     found = outside(bands, known - simulated, period) + seen * (1.0 - strength)

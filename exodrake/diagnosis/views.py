@@ -146,8 +146,9 @@ STEERED = "found with the simulation steered by the logs: in closed loop, noise 
 def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds) -> Search:
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
-    singles, screened = ranking.singles(quiet=is_quiet(problem, retuned, limits))
-    if is_quiet(problem, retuned, limits) and retuned.score - singles[0].score >= limits.alarm:
+    quiet = is_quiet(problem, retuned, limits)
+    singles, screened = ranking.singles(quiet)
+    if quiet and retuned.score - singles[0].score >= limits.alarm:
         # an effect must beat numbers that are settled, not a fit that stopped early
         retuned = ranking.polished(retuned)
     found = replace(known, retuned=retuned, singles=tuple(singles), screened=tuple(screened))
