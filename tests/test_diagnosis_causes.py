@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from exodrake.case import Case, CaseLog
-from exodrake.diagnosis import signals, views
+from exodrake.diagnosis import signals
 from exodrake.diagnosis.candidates import Hypothesis
 from exodrake.diagnosis.decide import thresholds
 from exodrake.diagnosis.fit import Point
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import WILD, make_problem
-from exodrake.diagnosis.search import Fitted
+from exodrake.diagnosis.search import LOSING, Fitted
+from exodrake.diagnosis.seconds import by_far, once, worth
 from exodrake.diagrams.robot_file import load_robot
 from exodrake.diagrams.simulate import Reference, simulate
 from exodrake.identification import protocols
@@ -95,14 +96,30 @@ def fitted(misfit, *effects):
 def test_a_second_effect_must_be_worth_it(first, seconds, kept):
     problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(1001.0)
     pairs = [fitted(misfit, "a", str(k)) for k, misfit in enumerate(seconds)]
-    found = views.worth(problem, fitted(first, "a"), pairs, retuned, thresholds())
+    found = worth(problem, fitted(first, "a"), pairs, retuned, thresholds())
     assert found == pairs[:kept]
+
+
+def test_what_is_left_beside_lost_commands_is_judged_by_cost():
+    """Most of it are losses that nobody saw, so that no second effect removes half."""
+    problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(75.0)
+    first, pair = fitted(39.0, LOSING), fitted(32.0, LOSING, "sensor.crosstalk")
+    other = fitted(38.0, LOSING, "motor.slow_velocity_loop")
+    assert worth(problem, first, [pair, other], retuned, thresholds()) == [pair]
+    assert worth(problem, fitted(39.0, "a"), [fitted(32.0, "a", "b")], retuned, thresholds()) == []
+
+
+def test_far_better_is_said_of_other_blocks_only():
+    """Two names of one block may be two words for one thing."""
+    before, best = fitted(1.7), fitted(1.4, "timing.mocap_delay")
+    assert by_far(before, [best, fitted(1.41, "timing.mocap_clock_skew"), fitted(1.7, "mocap.gain")], thresholds())
+    assert not by_far(before, [best, fitted(1.5, "mocap.gain")], thresholds())
 
 
 def test_a_pair_counts_once_in_whatever_order():
     worse, better = fitted(3.0, "a", "b"), fitted(2.0, "b", "a")
-    assert views.once([worse, fitted(4.0, "a", "c"), better])[0] is better
-    assert len(views.once([worse, better])) == 1
+    assert once([worse, fitted(4.0, "a", "c"), better])[0] is better
+    assert len(once([worse, better])) == 1
 
 
 def test_the_cause_beside_a_tremor_is_named(robot):

@@ -206,6 +206,19 @@ def test_stiffening_tangent() -> None:
     assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("stretch", [0.001, 0.005])
+def test_stiffening_comes_to_the_nominal_wire_as_it_fades(stretch) -> None:
+    """Neither a jump nor a wire stiffer than both its parts, however little a wire is affected."""
+    wire, nominal = 2700.0, 2700.0 * stretch
+
+    def tension(soft):
+        return tendon_stiffening.elastic(nominal, stretch, wire, soft, 200.0)
+
+    assert tension(float("inf")) == tension(1e6) == tension(wire) == nominal
+    assert tension(wire * (1.0 - 1e-7)) == pytest.approx(nominal, rel=1e-6)
+    assert tension(1000.0) < nominal
+
+
 def test_sensor_errors_are_what_they_say() -> None:
     assert sensor_gain.reading(8.0, 0.0, 0.05) == pytest.approx(8.4)
     assert sensor_offset.reading(8.0, 0.0, -0.2) == pytest.approx(7.8)

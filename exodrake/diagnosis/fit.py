@@ -34,6 +34,7 @@ SMALLEST_MOVE = (
 )
 GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
+ROUNDS, ENDING = 4, 0.01  # responses are taken anew so often at most, and while that gains this fraction of the cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +151,12 @@ class Fitter:
         effect and nominal numbers, where a race stops early, only the small errors that these usually have tell where
         the truth lies. Slopes from both sides: the curvature in one-sided ones passes for information along the valley.
         """
-        responses = self.responses(point, central=True)
-        return self.fit(point, responses, steps=POLISH, enough=STILL, central=True), responses
+        for _ in range(ROUNDS):
+            responses = self.responses(point, central=True)
+            before, point = point, self.fit(point, responses, steps=POLISH, enough=STILL, central=True)
+            if before.cost - point.cost < ENDING * point.cost:
+                break
+        return point, responses
 
     def strain(self, point: Point) -> float:
         """How far the nominal numbers are from where they usually are: mean square in units of their spread."""

@@ -10,10 +10,10 @@ from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.fit import Fitter, Point
 
 RETUNES = 4  # rounds at most
-SETTLED = 0.1  # a round that lowers the cost by less than this share is the last: they converge quadratically
-NEARBY = (
-    60.0  # misfit [floor^2] of the retuned robot below which effects are screened from it, and not from the nominal one
-)
+ENDING = 0.1  # a round that lowers the cost by less than this share is the last: they converge quadratically
+# misfits [floor^2] of the retuned robot: below the first, effects are screened from it, and not from the nominal one;
+# below the second its numbers are settled, since there an effect is judged by the little that it gains on them
+NEARBY, CLOSE = 60.0, 1.5
 LEAPS = (-0.6, -0.3, 0.3, 0.6)  # of a stop's limit, where it is tried
 LEAP_GAIN = 50.0  # cost that must be promised for a fit from there
 
@@ -35,20 +35,23 @@ def retuned(fitter: Fitter, origin: Point) -> Retuned:
         responses = fitter.responses(point)
         kept = responses if kept is None else kept
         better = fitter.fit(point, responses, steps=8)
-        if settled(point, better) or turn == RETUNES - 1:
+        if ending(point, better) or turn == RETUNES - 1:
             better = leapt(fitter, better, responses)
         if better.misfit < NEARBY:
             base, kept = better, responses
-        ended, point = settled(point, better), better
+        ended, point = ending(point, better), better
         if ended:
             break
     assert kept is not None
+    if point.misfit < CLOSE:
+        point, kept = fitter.settled(point)
+        base = point
     return Retuned(point, base, kept)
 
 
-def settled(before: Point, after: Point) -> bool:
+def ending(before: Point, after: Point) -> bool:
     """Whether a round gained so little that it is the last."""
-    return before.cost - after.cost < SETTLED * after.cost
+    return before.cost - after.cost < ENDING * after.cost
 
 
 def leapt(fitter: Fitter, point: Point, responses: np.ndarray) -> Point:

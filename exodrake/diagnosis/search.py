@@ -69,7 +69,7 @@ FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be th
 SECONDS, SECOND_SURVIVORS, SECOND_REFINED = 6, 3, 2  # the same for second effects
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
 FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
-LESS = 1.0, 0.5, 0.2  # of an effect's promised amount, tried where its fit begins
+LESS = 1.0, 0.5, 0.2, 0.05  # of an effect's promised amount, tried where its fit begins
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
 
@@ -82,6 +82,7 @@ class Ranking:
         self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
         self.begin = self.origin if start is None else self.full.at(NOTHING, np.zeros(0), start)
         self.own: dict[str, np.ndarray] = {}
+        self.still: set[Point] = set()
 
     def complete(self, point: Point) -> Fitted:
         """A fitted point with its residual on held-out logs."""
@@ -151,18 +152,29 @@ class Ranking:
 
     def losing(self, singles: list[Fitted]) -> Fitted:
         """The fit of lost commands alone."""
-        for f in singles:
-            if f.name == LOSING:
-                return f
-        machine, tuned = self.full.problem.robot.machine, self.tuned
-        alone = hypothesis(machine, machine.effect(LOSING))
-        return self.complete(self.full.fit(self.full.at(alone, alone.start, tuned.base.x), tuned.responses, steps=4))
+        known = next((f for f in singles if f.name == LOSING), None)
+        return known or self.losing_beside(self.retuned())
+
+    def losing_beside(self, fitted: Fitted) -> Fitted:
+        """A fitted hypothesis with lost commands beside it."""
+        point, machine = fitted.point, self.full.problem.robot.machine
+        lost = hypothesis(machine, machine.effect(LOSING))
+        both = point.hypothesis.joined(lost)
+        self.progress(both.name)
+        start = self.full.at(both, np.concatenate([point.u, lost.start]), point.x)
+        return self.complete(self.full.fit(start, self.own.get(fitted.name, self.tuned.responses), steps=4))
 
     def polished(self, fitted: Fitted) -> Fitted:
-        """A hypothesis settled (`Fitter.settled`), as its parameters are to be stated."""
-        self.progress(f"settling {fitted.name}")
-        point, self.own[fitted.name] = self.full.settled(fitted.point)
-        return self.complete(point)
+        """A hypothesis settled, as its parameters are to be stated."""
+        return fitted if fitted.point in self.still else self.complete(self.settled(fitted.point))
+
+    def settled(self, point: Point) -> Point:
+        """A point fitted until its cost stands still (`Fitter.settled`); its responses are kept."""
+        name = point.hypothesis.name
+        self.progress(f"settling {name}")
+        point, self.own[name] = self.full.settled(point)
+        self.still.add(point)
+        return point
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
         """Rows of whole-trial responses that belong to the shortened trials."""
@@ -173,15 +185,18 @@ class Ranking:
         return np.concatenate(parts)
 
     def race(self, starts: list[Start], responses: np.ndarray, gram: np.ndarray, survivors: int) -> list[Point]:
-        """Points after two steps each, the hopeless dropped and the survivors fitted to the end; best first."""
+        """Points after two steps each, the hopeless dropped and the survivors fitted to the end, the most promising of
+        the starts in any case; best first.
+        """
         fitter, points = self.quick, []
         for start in starts:
             self.progress(start.hypothesis.name)
             points.append(fitter.fit(self.begun(start), responses, steps=2, gram=gram))
-        points.sort(key=lambda p: p.cost)
-        hopeful = [p for p in points[:survivors] if p.misfit < HOPELESS * points[0].misfit]
+        promising, ranked = points[:1], sorted(points, key=lambda p: p.cost)
+        hopeful = [p for p in ranked[:survivors] if p.misfit < HOPELESS * ranked[0].misfit]
+        hopeful += [p for p in promising if p not in hopeful]
         ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
-        return sorted([*ended, *points[len(hopeful) :]], key=lambda p: p.cost)
+        return sorted([*ended, *(p for p in ranked if p not in hopeful)], key=lambda p: p.cost)
 
     def begun(self, start: Start) -> Point:
         """Where a fit begins: what screening promises, or less of the effect where that breaks the promise."""
@@ -197,8 +212,7 @@ class Ranking:
         return min(tried, key=lambda point: point.cost)
 
     def refine(self, points: list[Point], count: int, responses: np.ndarray) -> list[Fitted]:
-        """The best few fitted on whole trials, contenders with responses taken at their own points, the rest as they
-        are; best first.
+        """The best few fitted on whole trials, contenders among them settled, the rest as they are; best first.
 
         responses: of a point nearby (samples, nominal knobs).
         """
@@ -212,8 +226,7 @@ class Ranking:
         found.sort(key=lambda p: p.cost)
         for k, p in enumerate(found[:count]):
             if p.misfit > FLOORED and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
-                self.own[p.hypothesis.name] = fitter.responses(p)
-                found[k] = fitter.fit(p, self.own[p.hypothesis.name], steps=4)
+                found[k] = self.settled(p)
         return sorted(map(self.complete, found), key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:

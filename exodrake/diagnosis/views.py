@@ -14,13 +14,14 @@ from functools import cached_property
 
 import numpy as np
 
-from exodrake.diagnosis.decide import Decision, Thresholds, as_good, decide, explains, is_quiet, left_over, misfit
+from exodrake.diagnosis.decide import Decision, Thresholds, decide, is_quiet, left_over, misfit
 from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LOSING, Fitted, Progress, Ranking, Search
+from exodrake.diagnosis.search import Progress, Ranking, Search
+from exodrake.diagnosis.seconds import by_far, seconds, with_losses
 
 STRAINED = 1.0  # mean square of the nominal numbers in units of their spread, beyond which they hide something
 CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one must leave to count
@@ -115,11 +116,13 @@ def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, p
     whole, problem = problem, replace(problem, robot=robot).without(line.bands(0.5 / robot.machine.frame))
     ranking = Ranking(problem, progress, start.decision.best.point.x)
     view = view_of(problem, ranking, tuned_search(problem, ranking, limits), limits)
-    decision, retuned = view.decision, view.search.retuned
+    decision, search, retuned = view.decision, view.search, view.search.retuned
     where = f"a line at {line.frequency:.1f} Hz stands out {line.prominence:.0f}-fold, alike in every log"
     why = f"{where}; its phase wanders, so that there only strength is compared"
     wings = WINGS * float(np.mean(line.power * (whole.floor / problem.floor) ** 2))
     earned = decision.verdict in (NAMED, AMBIGUOUS) and view.left <= limits.pair
+    if not earned and search.singles and by_far(retuned, search.singles, limits):
+        decision, earned = decide(problem, search, replace(limits, explained=1.0)), True
     if not earned and misfit(problem, retuned) <= max(limits.near, 1.0 + wings):
         decision = Decision(NAMED, retuned, (retuned,), {}, ())
     return replace(view, decision=replace(decision, reasons=(*decision.reasons, why)), tremor=found)
@@ -146,92 +149,14 @@ STEERED = "found with the simulation steered by the logs: in closed loop, noise 
 def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds) -> Search:
     """Single effects, and second ones where the best single one leaves something."""
     retuned = known.retuned
-    quiet = is_quiet(problem, retuned, limits)
-    singles, screened = ranking.singles(quiet)
-    if quiet and retuned.score - singles[0].score >= limits.alarm:
-        # an effect must beat numbers that are settled, not a fit that stopped early
-        retuned = ranking.polished(retuned)
-    found = replace(known, retuned=retuned, singles=tuple(singles), screened=tuple(screened))
+    singles, screened = ranking.singles(is_quiet(problem, retuned, limits))
+    found = replace(known, singles=tuple(singles), screened=tuple(screened))
     if is_quiet(problem, singles[0], limits) and ranking.full.strain(singles[0].point) <= STRAINED:
         return found
-    several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
-    hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
-    tried = ranking.pairs(singles[0]) if hopeful else []
-    pairs = worth(problem, singles[0], tried, retuned, limits)
-    if pairs:
-        other = ranking.second_alone(pairs[0])
-        better = other.score < singles[0].score
-        singles = sorted((*singles, other), key=lambda f: f.score) if better else singles
-        if (better or left_over(problem, pairs[0], retuned) > limits.form) and misfit(problem, other) > limits.near:
-            tried = once([*tried, *ranking.pairs(other)])
-        pairs = worth(problem, singles[0], tried, retuned, limits)
-        pairs = once([*pairs, *alternatives(problem, ranking, singles, pairs, limits)])
-    if several:
+    singles, pairs = seconds(problem, ranking, singles, retuned, limits)
+    if problem.robot.machine.depth > 2:
         pairs += deeper(problem, ranking, pairs, limits)
-    best = min((*singles, *pairs), key=lambda f: f.score)
-    losing = not explains(problem, best, retuned, limits) and lossy([t.drops for t in problem.fit if t.drops])
-    if losing and LOSING not in best.point.hypothesis.effects:
-        first = ranking.losing(singles)
-        singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
-        pairs += worth(problem, first, ranking.pairs(first), retuned, limits)
+    losing = lossy([t.drops for t in problem.fit if t.drops])
+    if losing:
+        singles, pairs = with_losses(problem, ranking, singles, pairs, retuned, limits)
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)
-
-
-def alternatives(
-    problem: Problem, ranking: Ranking, singles: list[Fitted], pairs: list[Fitted], limits: Thresholds
-) -> list[Fitted]:
-    """The best pair with its first effect replaced by each that is as good alone."""
-    if not pairs:
-        return []
-    best = min(pairs, key=lambda f: f.score)
-    first, tried = best.point.hypothesis.effects[0], {f.name for f in pairs}
-    alone = next((f for f in singles if f.name == first), None)
-    rivals = [f for f in singles if alone and f is not alone and as_good(problem, f, alone, limits)]
-    second = best.point.hypothesis.effects[-1]
-    wanted = [f for f in rivals if f.name != second and f"{f.name} + {second}" not in tried]
-    return [ranking.second_beside(best, f) for f in wanted]
-
-
-def once(pairs: list[Fitted]) -> list[Fitted]:
-    """The best fit of each set of effects, whatever their order; best first."""
-    found: dict[frozenset[str], Fitted] = {}
-    for pair in sorted(pairs, key=lambda f: f.score):
-        found.setdefault(frozenset(pair.point.hypothesis.effects), pair)
-    return list(found.values())
-
-
-def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds) -> list[Fitted]:
-    """Pairs whose second effect removes enough of what the first leaves: where that is next to nothing, the second one
-    must relieve the nominal numbers or leave less, by far more than any other does; where it is another law, all of it,
-    or more than any other could.
-    """
-
-    def left(pair: Fitted) -> float:
-        return left_over(problem, pair, single)
-
-    if misfit(problem, single) <= limits.near:
-        return relieving(single, pairs, limits)
-    if left_over(problem, single, retuned) > limits.explained:
-        return [f for f in pairs if left(f) < limits.pair]
-    match sorted(pairs, key=left):
-        case [best, second, *_] if left(best) < min(limits.distinct_of_law, left(second) / limits.distinct):
-            return [best]
-    return [f for f in pairs if left(f) < limits.of_law]
-
-
-def relieving(single: Fitted, pairs: list[Fitted], limits: Thresholds) -> list[Fitted]:
-    """Pairs with a second effect that lowers the cost by much, and by far more than those of any other block do."""
-    if not pairs:
-        return []
-
-    def gain(pair: Fitted) -> float:
-        return single.score - pair.score
-
-    def block(pair: Fitted) -> str:
-        return pair.point.hypothesis.effects[-1].split(".")[0]
-
-    best = max(pairs, key=gain)
-    other = max((gain(f) for f in pairs if block(f) != block(best)), default=0.0)
-    if gain(best) < max(limits.second, limits.far * other):
-        return []
-    return [f for f in pairs if block(f) == block(best) and gain(f) > limits.second]

@@ -1,22 +1,28 @@
 """Wire stiffens as it is stretched (toe region of a braid).
 
-    T_c = soft / stiffening (exp(stiffening x) - 1)          x = s - l          tangent stiffness soft + stiffening T_c
+    T_c = soft / grows (exp(grows x) - 1)          x = s - l          tangent stiffness soft + grows T_c
 
-Beyond an exponent of LIMIT the curve goes on straight.
+The toe is softer than the wire: `grows` is `stiffening` for a soft stiffness of up to 0.8 k and fades to 0 as that
+comes to k, from where the wire is k x; else a wire that is hardly affected would be stiffer than steel. Beyond an
+exponent of LIMIT the curve goes on straight.
 """
 
-from math import exp, inf
+from math import expm1, inf
 
 from exodrake.block import WIRES, Effect, Number
 
 LIMIT = 3.0  # exponent from which the curve is straight [-]
+FADES = 4.0  # it fades once k / soft - 1 is below 1 / FADES [-]: assumed
 
 
 def elastic(tension, stretch, wire_stiffness, soft_stiffness, stiffening):
     """Tension of the stretched wire [N]."""
-    bent = min(stiffening * stretch, LIMIT)
-    steep = exp(bent)
-    return soft_stiffness / stiffening * (steep - 1.0 + steep * (stiffening * stretch - bent))
+    grows = stiffening * min(1.0, FADES * (wire_stiffness / soft_stiffness - 1.0))
+    if grows <= 0.0:
+        return tension
+    bent = min(grows * stretch, LIMIT)
+    curved = expm1(bent)
+    return soft_stiffness / grows * (curved + (1.0 + curved) * (grows * stretch - bent))
 
 
 EFFECT = Effect(

@@ -1,0 +1,114 @@
+"""Second effects: what is tried beside a first one, and which of it is worth it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from exodrake.diagnosis.decide import Thresholds, as_good, explains, left_over, misfit
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.search import LOSING, Fitted, Ranking
+
+
+def seconds(
+    problem: Problem, ranking: Ranking, singles: list[Fitted], retuned: Fitted, limits: Thresholds
+) -> tuple[list[Fitted], list[Fitted]]:
+    """The singles, and the pairs that are worth it; the first effect is chosen anew beside the second."""
+    several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
+    hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
+    tried = ranking.pairs(singles[0]) if hopeful else []
+    pairs = worth(problem, singles[0], tried, retuned, limits)
+    if not pairs:
+        return singles, pairs
+    other = ranking.second_alone(pairs[0])
+    better = other.score < singles[0].score
+    singles = sorted((*singles, other), key=lambda f: f.score) if better else singles
+    if (better or left_over(problem, pairs[0], retuned) > limits.form) and misfit(problem, other) > limits.near:
+        tried = once([*tried, *ranking.pairs(other)])
+    pairs = worth(problem, singles[0], tried, retuned, limits)
+    return singles, once([*pairs, *alternatives(problem, ranking, singles, pairs, limits)])
+
+
+def with_losses(
+    problem: Problem,
+    ranking: Ranking,
+    singles: list[Fitted],
+    pairs: list[Fitted],
+    retuned: Fitted,
+    limits: Thresholds,
+) -> tuple[list[Fitted], list[Fitted]]:
+    """Singles and pairs once commands were seen to be lost: beside what explains the gap, or others beside them."""
+    best = min((*singles, *pairs), key=lambda f: f.score)
+    if LOSING in best.point.hypothesis.effects:
+        return singles, pairs
+    if explains(problem, best, retuned, limits):
+        beside = ranking.losing_beside(best)
+        return singles, [*pairs, beside] if best.score - beside.score > limits.second else pairs
+    first = ranking.losing(singles)
+    singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
+    return singles, [*pairs, *worth(problem, first, ranking.pairs(first), retuned, limits)]
+
+
+def alternatives(
+    problem: Problem, ranking: Ranking, singles: list[Fitted], pairs: list[Fitted], limits: Thresholds
+) -> list[Fitted]:
+    """The best pair with its first effect replaced by each that is as good alone."""
+    if not pairs:
+        return []
+    best = min(pairs, key=lambda f: f.score)
+    first, tried = best.point.hypothesis.effects[0], {f.name for f in pairs}
+    alone = next((f for f in singles if f.name == first), None)
+    rivals = [f for f in singles if alone and f is not alone and as_good(problem, f, alone, limits)]
+    second = best.point.hypothesis.effects[-1]
+    wanted = [f for f in rivals if f.name != second and f"{f.name} + {second}" not in tried]
+    return [ranking.second_beside(best, f) for f in wanted]
+
+
+def once(pairs: list[Fitted]) -> list[Fitted]:
+    """The best fit of each set of effects, whatever their order; best first."""
+    found: dict[frozenset[str], Fitted] = {}
+    for pair in sorted(pairs, key=lambda f: f.score):
+        found.setdefault(frozenset(pair.point.hypothesis.effects), pair)
+    return list(found.values())
+
+
+def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds) -> list[Fitted]:
+    """Pairs whose second effect is worth it.
+
+    While much is left, it removes half of that. Where the first alone explains the gap, what it leaves may be its law,
+    which effects of every block take up alike: a second one then does far better than those of all other blocks, or
+    leaves next to nothing. Near the floor it may also relieve the nominal numbers: then the cost tells.
+    """
+    near = misfit(problem, single) <= limits.near
+    by_cost = near or LOSING in single.point.hypothesis.effects
+
+    def left(pair: Fitted) -> float:
+        return left_over(problem, pair, single)
+
+    def gain(pair: Fitted) -> float:
+        return single.score - pair.score
+
+    if not near and left_over(problem, single, retuned) > limits.explained:
+        halving = [f for f in pairs if left(f) < limits.pair]
+        if halving or not by_cost:
+            return halving
+    best = max(pairs, key=gain, default=None)
+    if best is None:
+        return []
+    others = [f for f in pairs if added(single, f) != added(single, best)]
+    distinct = left(best) < min([limits.distinct_of_law, *(min(left(f), 1.0) / limits.distinct for f in others)])
+    if gain(best) > limits.second and (distinct or (by_cost and by_far(single, pairs, limits))):
+        return [f for f in pairs if f not in others and gain(f) > limits.second]
+    return [] if near else [f for f in pairs if left(f) < limits.of_law]
+
+
+def by_far(before: Fitted, found: Sequence[Fitted], limits: Thresholds) -> bool:
+    """Whether the best candidate lowers the cost of `before` by far more than any with an effect of another block."""
+    best = min(found, key=lambda f: f.score)
+    others = [before.score - f.score for f in found if added(before, f) != added(before, best)]
+    return before.score - best.score > max(limits.second, limits.far * max(others, default=0.0))
+
+
+def added(before: Fitted, fitted: Fitted) -> str:
+    """Block of the last effect that `before` has not."""
+    new = [e for e in fitted.point.hypothesis.effects if e not in before.point.hypothesis.effects]
+    return new[-1].split(".")[0]
