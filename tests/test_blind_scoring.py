@@ -88,6 +88,7 @@ def test_score_of_a_set_done_by_hand(tiny):
         "UNKNOWN on outside effects": (1, 1),
         "wrongly UNKNOWN": (0, 7),
         "missed (NO_GAP or RETUNE) though visible": (0, 5),
+        "another effect named, or one too many": (1, 4),
         "lower bound of closure > 0.8 when named": (3, 4),
         "90 % interval covers, same parameter": (1, 2),
         "90 % interval covers, other functional form": (0, 0),
@@ -111,7 +112,7 @@ def test_lanes_count_one_by_one_where_the_truth_sits():
 
 def test_score_prints_everywhere(tiny, tmp_path):
     result = score(*tiny)
-    assert as_table(result).row_count == 11 + 6 + 3
+    assert as_table(result).row_count == 12 + 6 + 3
     assert json.loads(json.dumps(as_json(result)))["shares"]["right block first"]["hits"] == 3
     assert "| right block first | >= 95 % | 75.0 % |" in as_markdown(result)
 

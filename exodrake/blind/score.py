@@ -150,6 +150,12 @@ def right_pair(case):
     return case.verdict in ("NAMED", "AMBIGUOUS") and all(accepted_ids(truth) & found for truth in case.truths)
 
 
+def names_too_much(case):
+    """An effect is named that is not among those of the case."""
+    accepted = set().union(*map(accepted_ids, case.truths))
+    return not {effect["id"] for effect in case.diagnosis.get("effects") or ()} <= accepted
+
+
 def shares_of(cases):
     """The rows of the table that are shares."""
     single = [case for case in cases if case.kind == "single" and case.visible]
@@ -169,6 +175,7 @@ def shares_of(cases):
         share("UNKNOWN on outside effects", (case.verdict == "UNKNOWN" for case in outside), ">= 90 %"),
         share("wrongly UNKNOWN", (case.verdict == "UNKNOWN" for case in healthy + single + pairs), "<= 5 %"),
         share("missed (NO_GAP or RETUNE) though visible", (case.verdict in QUIET for case in single + pairs)),
+        share("another effect named, or one too many", map(names_too_much, named)),
         share("lower bound of closure > 0.8 when named", (low is not None and low > 0.8 for low in lows), "all"),
         share("90 % interval covers, same parameter", inside, "85-95 %"),
         share("90 % interval covers, other functional form", loose),

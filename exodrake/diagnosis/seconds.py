@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from exodrake.diagnosis.decide import Thresholds, as_good, explains, left_over, misfit
+from exodrake.diagnosis.decide import Thresholds, as_good, explains, left_over, misfit, simpler
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import LOSING, Fitted, Ranking
 
@@ -51,13 +51,16 @@ def with_losses(
 def alternatives(
     problem: Problem, ranking: Ranking, singles: list[Fitted], pairs: list[Fitted], limits: Thresholds
 ) -> list[Fitted]:
-    """The best pair with its first effect replaced by each that is as good alone."""
+    """The best pair with its first effect replaced by each that is as good alone, and by the best simpler one."""
     if not pairs:
         return []
     best = min(pairs, key=lambda f: f.score)
     first, tried = best.point.hypothesis.effects[0], {f.name for f in pairs}
     alone = next((f for f in singles if f.name == first), None)
-    rivals = [f for f in singles if alone and f is not alone and as_good(problem, f, alone, limits)]
+    if alone is None:
+        return []
+    rivals = [f for f in singles if f is not alone and as_good(problem, f, alone, limits)]
+    rivals += [f for f in singles if f not in rivals and simpler(f, alone)][:1]
     second = best.point.hypothesis.effects[-1]
     wanted = [f for f in rivals if f.name != second and f"{f.name} + {second}" not in tried]
     return [ranking.second_beside(best, f) for f in wanted]
