@@ -34,6 +34,7 @@ SMALLEST_MOVE = (
 )
 GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
+NEARLY = 1e-4  # that fraction where only candidates are told apart
 ROUNDS, ENDING = 4, 0.01  # responses are taken anew so often at most, and while that gains this fraction of the cost
 
 
@@ -146,15 +147,17 @@ class Fitter:
                 return point
         return point
 
-    def settled(self, point: Point) -> tuple[Point, np.ndarray]:
+    def settled(self, point: Point, central: bool = True) -> tuple[Point, np.ndarray]:
         """A point fitted until the cost stands still, with the responses that it took: along a flat valley between an
         effect and nominal numbers, where a race stops early, only the small errors that these usually have tell where
-        the truth lies. Slopes from both sides: the curvature in one-sided ones passes for information along the valley.
+        the truth lies. `central`: slopes from both sides; the curvature in one-sided ones passes for information along
+        the valley, which does for telling candidates apart, at half the price, but not for stating their parameters.
         """
+        enough = STILL if central else NEARLY
         for _ in range(ROUNDS):
-            responses = self.responses(point, central=True)
-            before, point = point, self.fit(point, responses, steps=POLISH, enough=STILL, central=True)
-            if before.cost - point.cost < ENDING * point.cost:
+            responses, before = self.responses(point, central), point.cost
+            point = self.fit(point, responses, POLISH, enough=enough, central=central)
+            if before - point.cost < ENDING * point.cost:
                 break
         return point, responses
 

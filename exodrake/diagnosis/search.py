@@ -68,7 +68,8 @@ SHORTLIST, SURVIVORS, REFINED = 12, 3, 2  # effects raced; fitted to the end; re
 FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be there is small, and screening it linear
 SECONDS, SECOND_SURVIVORS, SECOND_REFINED = 6, 3, 2  # the same for second effects
 CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
-FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes
+FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes, if its numbers are not strained
+STRAINED = 1.0  # mean square of the nominal numbers in units of their spread, beyond which they hide something
 LESS = 1.0, 0.5, 0.2, 0.05  # of an effect's promised amount, tried where its fit begins
 HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
 
@@ -82,7 +83,6 @@ class Ranking:
         self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
         self.begin = self.origin if start is None else self.full.at(NOTHING, np.zeros(0), start)
         self.own: dict[str, np.ndarray] = {}
-        self.still: set[Point] = set()
 
     def complete(self, point: Point) -> Fitted:
         """A fitted point with its residual on held-out logs."""
@@ -165,15 +165,14 @@ class Ranking:
         return self.complete(self.full.fit(start, self.own.get(fitted.name, self.tuned.responses), steps=4))
 
     def polished(self, fitted: Fitted) -> Fitted:
-        """A hypothesis settled, as its parameters are to be stated."""
-        return fitted if fitted.point in self.still else self.complete(self.settled(fitted.point))
+        """A hypothesis settled (`Fitter.settled`), as its parameters are to be stated."""
+        return self.complete(self.settled(fitted.point, central=True))
 
-    def settled(self, point: Point) -> Point:
-        """A point fitted until its cost stands still (`Fitter.settled`); its responses are kept."""
+    def settled(self, point: Point, central: bool = False) -> Point:
+        """A point fitted until its cost stands still; its responses are kept."""
         name = point.hypothesis.name
         self.progress(f"settling {name}")
-        point, self.own[name] = self.full.settled(point)
-        self.still.add(point)
+        point, self.own[name] = self.full.settled(point, central)
         return point
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
@@ -225,7 +224,8 @@ class Ranking:
             found.append(start)
         found.sort(key=lambda p: p.cost)
         for k, p in enumerate(found[:count]):
-            if p.misfit > FLOORED and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
+            ended = p.misfit <= FLOORED and fitter.strain(p) <= STRAINED
+            if not ended and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
                 found[k] = self.settled(p)
         return sorted(map(self.complete, found), key=lambda f: f.score)
 

@@ -20,10 +20,9 @@ from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import Progress, Ranking, Search
+from exodrake.diagnosis.search import STRAINED, Progress, Ranking, Search
 from exodrake.diagnosis.seconds import by_far, seconds, with_losses
 
-STRAINED = 1.0  # mean square of the nominal numbers in units of their spread, beyond which they hide something
 CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one must leave to count
 
 
