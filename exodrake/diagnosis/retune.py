@@ -11,8 +11,8 @@ from exodrake.diagnosis.fit import Fitter, Point
 
 RETUNES = 4  # rounds at most
 ENDING = 0.1  # a round that lowers the cost by less than this share is the last: they converge quadratically
-# misfits [floor^2] of the retuned robot: below the first, effects are screened from it, and not from the nominal one;
-# below the second its numbers are settled, since there an effect is judged by the little that it gains on them
+# misfits [floor^2]: below the first, effects are screened from the retuned robot, and not from the nominal one; below
+# the second, fits are settled with care, since there an effect is judged by the little that it gains
 NEARBY, CLOSE = 60.0, 1.5
 LEAPS = (-0.6, -0.3, 0.3, 0.6)  # of a stop's limit, where it is tried
 LEAP_GAIN = 50.0  # cost that must be promised for a fit from there

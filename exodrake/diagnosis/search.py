@@ -13,7 +13,7 @@ import numpy as np
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.retune import Retuned, leapt, retuned
+from exodrake.diagnosis.retune import CLOSE, Retuned, leapt, retuned
 from exodrake.diagnosis.screen import Start, screened
 
 Progress = Callable[[str], None]
@@ -83,6 +83,7 @@ class Ranking:
         self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
         self.begin = self.origin if start is None else self.full.at(NOTHING, np.zeros(0), start)
         self.own: dict[str, np.ndarray] = {}
+        self.still: set[Point] = set()
 
     def complete(self, point: Point) -> Fitted:
         """A fitted point with its residual on held-out logs."""
@@ -166,13 +167,14 @@ class Ranking:
 
     def polished(self, fitted: Fitted) -> Fitted:
         """A hypothesis settled (`Fitter.settled`), as its parameters are to be stated."""
-        return self.complete(self.settled(fitted.point, central=True))
+        return fitted if fitted.point in self.still else self.complete(self.settled(fitted.point, central=True))
 
-    def settled(self, point: Point, central: bool = False) -> Point:
+    def settled(self, point: Point, central: bool) -> Point:
         """A point fitted until its cost stands still; its responses are kept."""
         name = point.hypothesis.name
         self.progress(f"settling {name}")
         point, self.own[name] = self.full.settled(point, central)
+        self.still |= {point} if central else set()
         return point
 
     def kept_rows(self, responses: np.ndarray) -> np.ndarray:
@@ -226,7 +228,7 @@ class Ranking:
         for k, p in enumerate(found[:count]):
             ended = p.misfit <= FLOORED and fitter.strain(p) <= STRAINED
             if not ended and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
-                found[k] = self.settled(p)
+                found[k] = self.settled(p, central=p.misfit < CLOSE)
         return sorted(map(self.complete, found), key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:
