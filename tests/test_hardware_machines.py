@@ -15,6 +15,7 @@ from exodrake.effects import (
     carriage_coulomb_friction,
     carriage_direction,
     carriage_offset,
+    carriage_presliding_friction,
     carriage_stribeck_friction,
     carriage_viscous_friction,
     joint_bend_loss,
@@ -150,6 +151,34 @@ def test_laws_of_the_carriage():
     assert forwards == backwards == pytest.approx(-6.0)
     assert carriage_stribeck_friction.level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
     assert carriage_stribeck_friction.level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
+
+
+def test_presliding_friction_encloses_the_area_of_its_parallelogram():
+    """Each way the force turns over the first 2 presliding without work, then dry friction acts."""
+    force, presliding, way, steps = 5.0, 1.5e-4, 2e-3, 4000
+    slide, work = -1.0, 0.0
+    for step in np.concatenate([np.full(steps, way / steps), np.full(steps, -way / steps)]):
+        work -= carriage_presliding_friction.pushed(0.0, 0.0, force, presliding, slide) * step
+        slide = carriage_presliding_friction.settle(1e-3, step, force, presliding, slide)
+    assert slide == -1.0
+    assert work == pytest.approx(2.0 * force * (way - 2.0 * presliding), rel=1e-3)
+
+
+def test_friction_that_builds_up_is_told_from_friction_that_does_not():
+    robot = load_robot("emps")
+    planted = {
+        "carriage.viscous_friction": {"coefficient": 150.0},
+        "carriage.coulomb_friction": {"force": 15.0},
+        "carriage.presliding_friction": {"force": 6.0, "presliding": 2e-4},
+    }
+    made = robot
+    for identity, numbers in planted.items():
+        made = made.splice(identity, numbers)
+    problem = make_problem(case_of(made, "emps", range(TWO_MOTIONS)), robot)
+    fitted = ladder(problem, [(identity, (identity,)) for identity in planted])[-1].robot
+    for identity, numbers in planted.items():
+        for name, value in numbers.items():
+            assert fitted[f"{identity}.{name}"] == pytest.approx(value, rel=0.05), name
 
 
 def test_play_encloses_the_area_of_its_parallelogram():

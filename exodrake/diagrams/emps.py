@@ -11,6 +11,7 @@ from exodrake.effects import (
     carriage_coulomb_friction,
     carriage_direction,
     carriage_offset,
+    carriage_presliding_friction,
     carriage_stribeck_friction,
     carriage_viscous_friction,
 )
@@ -22,6 +23,7 @@ SHELF = (
     carriage_offset.EFFECT,
     carriage_coulomb_friction.EFFECT,
     carriage_stribeck_friction.EFFECT,
+    carriage_presliding_friction.EFFECT,
 )
 TABLE = (
     Wire("position_ref", "m", JOINTS),

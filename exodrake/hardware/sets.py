@@ -11,7 +11,8 @@ LADDERS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
         ("viscous friction", ("carriage.viscous_friction",)),
         ("viscous and Coulomb friction", ("carriage.coulomb_friction",)),
         ("viscous and Coulomb friction, offset", ("carriage.offset",)),
-        ("the same, viscous friction by direction", ("carriage.direction",)),
+        ("the same, part of the friction builds up after a reversal", ("carriage.presliding_friction",)),
+        ("that, viscous friction by direction", ("carriage.direction",)),
     ],
     "tendon_sheath": [
         ("rigid", ()),

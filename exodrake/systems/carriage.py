@@ -31,13 +31,19 @@ def braked(e, z, speed, mobility):
     return speed
 
 
+def settle(e, z, dt, travel):
+    """Point: after a tick, states of the effects advance by dt [s]; travel [m]."""
+
+
 def update(x, z, n, e, dt, force):
     """One tick; wire [N]."""
     if x[STARTED] > 0.0:
         before = x[SPEED]
         free = before + dt * pushed(e, z, force[0], before) / n.M
         x[SPEED] = braked(e, z, free, dt / n.M)
-        x[PLACE] += 0.5 * dt * (before + x[SPEED])
+        travel = 0.5 * dt * (before + x[SPEED])
+        x[PLACE] += travel
+        settle(e, z, dt, travel)
 
 
 def place(x, z, n, e, position_start, speed_start):
@@ -65,5 +71,5 @@ BLOCK = Block(
     states=(State("place", ONE, unit="m"), State("speed", ONE, unit="m/s"), State("started", ONE)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output("output", ("position",)),),
-    points=(Point("pushed", ONE), Point("braked", ONE)),
+    points=(Point("pushed", ONE), Point("braked", ONE), Point("settle", ONE)),
 )

@@ -1,0 +1,31 @@
+"""Dry friction that builds up over the first bit of travel after a reversal: the contact yields before it slides.
+
+F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
+"""
+
+from exodrake.block import ONE, Effect, Number, State
+
+
+def pushed(force_drive, speed, force, presliding, slide):
+    """Force on the mass [N]."""
+    return force_drive - force * slide
+
+
+def settle(dt, travel, force, presliding, slide):
+    """How far the contact has yielded, -1 .. 1, sliding at both ends."""
+    return min(max(slide + travel / presliding, -1.0), 1.0)
+
+
+EFFECT = Effect(
+    id="carriage.presliding_friction",
+    summary="dry friction that builds up over the first travel after a reversal",
+    signature="as dry friction, but the force that the drive needs turns over a fixed travel and not at once",
+    source="Armstrong-Helouvry et al., Automatica 30(7), 1994 (presliding displacement); range assumed",
+    at={"carriage.pushed": pushed, "carriage.settle": settle},
+    numbers=(
+        Number("force", "N", neutral=0.0, low=2.0, high=60.0, usual=15.0),
+        Number("presliding", "m", neutral=1e-4, low=2e-5, high=1e-3, usual=1e-4, scale="log"),
+    ),
+    states=(State("slide", ONE),),
+    advances=("carriage.settle",),
+)
