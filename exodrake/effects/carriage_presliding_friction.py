@@ -4,6 +4,7 @@ F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
 """
 
 from exodrake.block import ONE, Effect, Number, State
+from exodrake.effects.bristle import clipped
 
 
 def pushed(force_drive, speed, force, presliding, slide):
@@ -13,7 +14,7 @@ def pushed(force_drive, speed, force, presliding, slide):
 
 def settle(dt, travel, force, presliding, slide):
     """How far the contact has yielded, -1 .. 1, sliding at both ends."""
-    return min(max(slide + travel / presliding, -1.0), 1.0)
+    return clipped(slide, travel, presliding)
 
 
 EFFECT = Effect(

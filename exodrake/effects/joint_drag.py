@@ -16,12 +16,12 @@ def slipped(deflection, moved, share, reach):
     return min(max(deflection + share * moved, -reach), reach)
 
 
-def settle_by_next(dt, ahead, behind, share, reach, deflection):
+def settle_by_next(dt, moved, ahead, behind, setting, share, reach, deflection):
     """Deflection [rad] by the next joint along the chain."""
     return slipped(deflection, ahead, share, reach)
 
 
-def settle_by_previous(dt, ahead, behind, share, reach, deflection):
+def settle_by_previous(dt, moved, ahead, behind, setting, share, reach, deflection):
     """Deflection [rad] by the previous joint."""
     return slipped(deflection, behind, share, reach)
 

@@ -1,12 +1,18 @@
-"""Play of a cable in a sheath: friction holds the cable until it has stretched, the more the more the sheath is bent.
+"""Play of a cable in a sheath: friction holds the cable until it has stretched, the more the more the sheath is bent,
+and lets go of it strand by strand, whose mean the joint follows (Prandtl-Ishlinskii: a sum of stops).
 
-half_width(bend) = width exp(mu bend)          capstan: the tension that friction can hold grows by exp(mu bend)
+    angle = aim - mean_k(w_k z_k)               w_k = half_width (1 - spread, 1, 1 + spread)
+    z_k: stop operator of range w_k, -1 .. 1    half_width = width exp(mu bend)
+
+Capstan: the tension that friction can hold grows by exp(mu bend). With no spread this is play.
 """
 
 from math import exp
 
-from exodrake.block import JOINTS, Effect, Number
-from exodrake.effects.joint_play import followed as play
+from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.effects.bristle import clipped
+
+STRANDS = 3.0
 
 
 def half_width(bend, width, mu):
@@ -14,19 +20,37 @@ def half_width(bend, width, mu):
     return width * exp(mu * bend)
 
 
-def followed(aim, before, dt, bend, width, mu):
+def let_go(stop, moved, width):
+    """A stop [-1 .. 1] after the drive moved on [rad]; 0 for no width."""
+    return clipped(stop, moved, width) if width > 0.0 else 0.0
+
+
+def settle(dt, moved, ahead, behind, bend, width, mu, spread, first, second, third):
+    """The stops [-1 .. 1] of the three strands."""
+    middle = half_width(bend, width, mu)
+    return (
+        let_go(first, moved, middle * (1.0 - spread)),
+        let_go(second, moved, middle),
+        let_go(third, moved, middle * (1.0 + spread)),
+    )
+
+
+def followed(aim, before, dt, bend, width, mu, spread, first, second, third):
     """Angle after a tick [rad]."""
-    return play(aim, before, dt, bend, half_width(bend, width, mu))
+    return aim - half_width(bend, width, mu) * (first + second + third + spread * (third - first)) / STRANDS
 
 
 EFFECT = Effect(
     id="joint.sheath_play",
     summary="play of a cable in a sheath, which grows with the bend as friction round a capstan does",
-    signature="as play; over configurations the width grows exponentially with the total bend",
-    source="physics.md 4.B capstan; Nho et al., RA-L 2021",
-    at={"joint.followed": followed},
+    signature="as play with rounded corners; over configurations the width grows exponentially with the total bend",
+    source="physics.md 4.B capstan, Prandtl-Ishlinskii; Nho et al., RA-L 2021",
+    at={"joint.followed": followed, "joint.settle": settle},
     numbers=(
         Number("width", "rad", neutral=0.0, low=0.02, high=1.0, over=JOINTS, usual=0.3),
         Number("mu", "1/rad", neutral=0.0, low=0.0, high=0.5, over=JOINTS, usual=0.1),
+        Number("spread", "-", neutral=0.0, low=0.0, high=0.8, over=JOINTS, usual=0.2),
     ),
+    states=(State("stops", JOINTS, 3),),
+    advances=("joint.settle",),
 )

@@ -19,6 +19,10 @@ LADDERS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
         ("gain and offset", ("sheath.gain", "sheath.offset")),
         ("gain, offset and play", ("sheath.play",)),
     ],
+    "sheath_alone": [
+        ("gain and offset", ("sheath.gain", "sheath.offset")),
+        ("gain, offset and play with round corners", ("sheath.capstan_play",)),
+    ],
     "sheath_law": [
         ("gain and offset", ("sheath.gain", "sheath.offset")),
         ("with capstan play and bend loss", ("sheath.capstan_play", "sheath.bend_loss")),

@@ -94,9 +94,11 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
         reader("tendon_sheath"),
         sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem)),
     )
-    alone: list[tuple[str, ...]] = [("bend", *(name for name, _ in LADDERS["tendon_sheath"]))]
+    plain, rounded = LADDERS["tendon_sheath"], LADDERS["sheath_alone"]
+    alone: list[tuple[str, ...]] = [("bend", *(name for name, _ in (*plain, rounded[-1])))]
     for file in files:
-        rungs = ladder(make_problem(read(file), robot), LADDERS["tendon_sheath"])
+        problem = make_problem(read(file), robot)
+        rungs = (*ladder(problem, plain), ladder(problem, rounded)[-1])
         alone.append((f"{file.stem}°", *(f"{rms_degrees(r.held[0]):.2f}°" for r in rungs)))
     law: list[tuple[str, ...]] = [("configuration held out", "predicted from the others")]
     panels = []
@@ -104,18 +106,16 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
         logs = tuple(replace(i, role="holdout" if i is held else "fit") for i in case.logs)
         problem = make_problem(replace(case, logs=logs), robot)
         top = ladder(problem, LADDERS["sheath_law"])[-1]
-        law.append((held.protocol.removeprefix("bend_") + "°", f"{rms_degrees(top.held[0]):.2f}°"))
+        bend = held.protocol.removeprefix("bend_") + "°"
+        law.append((bend, f"{rms_degrees(top.held[0]):.2f}°"))
         trial = problem.holdout[0]
         angles = (trial.reference[:, 0], trial.measured[:, 0], trial.measured[:, 0] - top.held[0][:, 0])
-        panels.append((held.protocol.removeprefix("bend_") + "° from the others", *map(np.degrees, angles)))
+        panels.append((f"{bend} from the others", *map(np.degrees, angles)))
     figures.loops(out / "tendon_sheath.png", panels)
     tables = {"Each configuration alone, second half held out": alone, "Capstan law over configurations": law}
     problem = make_problem(replace(case, logs=tuple(replace(i, role="fit") for i in case.logs)), robot)
-    kept = {
-        "tendon_sheath_law": ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["sheath_law"])[
-            -1
-        ].robot
-    }
+    every = replace(problem, fit=(*problem.fit, *problem.holdout))
+    kept = {"tendon_sheath_law": ladder(every, LADDERS["sheath_law"])[-1].robot}
     return Result("tendon_sheath", found, kept, tables, ("tendon_sheath.png",))
 
 

@@ -35,10 +35,11 @@ def shown(e, z, j, angle):
     return angle
 
 
-def settle(e, z, j, dt, ahead, behind):
+def settle(e, z, j, dt, moved, ahead, behind, setting):
     """Point: states of the effects on joint j advance.
 
-    ahead, behind: how far the aims of the next and the previous joint moved in this tick [rad], 0 at the ends.
+    moved: how far its aim moved in this tick [rad], first from where the joint stands; ahead, behind: those of the next
+    and the previous joint, 0 at the ends; setting: of this joint [rad].
     """
 
 
@@ -61,7 +62,8 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
                 x[j] = origin[j]
         for j in range(count):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
-            settle(e, z, j, dt, ahead, behind)
+            moved = x[count + j] - x[j] if x[3 * count] == 0.0 else x[2 * count + j]
+            settle(e, z, j, dt, moved, ahead, behind, setting[j])
             x[j] = followed(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
 
