@@ -9,7 +9,7 @@ import pytest
 from exodrake.case import Case, CaseLog
 from exodrake.diagnosis.candidates import Hypothesis, hypothesis
 from exodrake.diagnosis.decide import thresholds
-from exodrake.diagnosis.deeper import halves_a_signal
+from exodrake.diagnosis.deeper import predicts_better
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.intervals import interval, spread
 from exodrake.diagnosis.place import traced
@@ -131,17 +131,23 @@ def test_an_undetermined_number_ends_at_its_range(robot):
     assert [lost.low, lost.high] == pytest.approx([knob.value(b) for b in knob.bounds])
 
 
-def test_a_further_cause_counts_where_it_halves_a_signal(robot, problem):
-    ranking = Ranking(problem)
-    before = ranking.nominal()
-    rows = before.point.residual.reshape(-1, len(problem.columns)).copy()
-    loudest = int(np.argmax(np.mean(rows**2, axis=0)))
-    rows[:, loudest] *= 0.5
-    held = before.held.reshape(-1, len(problem.columns)).copy()
-    held[:, loudest] *= 0.5
-    quieter = Fitted(replace(before.point, residual=rows.ravel()), held.ravel())
-    assert halves_a_signal(problem, quieter, before, thresholds())
-    assert not halves_a_signal(problem, before, before, thresholds())
+def test_a_further_cause_counts_where_it_predicts_a_signal_better(robot, problem):
+    before = Ranking(problem).nominal()
+    loudest = int(np.argmax(np.mean(before.held.reshape(-1, len(problem.columns)) ** 2, axis=0)))
+
+    def quieter(residual, factor):
+        rows = residual.reshape(-1, len(problem.columns)).copy()
+        rows[:, loudest] *= factor
+        return rows.ravel()
+
+    def tried(fitted, held):
+        point = replace(before.point, residual=quieter(before.point.residual, fitted))
+        return Fitted(point, quieter(before.held, held))
+
+    assert predicts_better(problem, tried(0.7, 0.9), before, thresholds())
+    assert not predicts_better(problem, tried(0.7, 1.0), before, thresholds())  # learnt by heart
+    assert not predicts_better(problem, tried(0.97, 0.97), before, thresholds())
+    assert not predicts_better(problem, before, before, thresholds())
 
 
 def test_a_machine_without_wires_has_no_wire_to_blame(problem):
