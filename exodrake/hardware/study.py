@@ -47,38 +47,39 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
     problem = make_problem(case, robot)
     force, trial = problem.columns.index("force_carriage"), problem.holdout[0]
     measured = trial.measured[:, force]
-    rows: list[tuple[str, ...]] = [("model", "force error", "decimated", "published")]
+    before, after = (predicted(problem, found.robots[k], [trial])[0][:, force] for k in ("nominal", "improved"))
     rungs = ladder(problem, LADDERS["emps"])
+    rows: list[tuple[str, ...]] = [("model", "force error", "decimated", "published")]
     for item, published in zip(rungs, ("69 %", "17 %", "", "4.08 %", "4.08 %", "3.11 %"), strict=True):
-        error = item.held[0][:, force]
-        smooth = relative_error(decimated(measured), decimated(error))
-        rows.append((item.name, f"{relative_error(measured, error):.2%}", f"{smooth:.2%}", published))
-    before, after = (predicted(problem, found.robots[k], [trial])[0] for k in ("nominal", "improved"))
-    smooth = relative_error(decimated(measured), decimated(measured - after[:, force]))
-    rows.append(
-        (
-            "**what the diagnosis named**",
-            f"{relative_error(measured, measured - after[:, force]):.2%}",
-            f"{smooth:.2%}",
-            "",
-        )
-    )
-    numbers: list[tuple[str, ...]] = [("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error")]
-    numbers.append(("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"))
-    values, error = inverse_dynamics(
-        np.concatenate([i.log["position_carriage"] for i in case.logs]),
-        np.concatenate([i.log["force_carriage"] for i in case.logs]),
-    )
-    numbers.append(("regression of inverse dynamics, repeated here", *(f"{v:.2f}" for v in values), f"{error:.2%}"))
-    numbers.append(("closed loop, first half fitted", *emps_numbers(rungs[3].robot), rows[4][2]))
-    numbers.append(("the same, with friction that builds up", *emps_numbers(rungs[4].robot), rows[5][2]))
+        rows.append((item.name, *force_errors(measured, item.held[0][:, force]), published))
+    rows.append(("**what the diagnosis named**", *force_errors(measured, measured - after), ""))
     every = ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["emps"][:5])[-1]
-    numbers.append(("that, all cycles fitted", *emps_numbers(every.robot), ""))
+    numbers = [
+        ("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error"),
+        ("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"),
+        ("regression of inverse dynamics, repeated here", *regressed(case)),
+        ("closed loop, first half fitted", *emps_numbers(rungs[3].robot), rows[4][2]),
+        ("the same, with friction that builds up", *emps_numbers(rungs[4].robot), rows[5][2]),
+        ("that, all cycles fitted", *emps_numbers(every.robot), ""),
+    ]
     span = slice(0, 6240)
-    panels = [("force [N]", measured[span], before[span, force], after[span, force])]
+    panels = [("force [N]", measured[span], before[span], after[span])]
     figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
     kept = {"emps_direction": rungs[5].robot, "emps_offset": rungs[4].robot}
     return Result("emps", found, kept, {"Force error on held-out cycles": rows, "Numbers": numbers}, ("emps.png",))
+
+
+def force_errors(measured: np.ndarray, error: np.ndarray) -> tuple[str, str]:
+    """Relative error of a force (n,), plain and decimated."""
+    smooth = relative_error(decimated(measured), decimated(error))
+    return f"{relative_error(measured, error):.2%}", f"{smooth:.2%}"
+
+
+def regressed(case: Case) -> tuple[str, ...]:
+    """The published method on all cycles: mass, viscous and dry friction, offset, relative force error."""
+    place, force = (np.concatenate([i.log[f"{kind}_carriage"] for i in case.logs]) for kind in ("position", "force"))
+    values, error = inverse_dynamics(place, force)
+    return (*(f"{v:.2f}" for v in values), f"{error:.2%}")
 
 
 def emps_numbers(robot: Robot) -> tuple[str, ...]:
