@@ -14,9 +14,7 @@ from exodrake.diagnosis.decide import Thresholds, misfit
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import Fitted, Ranking
 
-BETTER = (
-    0.85  # of what is left in a signal, at most, on fitted and on held-out logs: what is not there leaves 0.96 and more
-)
+BETTER = 0.85  # of what is left in a signal, at most, on fitted and on held-out logs: assumed
 SPARE = 1.02  # a set without one effect that leaves at most this many times what the whole set leaves does as well
 ROUNDS = 3  # of fitting after an effect was dropped, responses taken anew
 
