@@ -211,6 +211,8 @@ def test_play_encloses_the_area_of_its_parallelogram():
 def test_play_of_a_sheath_grows_as_round_a_capstan():
     ratio = joint_sheath_play.half_width(math.pi, 0.3, 0.17) / joint_sheath_play.half_width(0.0, 0.3, 0.17)
     assert ratio == pytest.approx(math.exp(0.17 * math.pi))
+    stops = joint_sheath_play.settle(0.0, 1.0, 0.0, 0.0, 0.0, 0.3, 0.17, 0.0, 0.0, 0.0, 0.0)
+    assert joint_sheath_play.followed(1.0, 0.0, 0.0, 0.0, 0.3, 0.17, 0.0, *stops) == pytest.approx(0.7)
 
 
 def test_laws_of_the_joints():

@@ -94,10 +94,9 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted
         halving = [f for f in pairs if left(f) < limits.pair]
         if halving or not by_cost:
             return halving
-    best = max(pairs, key=gain, default=None)
-    if best is None:
+    if not pairs:
         return []
-    others = [f for f in pairs if added(single, f) != added(single, best)]
+    best, others = set_apart(single, pairs)
     distinct = left(best) < min([limits.distinct_of_law, *(min(left(f), 1.0) / limits.distinct for f in others)])
     if gain(best) > limits.second and (distinct or (by_cost and by_far(single, pairs, limits))):
         return [f for f in pairs if f not in others and gain(f) > limits.second]
@@ -106,9 +105,15 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted
 
 def by_far(before: Fitted, found: Sequence[Fitted], limits: Thresholds) -> bool:
     """Whether the best candidate lowers the cost of `before` by far more than any with an effect of another block."""
+    best, others = set_apart(before, found)
+    gained = max((before.score - f.score for f in others), default=0.0)
+    return before.score - best.score > max(limits.second, limits.far * gained)
+
+
+def set_apart(before: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, list[Fitted]]:
+    """The best candidate, and those that add an effect of another block to `before` than it does."""
     best = min(found, key=lambda f: f.score)
-    others = [before.score - f.score for f in found if added(before, f) != added(before, best)]
-    return before.score - best.score > max(limits.second, limits.far * max(others, default=0.0))
+    return best, [f for f in found if added(before, f) != added(before, best)]
 
 
 def added(before: Fitted, fitted: Fitted) -> str:

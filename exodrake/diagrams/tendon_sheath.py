@@ -6,14 +6,7 @@ from functools import cache
 
 from exodrake.diagrams.joint_machine import joint_machine
 from exodrake.diagrams.machine import Machine
-from exodrake.effects import (
-    joint_bend_loss,
-    joint_gain,
-    joint_lag,
-    joint_offset,
-    joint_play,
-    joint_sheath_play,
-)
+from exodrake.effects import joint_bend_loss, joint_gain, joint_lag, joint_offset, joint_play, joint_sheath_play
 from exodrake.effects.seated import seated
 
 SHELF = (

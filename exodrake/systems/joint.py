@@ -62,7 +62,7 @@ def update(x, z, n, e, dt, command, origin, setting, ready):
                 x[j] = origin[j]
         for j in range(count):
             ahead, behind = other(x, 2 * count, j + 1, count), other(x, 2 * count, j - 1, count)
-            moved = x[count + j] - x[j] if x[3 * count] == 0.0 else x[2 * count + j]
+            moved = x[count + j] - x[j] if first else x[2 * count + j]
             settle(e, z, j, dt, moved, ahead, behind, setting[j])
             x[j] = followed(e, z, j, x[count + j], x[j], dt, setting[j])
         x[3 * count] = 1.0
