@@ -6,13 +6,15 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := parquet,mcap,cluster,control
 
-.PHONY: help demo test check docs links bench clean
+.PHONY: help demo test check docs links paper real bench clean
 help:
 	@echo "make demo    set up, then from a robot with a hidden fault to its name"
 	@echo "make test    set up, then format, lint, types and tests"
 	@echo "make check   the same without the tests"
 	@echo "make docs    the documentation, in site/"
 	@echo "make links   addresses outside that code and documentation point to"
+	@echo "make paper   the paper's figures, tables and claims beside ours, in paper/"
+	@echo "make real    docs/real.md from the recordings of real machines in DATA=folder"
 	@echo "make bench   how fast this machine simulates"
 	@echo "make clean   remove all that was made, $(VENV) included"
 
@@ -45,8 +47,14 @@ docs: $(STAMP)
 links:
 	@grep -rhoE 'https?://[^)>" ]+' README.md CONTRIBUTING.md docs exodrake --include='*.md' --include='*.py' | sort -u
 
+paper: $(STAMP)
+	$(BIN)/python -m studies.paper $(ARGS)
+
+real: $(STAMP)
+	$(BIN)/python -m studies.real_machines --data $(or $(DATA),../shared/data/real) --out docs $(ARGS)
+
 bench: $(STAMP)
-	$(BIN)/exodrake bench $(ARGS)
+	$(BIN)/python -m benchmarks $(ARGS)
 
 clean:
 	rm -rf $(VENV) build dist site *.egg-info .pytest_cache .ruff_cache .hypothesis

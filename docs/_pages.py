@@ -8,10 +8,10 @@ import click
 from mkdocs.structure.files import File, Files
 
 from exodrake import PUBLIC
-from exodrake.cli import COMMANDS, cli
-from exodrake.commands.effects import describe, reach
-from exodrake.diagrams.robot import MACHINES
-from exodrake.diagrams.robot_file import load_robot
+from exodrake.cli.effects import describe, reach
+from exodrake.cli.main import COMMANDS, cli
+from exodrake.core.robot import MACHINES
+from exodrake.machines.robot_file import load_robot
 
 # heading -> names of the Python page, in order; what is in none of them comes last
 GROUPS = {

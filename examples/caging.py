@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import exodrake as exo
-from exodrake.figures import save_png
-from exodrake.viewer import Thing, recording_html
+from exodrake.data.plot import save_png
+from exodrake.diagrams.meshcat import Thing, recording_html
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()

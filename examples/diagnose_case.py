@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 import exodrake as exo
+from exodrake.core.files import write_text
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.report import print_summary, report_html
-from exodrake.files import write_text
+from exodrake.report import print_summary, report_html
 
 PRACTICE = Path(__file__).parents[2] / "shared" / "data" / "practice" / "case_01"
 MADE = Path(sys.argv[1] if len(sys.argv) > 1 else "diagnosed")
@@ -23,8 +23,8 @@ def some_case() -> Path:
         return Path(sys.argv[2])
     if PRACTICE.is_dir():
         return PRACTICE
+    from exodrake.blind.case_mix import CasePlan
     from exodrake.blind.make import make_case
-    from exodrake.blind.mix import CasePlan
 
     make_case(CasePlan("case", (1, 1), "single", ("tendon.capstan_friction",), False), MADE)
     return MADE / "case"

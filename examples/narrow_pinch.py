@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import exodrake as exo
-from exodrake.figures import save_png
+from exodrake.data.plot import save_png
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()

@@ -9,8 +9,8 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 import exodrake as exo
-from exodrake.diagrams.drake import build_diagram
-from exodrake.figures import save_png
+from exodrake.data.plot import save_png
+from exodrake.diagrams.diagram import build_diagram
 
 WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import exodrake as exo
-from exodrake.figures import save_png
+from exodrake.data.plot import save_png
 from exodrake.grasping.figure import grasp_figure
 from exodrake.grasping.run import quick_estimator, run_plan
 from exodrake.grasping.trial import at_hold

@@ -4,9 +4,9 @@ The robot and its wearer are simulated and the same in every sweep, so the error
 """
 
 import exodrake as exo
-from exodrake.identification.estimator.dataset import sweeps_from_logs
-from exodrake.identification.estimator.gp import condition, learn
-from exodrake.identification.estimator.validate import estimate, validate
+from exodrake.estimator.dataset import sweeps_from_logs
+from exodrake.estimator.gp import condition, learn
+from exodrake.estimator.validate import estimate, validate
 
 robot = exo.load_robot()
 training = sweeps_from_logs([exo.simulate(robot, exo.sweeps(robot), seed=0)])

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exodrake as exo
-from exodrake.figures import JOINT_COLOURS, save_png
+from exodrake.data.plot import JOINT_COLOURS, save_png
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()

@@ -1,5 +1,5 @@
 """`python -m exodrake`."""
 
-from exodrake.cli import main
+from exodrake.cli.main import main
 
 main()

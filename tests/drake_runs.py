@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Chance, Reference, prepared, run_compiled
-from exodrake.log import read_log
+from exodrake.data.log import read_log
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import Chance, Reference, prepared, run_compiled
 
 
 @cache
@@ -38,7 +38,7 @@ def wavy(seconds):
 
 def both(robot, reference, seed=1, substeps=1, **options):
     """Rows of all wires by the compiled twin and by the Diagram, for the same draws."""
-    from exodrake.diagrams.drake import run_diagram
+    from exodrake.diagrams.diagram import run_diagram
 
     values, chance = prepared(robot), Chance.draw(len(reference.tension), seed, robot.machine)
     compiled = run_compiled(robot.machine, values, reference, chance, substeps)

@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
+from exodrake.compiled.compose import compile_machine
+from exodrake.core.robot import Robot
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 
 FRAMES = 400  # 8 s
 SEED = 20

@@ -123,7 +123,7 @@ def worn_sweeps(count, seed, wearer=TYPICAL, rows=250, zero=NONE, rest=NONE, up_
 
 def as_sweeps(data):
     """The package's `Sweeps` of `worn_sweeps` data."""
-    from exodrake.identification.estimator.dataset import Sweeps
+    from exodrake.estimator.dataset import Sweeps
 
     inputs = np.hstack([data["tension"], data["stroke"]])
     return Sweeps(inputs, data["angle"], data["sweep"], data["time"], WIRES, JOINTS, ("worn",))
@@ -131,7 +131,7 @@ def as_sweeps(data):
 
 def as_log(data, source="worn.csv"):
     """The package's `Log` of `worn_sweeps` data."""
-    from exodrake.log import Log
+    from exodrake.data.log import Log
 
     log = Log(data["time"], {}, source=source)
     for kind in ("tension_ref", "tension", "stroke"):
@@ -142,7 +142,7 @@ def as_log(data, source="worn.csv"):
 @cache
 def trained():
     """(prior, estimator, training sweeps): the paper's 48 sweeps, 500 points. Trained once a session: seconds."""
-    from exodrake.identification.estimator.gp import condition, learn
+    from exodrake.estimator.gp import condition, learn
 
     sweeps = as_sweeps(worn_sweeps(48, seed=3))
     prior = learn(sweeps)

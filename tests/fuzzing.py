@@ -6,7 +6,7 @@ import yaml
 from click.testing import CliRunner
 from hypothesis import strategies as st
 
-from exodrake.cli import cli
+from exodrake.cli.main import cli
 
 JUNK = ["", "nan", "inf", "1e400", "-1e308", "abc", "1_0", "0x1", "1,5", '"', "\x00", "½", "true", "2020-01-01", " "]
 UNITS = ["m", "mN", "deg", "lbf", "s", "", "N] x [N", "µm"]

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.log import Log
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.report.evidence import Evidence
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     NAMED,
@@ -21,8 +21,8 @@ from exodrake.diagnosis.result import (
     SignalGap,
     Where,
 )
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.log import Log
+from exodrake.machines.robot_file import load_robot
+from exodrake.report.evidence import Evidence
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
 WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")

@@ -4,8 +4,8 @@ import json
 from functools import cache
 
 import exodrake as exo
-from exodrake.blind.seal import write_sealed
-from exodrake.case import Case, CaseLog, write_case
+from exodrake.blind.commitment import write_sealed
+from exodrake.data.case import Case, CaseLog, write_case
 
 FRAMES = 150  # 3 s
 RUSTY = {"mu_phi": 0.3}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.cli import cli
+from exodrake.cli.main import cli
 
 
 def run(*arguments):

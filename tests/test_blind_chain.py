@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.blind.numbers import draw_numbers
-from exodrake.blind.reality import RealitySpec, assemble
+from exodrake.blind.parameters import draw_numbers
+from exodrake.blind.simulator import RealitySpec, assemble
 
 OPERATORS = {"add": "+", "mul": "*", "div": "/", "pow": "**"}
 HEADER = '''"""Rigid-body terms of the finger, read off MultibodyPlant by tests/test_blind_chain.py. Do not edit."""

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from exodrake.blind.known import truth
-from exodrake.blind.numbers import draw_numbers
+from exodrake.blind.nuisance_coverage import truth
+from exodrake.blind.parameters import draw_numbers
 from exodrake.diagnosis.nuisance import knobs
-from exodrake.diagrams.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")

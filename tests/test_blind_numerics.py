@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from exodrake.blind.layout import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.blind.reality import Planted, RealitySpec, assemble, initial_state
+from exodrake.blind.records import INPUT_SIZE, STATE_SIZE, tolerance_vector
+from exodrake.blind.simulator import Planted, RealitySpec, assemble, initial_state
 
 
 def test_integrator_agrees_with_radau():
     from scipy.integrate import solve_ivp
 
-    from exodrake.blind.field import derivative
+    from exodrake.blind.dynamics import derivative
     from exodrake.blind.integrate import advance, workspace
 
     effects = (

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect
 from exodrake.blind.make import gap_in_floors
-from exodrake.blind.mix import CaseMix, draw_case, plan
-from exodrake.blind.numbers import draw_numbers
+from exodrake.blind.parameters import draw_numbers
 from exodrake.blind.protocols import grasps, protocols_of
-from exodrake.blind.reality import FRAME, Planted, Protocol, RealitySpec, simulate
-from exodrake.errors import InputError
+from exodrake.blind.simulator import FRAME, Planted, Protocol, RealitySpec, simulate
+from exodrake.core.errors import InputError
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad

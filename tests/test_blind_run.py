@@ -13,13 +13,13 @@ from click.testing import CliRunner
 
 from exodrake.blind import make as making
 from exodrake.blind import run as running
-from exodrake.blind.mix import CaseMix
+from exodrake.blind.case_mix import CaseMix
+from exodrake.blind.commitment import read_sealed
 from exodrake.blind.score import score
-from exodrake.blind.seal import read_sealed
-from exodrake.case import read_case
-from exodrake.cli import cli
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
+from exodrake.data.case import read_case
 from exodrake.diagnosis.many import diagnose_one
-from exodrake.errors import InputError
 from tests.short_sets import answers, write_set
 
 HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)

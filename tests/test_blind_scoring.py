@@ -6,12 +6,12 @@ import pytest
 from click.testing import CliRunner
 
 from exodrake.blind import make as making
+from exodrake.blind.case_mix import CaseMix
+from exodrake.blind.commitment import read_sealed, write_sealed
 from exodrake.blind.matching import covered
-from exodrake.blind.mix import CaseMix
 from exodrake.blind.score import binomial_interval, score
 from exodrake.blind.score_table import as_json, as_markdown, as_table
-from exodrake.blind.seal import read_sealed, write_sealed
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 
 
 def truth(effect_id, gap=10.0, exact=True, **parameters):
@@ -118,7 +118,7 @@ def test_score_prints_everywhere(tiny, tmp_path):
 
 
 def test_command_scores_and_refuses(tiny, tmp_path):
-    from exodrake.cli import cli
+    from exodrake.cli.main import cli
 
     folder, labels = tiny
     arguments = ["blind", "score", str(folder), "--labels", str(labels), "--markdown", str(tmp_path / "s.md")]
@@ -153,7 +153,7 @@ def test_missing_diagnoses_are_counted(tiny):
 
 
 def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
-    from exodrake.case import read_case
+    from exodrake.data.case import read_case
 
     mix = CaseMix(healthy=0.0, single=0.0, pair=0.0, unknown=1.0)
     labels = making.make(tmp_path / "set", seed=1, cases=1, mix=mix)

@@ -8,9 +8,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from exodrake.case import Case, CaseLog, read_case, write_case
-from exodrake.errors import InputError
-from exodrake.log import Log, write_log
+from exodrake.core.errors import InputError
+from exodrake.data.case import Case, CaseLog, read_case, write_case
+from exodrake.data.log import Log, write_log
 
 
 def one_log(seed: int, rows: int = 20) -> Log:

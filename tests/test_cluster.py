@@ -6,13 +6,13 @@ import time
 
 import pytest
 
-from exodrake import parallel
 from exodrake.blind import make as making
 from exodrake.blind import run as running
-from exodrake.blind.mix import CaseMix
-from exodrake.blind.seal import read_sealed
-from exodrake.errors import InputError
-from exodrake.parallel import each
+from exodrake.blind.case_mix import CaseMix
+from exodrake.blind.commitment import read_sealed
+from exodrake.core import parallel
+from exodrake.core.errors import InputError
+from exodrake.core.parallel import each
 from tests.short_sets import answers, write_set
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

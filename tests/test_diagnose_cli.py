@@ -8,11 +8,11 @@ from click.testing import CliRunner
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
-from exodrake.cli import cli
-from exodrake.commands.diagnose import STEPS, advance, robot_text
+from exodrake.cli.diagnose import STEPS, advance, robot_text
+from exodrake.cli.main import cli
+from exodrake.data.log import Log, write_log
 from exodrake.diagnosis.result import NAMED
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.log import Log, write_log
+from exodrake.machines.robot_file import load_robot
 
 
 def run(*arguments):
@@ -96,7 +96,7 @@ def test_bad_log_names_file_and_column(case):
 
 
 def test_a_report_that_fails_leaves_no_file(case, answered, tmp_path, monkeypatch):
-    import exodrake.diagnosis.report.html as html
+    import exodrake.report.html as html
 
     def fails(*_):
         raise RuntimeError("ink is out")
@@ -123,7 +123,7 @@ def test_demo_refuses_a_folder_with_an_earlier_demo(tmp_path):
 
 
 def test_demo_draws_a_fault_by_its_seed():
-    from exodrake.commands.demo import planned
+    from exodrake.cli.demo import planned
 
     assert planned(3) == planned(3)
     assert len({planned(seed).ids for seed in range(20)}) > 8
@@ -135,8 +135,8 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
 
     from rich.console import Console
 
-    from exodrake.blind.seal import write_sealed
-    from exodrake.commands.demo import LABELS, SEAL, reveal
+    from exodrake.blind.commitment import write_sealed
+    from exodrake.cli.demo import LABELS, SEAL, reveal
 
     truth = {"id": "tendon.capstan_friction", "wires": ["AF"], "joints": [], "parameters": {"mu_phi": 0.3}}
     write_sealed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / SEAL)

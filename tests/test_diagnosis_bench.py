@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from exodrake.bench import as_row
-from exodrake.diagnosis import bench
+from benchmarks import diagnosis as bench
+from benchmarks.speed import as_row
 from exodrake.diagnosis.candidates import hypothesis
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagrams.robot_file import load_robot
+from exodrake.machines.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_rows_are_the_bench_s(monkeypatch):
 
 
 def test_scaling_cuts_logs_and_reads_exponents():
-    from exodrake.blind.scaling import cut, growth
+    from benchmarks.scaling import cut, growth
 
     case = bench.rubbing(load_robot(), 4.0)
     short = cut(case, 1.0)
@@ -55,7 +55,7 @@ def test_scaling_cuts_logs_and_reads_exponents():
 
 
 def test_scaling_has_a_diagnosis_try_fewer_effects():
-    from exodrake.blind.scaling import FRICTION, trying
+    from benchmarks.scaling import FRICTION, trying
     from exodrake.diagnosis.candidates import NOTHING
     from exodrake.diagnosis.fit import Fitter
     from exodrake.diagnosis.screen import shelf

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import signals
 from exodrake.diagnosis.candidates import Hypothesis
 from exodrake.diagnosis.decide import thresholds
@@ -14,9 +14,9 @@ from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import WILD, make_problem
 from exodrake.diagnosis.search import LOSING, Fitted
 from exodrake.diagnosis.seconds import by_far, once, worth
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference, simulate
-from exodrake.identification import protocols
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import Reference, simulate
 
 PERIOD = 0.02
 SAMPLES = 20_000

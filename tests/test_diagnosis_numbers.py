@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.candidates import Hypothesis, hypothesis
 from exodrake.diagnosis.decide import thresholds
 from exodrake.diagnosis.deeper import predicts_better
@@ -16,9 +16,9 @@ from exodrake.diagnosis.place import traced
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.retune import CLOSE
 from exodrake.diagnosis.search import Fitted, Ranking
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference, simulate
-from exodrake.identification import protocols
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import Reference, simulate
 
 
 @pytest.fixture(scope="module")

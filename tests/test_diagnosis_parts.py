@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import drops, line, replay, signals
 from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.closure import closure
@@ -17,10 +17,10 @@ from exodrake.diagnosis.problem import columns_of, make_problem
 from exodrake.diagnosis.regime import explained, since_reversal
 from exodrake.diagnosis.retune import retuned
 from exodrake.diagnosis.search import Fitted, Search
-from exodrake.diagrams.late import cubic
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference, simulate
-from exodrake.identification import protocols
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.delayed_samples import cubic
+from exodrake.simulation.simulate import Reference, simulate
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference, simulate
-from exodrake.identification import protocols
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import Reference, simulate
 
 FRAMES = 750  # 15 s a log
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 import exodrake as exo
-from exodrake.cli import cli
+from exodrake.cli.main import cli
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -104,7 +104,7 @@ def test_files_in_the_how_tos_are_read(tmp_path):
     robot = blocks(ROOT / "docs" / "howto" / "robot.md", "yaml")[0]
     (tmp_path / "wearer.yaml").write_text(robot)
     assert exo.load_robot(tmp_path / "wearer.yaml")["finger.kappa.MCP"] == 0.09
-    from exodrake.formats.foreign import import_log
+    from exodrake.data.formats.foreign import import_log
 
     page = ROOT / "docs" / "howto" / "import.md"
     (tmp_path / "map.yaml").write_text(blocks(page, "yaml")[0])

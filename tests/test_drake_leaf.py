@@ -10,14 +10,14 @@ import yaml
 from drake_runs import nominal, wavy
 from pydrake.systems.analysis import Simulator
 
-from exodrake.bench import Row, as_row
-from exodrake.diagrams.drake import FINE_LOG, assemble, build_diagram, logged, set_numbers
-from exodrake.diagrams.drake_bench import multibody_speed
-from exodrake.diagrams.drake_parts import NAMED, MotorDynamics, part_class
-from exodrake.diagrams.simulate import Reference, record
-from exodrake.errors import InputError
-from exodrake.systems.estimator_kernel import Weights, predict_rows
-from exodrake.systems.leaf import Leaf
+from benchmarks.diagram import multibody_speed
+from benchmarks.speed import Row, as_row
+from exodrake.core.errors import InputError
+from exodrake.diagrams.diagram import FINE_LOG, assemble, build_diagram, logged, set_numbers
+from exodrake.diagrams.leaf import Leaf
+from exodrake.diagrams.parts import NAMED, MotorDynamics, part_class
+from exodrake.simulation.simulate import Reference, record
+from exodrake.systems.gp_estimator import Weights, predict_rows
 
 THROUGH = {"finger": {("stroke", "tension")}, "sensor": {("tension", "cell")}}  # every other output is state
 

@@ -5,8 +5,8 @@ import pytest
 from click.testing import CliRunner
 from estimator_sweeps import as_log, worn_sweeps
 
-from exodrake.cli import cli
-from exodrake.log import read_log, write_log
+from exodrake.cli.main import cli
+from exodrake.data.log import read_log, write_log
 
 
 def run(*arguments):

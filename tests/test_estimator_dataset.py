@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from estimator_sweeps import as_log, as_sweeps, reference, worn_sweeps
 
-from exodrake.errors import InputError
-from exodrake.identification.estimator.dataset import cut, inputs_of, sweeps_from_logs
+from exodrake.core.errors import InputError
+from exodrake.estimator.dataset import cut, inputs_of, sweeps_from_logs
 
 
 def test_ramps_up_and_down_are_cut_where_they_were_joined():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from estimator_sweeps import trained
 
-from exodrake.errors import InputError
-from exodrake.identification.estimator.file import load, save
+from exodrake.core.errors import InputError
+from exodrake.estimator.file import load, save
 
 
 def test_a_saved_estimator_predicts_the_same_bits(tmp_path):

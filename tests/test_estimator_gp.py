@@ -5,11 +5,11 @@ import pytest
 from estimator_sweeps import JOINTS, as_sweeps, trained, worn_sweeps
 from sklearn.gaussian_process import GaussianProcessRegressor
 
-from exodrake.identification.estimator.gp import JITTER, condition, leave_one_sweep_out, new_rows
-from exodrake.identification.estimator.kernels import sweep_kernel
-from exodrake.identification.estimator.ridge import fit_ridge
-from exodrake.identification.estimator.validate import HELD_OUT, RANDOM, score, validate
-from exodrake.systems.estimator_kernel import predict, predict_into, scratch
+from exodrake.estimator.gp import JITTER, condition, leave_one_sweep_out, new_rows
+from exodrake.estimator.kernels import sweep_kernel
+from exodrake.estimator.ridge import fit_ridge
+from exodrake.estimator.validate import HELD_OUT, RANDOM, score, validate
+from exodrake.systems.gp_estimator import predict, predict_into, scratch
 
 
 def reference_process(prior, sweeps):

@@ -15,9 +15,10 @@ from estimator_sweeps import (
     worn_sweeps,
 )  # fmt: skip
 
-from exodrake.errors import InputError
-from exodrake.identification import statics, stiffness
-from exodrake.identification.estimator.compare import compare
+from exodrake.core.errors import InputError
+from exodrake.estimator.compare import compare
+from exodrake.identification import stiffness
+from exodrake.systems import finger_statics as statics
 from exodrake.systems.tendon_finger import Numbers
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)

@@ -13,10 +13,10 @@ from mcap.reader import make_reader
 from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import loadmat, savemat
 
-from exodrake.cli import cli
-from exodrake.errors import InputError
-from exodrake.formats.foreign import import_log
-from exodrake.log import Log, read_log, write_log
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
+from exodrake.data.formats.foreign import import_log
+from exodrake.data.log import Log, read_log, write_log
 
 TABLE = 't,cell,pos,note\n0,1000,"[1.0, 90.0]",start\n20000,,"[2.0, 180.0]",go\n40000,3000,"[3.0, 270.0]",stop\n'
 MAP = {

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import exodrake as exo
-from exodrake.formats.table import FORMATS
+from exodrake.data.formats.table import FORMATS
 from exodrake.identification.kinematics.markers import csv_bytes
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 
@@ -19,7 +19,7 @@ LOG = exo.simulate(ROBOT, exo.grasp("caging", ROBOT)).rows(slice(60, 165))
 
 
 def text_of(log: exo.Log) -> str:
-    from exodrake.formats.csv import write
+    from exodrake.data.formats.csv import write
 
     return write(log).decode()
 
@@ -49,9 +49,9 @@ def place(tmp_path):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Commands without what only draws, and a diagnosis that ends when its case is read and its floor known."""
-    import exodrake.commands.simulate as command
+    import exodrake.cli.simulate as command
     import exodrake.diagnosis.pipeline as pipeline
-    import exodrake.viewer as viewer
+    import exodrake.diagrams.meshcat as viewer
 
     def stop(*_):
         raise exo.InputError("read")

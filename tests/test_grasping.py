@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.cli import cli
-from exodrake.commands.grasp import parse_size
-from exodrake.errors import InputError
+from exodrake.cli.grasp import parse_size
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
 from exodrake.grasping.contact import candidates
 from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
 from exodrake.grasping.inverse import numbers_of, tensions_for

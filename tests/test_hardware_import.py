@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from exodrake.case import read_case, write_case
+from exodrake.core.errors import InputError
+from exodrake.data.case import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.errors import InputError
-from exodrake.formats.hardware import SETS, reader
-from exodrake.hardware.ladder import ladder
-from exodrake.hardware.measures import decimated, relative_error, rms_degrees
-from exodrake.hardware.sets import FOLDERS, LADDERS
-from exodrake.hardware.study import emps_numbers
+from exodrake.machines.recordings import SETS, reader
+from exodrake.machines.robot_file import load_robot
+from studies.real_machines.ladder import ladder
+from studies.real_machines.measures import decimated, relative_error, rms_degrees
+from studies.real_machines.sets import FOLDERS, LADDERS
+from studies.real_machines.study import emps_numbers
 
 REAL = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
 real = pytest.mark.skipif(not REAL.is_dir(), reason="no recordings of real machines here (shared/data/real)")

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference, record, simulate
 from exodrake.effects import (
     carriage_coulomb_friction,
     carriage_direction,
@@ -28,7 +26,9 @@ from exodrake.effects import (
     joint_sag,
     joint_sheath_play,
 )
-from exodrake.hardware.ladder import ladder
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import Reference, record, simulate
+from studies.real_machines.ladder import ladder
 
 MACHINES = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
 TWO_MOTIONS = 2
@@ -243,7 +243,7 @@ def test_a_dragged_joint_goes_from_one_stop_to_the_other():
 def test_a_robot_file_may_name_a_page_and_a_wrong_one_is_refused(tmp_path):
     file = tmp_path / "mine.yaml"
     numbers = "numbers: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
-    file.write_text("machine: exodrake.diagrams.tendon_sheath\n" + numbers)
+    file.write_text("machine: exodrake.machines.tendon_sheath.machine\n" + numbers)
     assert load_robot(file).machine.name == "tendon_sheath"
     file.write_text("machine: no.such.page\n" + numbers)
     with pytest.raises(exo.InputError, match=r"no\.such\.page"):

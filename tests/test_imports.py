@@ -10,20 +10,30 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "exodrake"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
-BOTTOM = {"errors", "units", "files", "log", "clock", "case", "casefile", "formats", "parallel", "counting", "frozen"}
-UPPER = {"identification", "grasping", "analysis", "diagnosis", "blind", "live"}
-# a part of the package may import itself, the bottom, and all below it; parts not listed here (cli, commands, figures,
-# viewer) stand on top of all, and nothing listed may import them unless said so
+# what each folder may import, besides itself; a folder that is not listed fails the test
+CORE = {"core"}
+SYSTEMS = CORE | {"systems"}
+EFFECTS = SYSTEMS | {"effects"}
+MACHINES = EFFECTS | {"data", "machines"}
+COMPILED = MACHINES | {"compiled"}
+SIMULATION = COMPILED | {"diagrams", "simulation"}
+ANALYSIS = SIMULATION | {"analysis", "identification", "estimator", "grasping", "diagnosis"}
 BELOW = {
-    **{name: set() for name in BOTTOM},
-    "block": set(),
-    "systems": {"block"},
-    "robots": {"block", "systems"},
-    "effects": {"block", "systems", "robots"},
-    "diagrams": {"block", "systems", "robots", "effects"},
-    **{name: {"block", "systems", "robots", "effects", "diagrams", "figures"} | UPPER for name in UPPER},
+    "core": set(),
+    "data": CORE,
+    "systems": CORE,
+    "effects": SYSTEMS,
+    "machines": MACHINES,
+    "compiled": MACHINES,
+    "diagrams": SIMULATION,
+    "simulation": SIMULATION,
+    **dict.fromkeys(("analysis", "identification", "estimator", "grasping", "diagnosis"), ANALYSIS),
+    "monitor": ANALYSIS,
+    "report": ANALYSIS,
+    "blind": ANALYSIS,
+    "cli": ANALYSIS | {"monitor", "report", "blind"},
+    "__main__": {"cli"},
 }
-LAZY_AT_THE_BOTTOM = {("log", "figures")}  # Log.plot hands itself to the drawing
 
 
 def part_of(module: str) -> str:
@@ -56,23 +66,18 @@ def imports(path: Path) -> set[str]:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_imports_go_one_way(path):
     here = part_of(".".join(["exodrake", *path.relative_to(PACKAGE).with_suffix("").parts]))
-    if here not in BELOW:
+    if not here:
         return
     for module in imports(path):
         if module.split(".")[0] != "exodrake":
             continue
         there = part_of(module)
-        allowed = BELOW[here] | BOTTOM | {here, "__version__"}
-        assert there in allowed or (here, there) in LAZY_AT_THE_BOTTOM, f"{path} imports {module}"
+        assert there in BELOW[here] | {here, "__version__"}, f"{path} imports {module}"
 
 
 def may_use_drake(path: Path) -> bool:
     parts = path.relative_to(PACKAGE).parts
-    return (
-        parts == ("systems", "leaf.py")
-        or (parts[0] == "diagrams" and "drake" in parts[-1])
-        or parts[0].removesuffix(".py") in {"analysis", "viewer"}
-    )
+    return parts[0] in ("diagrams", "analysis")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
@@ -85,7 +90,7 @@ def test_drake_is_imported_in_few_places(path):
 def loaded_by(*arguments: str) -> set[str]:
     code = (
         "import sys; sys.argv = ['exodrake', *sys.argv[1:]]\n"
-        "from exodrake.cli import main\n"
+        "from exodrake.cli.main import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "print('\\n' + ' '.join(sorted(m for m in sys.modules if '.' not in m)))"

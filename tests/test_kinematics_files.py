@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.cli import cli
-from exodrake.errors import InputError
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.c3d import c3d_bytes
 from exodrake.identification.kinematics.identify import Settings, identify
 from exodrake.identification.kinematics.labels import Swap, check_labels, relabelled
@@ -149,7 +149,7 @@ def test_layout_file(tmp_path):
 
 
 def test_command_writes_table_robot_and_figure(tmp_path):
-    from exodrake.diagrams.robot_file import load_robot
+    from exodrake.machines.robot_file import load_robot
 
     run = CliRunner().invoke
     made = run(

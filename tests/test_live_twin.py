@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.case import Case, CaseLog
+from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.replay import replayed, smoothed
-from exodrake.diagrams.simulate import simulate
-from exodrake.live.companion import Companion, channels, signals
-from exodrake.live.feed import LAG
-from exodrake.live.gap import SKIP, Gap, floors
-from exodrake.live.motion import session
-from exodrake.live.segments import FingerReplay, MotorReplay, TendonReplay
-from exodrake.live.twin import KINDS, Twin, silent
+from exodrake.monitor.companion import Companion, channels, signals
+from exodrake.monitor.feed import LAG
+from exodrake.monitor.gap import SKIP, Gap, floors
+from exodrake.monitor.motion import session
+from exodrake.monitor.segments import FingerReplay, MotorReplay, TendonReplay
+from exodrake.monitor.twin import KINDS, Twin, silent
+from exodrake.simulation.simulate import simulate
 
 NOMINAL = exo.load_robot()
 LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.creep")

@@ -12,17 +12,17 @@ from fuzzing import spoilt_table
 from hypothesis import HealthCheck, given, settings
 
 import exodrake as exo
-from exodrake.cli import cli
+from exodrake.cli.main import cli
+from exodrake.data.formats.csv import write
+from exodrake.data.log import write_log
 from exodrake.diagnosis.healthy import scattered
-from exodrake.formats.csv import write
-from exodrake.live.calibrate import limits_of, share_at_most
-from exodrake.live.check import first_alarm
-from exodrake.live.frames import Grid
-from exodrake.live.gap import floors
-from exodrake.live.motion import session
-from exodrake.live.tail import Tail
-from exodrake.live.watcher import Watch, follow
-from exodrake.log import write_log
+from exodrake.monitor.calibrate import limits_of, share_at_most
+from exodrake.monitor.check import first_alarm
+from exodrake.monitor.frames import Grid
+from exodrake.monitor.gap import floors
+from exodrake.monitor.motion import session
+from exodrake.monitor.tail import Tail
+from exodrake.monitor.watcher import Watch, follow
 
 NOMINAL = exo.load_robot()
 CALM = write(exo.simulate(NOMINAL, exo.Reference(np.ones((6, 3))))).decode()
@@ -211,7 +211,7 @@ def test_interrupt_ends_with_a_summary(file, monkeypatch):
     def stopped(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("exodrake.live.watcher.time.sleep", stopped)
+    monkeypatch.setattr("exodrake.monitor.watcher.time.sleep", stopped)
     result = run(file)
     assert result.exit_code == 0 and "no alarm" in result.stdout and "1500 frames" in result.stdout
 
@@ -219,7 +219,7 @@ def test_interrupt_ends_with_a_summary(file, monkeypatch):
 def test_screen_in_a_terminal(file):
     from rich.console import Console
 
-    from exodrake.live.display import screen
+    from exodrake.monitor.display import screen
 
     watch = Watch(NOMINAL)
     console = Console(record=True, width=110, file=open(os.devnull, "w"))  # noqa: SIM115

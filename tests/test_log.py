@@ -7,9 +7,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from exodrake.clock import regularise
-from exodrake.errors import InputError
-from exodrake.log import Log, read_log, write_log
+from exodrake.core.errors import InputError
+from exodrake.data.clock import regularise
+from exodrake.data.log import Log, read_log, write_log
 
 ENDINGS = (".csv", ".csv.gz", ".npz", ".parquet", ".mcap", ".mat")
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.paper import arms, equations, hardware, loop_sign
-from exodrake.paper.claim import AGREES, DOES_NOT, QUICK, VERDICTS, count
-from exodrake.paper.page import claims_csv, page
-from exodrake.paper.reproduce import reproduce
-from exodrake.paper.study import CREEP_STIFFNESS, DATA, HELD_OUT, MODEL, MU_PHI, worn_robot
+from studies.paper import arms, equations, hardware, loop_sign
+from studies.paper.claim import AGREES, DOES_NOT, QUICK, VERDICTS, count
+from studies.paper.page import claims_csv, page
+from studies.paper.reproduce import reproduce
+from studies.paper.study import CREEP_STIFFNESS, DATA, HELD_OUT, MODEL, MU_PHI, worn_robot
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_drawn_estimates_are_those_that_were_judged(found):
 
 
 def test_worn_robot_is_worn():
-    from exodrake.diagrams.robot_file import load_robot
+    from exodrake.machines.robot_file import load_robot
 
     worn = worn_robot(load_robot())
     assert set(worn.effects()) == {"tendon.capstan_friction", "tendon.creep"}
@@ -105,7 +105,7 @@ def test_register(found, what, ours, verdict):
 
 
 def test_simulated_readings_step_by_the_resolutions():
-    from exodrake.diagrams.robot_file import load_robot
+    from exodrake.machines.robot_file import load_robot
 
     fine = hardware.staircase(load_robot(), 0.001, 2 * np.pi / (16 * 69 * 4))
     assert fine.step_of(fine.tension) == pytest.approx(0.001, abs=1e-8)
@@ -132,9 +132,9 @@ def test_page_is_offline_small_and_says_what_is_simulated(html):
 
 
 def test_command_writes_both_files(found, tmp_path, monkeypatch):
-    from exodrake.cli import cli
+    from exodrake.cli.main import cli
 
-    monkeypatch.setattr("exodrake.paper.reproduce.reproduce", lambda effort, seed: found)
+    monkeypatch.setattr("studies.paper.reproduce.reproduce", lambda effort, seed: found)
     run = CliRunner().invoke(cli, ["paper", "--quick", "--out", str(tmp_path / "deep" / "out")])
     assert run.exit_code == 0, run.output
     assert {path.name for path in (tmp_path / "deep" / "out").iterdir()} == {"paper.html", "claims.csv"}
@@ -142,7 +142,7 @@ def test_command_writes_both_files(found, tmp_path, monkeypatch):
 
 
 def test_command_refuses_a_file_as_folder(tmp_path):
-    from exodrake.cli import cli
+    from exodrake.cli.main import cli
 
     (tmp_path / "file").write_text("")
     run = CliRunner().invoke(cli, ["paper", "--out", str(tmp_path / "file")])

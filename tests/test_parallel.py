@@ -8,9 +8,9 @@ import numba
 import pytest
 from threadpoolctl import threadpool_info
 
-from exodrake import parallel
-from exodrake.errors import InputError
-from exodrake.parallel import each
+from exodrake.core import parallel
+from exodrake.core.errors import InputError
+from exodrake.core.parallel import each
 
 
 def square(number):

@@ -12,11 +12,11 @@ import pytest
 from report_synthetic import COLUMNS, IDS, VERDICTS, diagnosis, evidence
 from rich.console import Console
 
-from exodrake.diagnosis.report import words
-from exodrake.diagnosis.report.evidence import binned, changed_numbers, spectra, top_condition
-from exodrake.diagnosis.report.html import page
-from exodrake.diagnosis.report.summary import print_summary
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
+from exodrake.report import words
+from exodrake.report.evidence import binned, changed_numbers, spectra, top_condition
+from exodrake.report.html import page
+from exodrake.report.summary import print_summary
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "br", "img", "i"}

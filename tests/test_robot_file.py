@@ -5,8 +5,8 @@ import pytest
 import yaml
 
 import exodrake as exo
-from exodrake.errors import InputError
-from exodrake.files import is_file
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_file
 
 
 def refusal(path, content) -> str:

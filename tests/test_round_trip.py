@@ -5,10 +5,10 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from exodrake.errors import InputError
-from exodrake.formats.table import FORMATS
-from exodrake.log import Log, read_log, write_log
-from exodrake.units import KINDS, UNITS
+from exodrake.core.errors import InputError
+from exodrake.core.units import KINDS, UNITS
+from exodrake.data.formats.table import FORMATS
+from exodrake.data.log import Log, read_log, write_log
 
 SI = sorted({unit for unit, *_ in UNITS.values()})
 WIRES = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])

@@ -7,9 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.cli import cli
+from exodrake.cli.main import cli
 from exodrake.effects import SHELF
-from exodrake.scenario import Scenario, read_scenario, scenario_text
+from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
 
 SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
 
@@ -125,7 +125,7 @@ def test_the_shelf_is_printed():
 
 @pytest.mark.parametrize("effect", SHELF, ids=lambda effect: effect.id)
 def test_each_effect_has_a_page_and_an_example_that_parses(effect):
-    from exodrake.scenario import parse_effect
+    from exodrake.simulation.scenario import parse_effect
 
     page = json.loads(run("effects", effect.id, "--json").output)
     assert page["equation"] and page["parameters"] and page["signature"] and page["source"]

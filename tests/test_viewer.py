@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.viewer import Thing, frames_of, recording_html
-from exodrake.viewer.page import STOPS, colours
-from exodrake.viewer.shapes import along, skeleton, span, tip
+from exodrake.diagrams.meshcat import Thing, frames_of, recording_html
+from exodrake.diagrams.meshcat.page import STOPS, colours
+from exodrake.diagrams.meshcat.shapes import along, skeleton, span, tip
 
 ROBOT = exo.load_robot()
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from exodrake.block import Output, Task
-from exodrake.cli import cli
-from exodrake.diagrams.draw import part_shares, stream_order, wiring_svg
-from exodrake.diagrams.exo_index import exo_index
-from exodrake.errors import InputError
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
+from exodrake.core.part import Output, Task
+from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
+from exodrake.machines.exo_index.machine import exo_index
 
 
 def with_block(name, **changes):

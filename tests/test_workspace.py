@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.cli import cli
-from exodrake.errors import InputError
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
 from exodrake.identification.workspace import (
     DISTAL,
     FINGERTIP,
@@ -103,7 +103,7 @@ def test_impossible_fingers_are_refused(lengths, ranges):
 
 
 def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
-    from exodrake.diagrams.robot_file import load_robot
+    from exodrake.machines.robot_file import load_robot
 
     robot = load_robot()
     wired = assisted(robot, 7)

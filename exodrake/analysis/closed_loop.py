@@ -15,8 +15,8 @@ from exodrake.analysis.margins import Margins, margins
 from exodrake.analysis.operating import OperatingPoint, operating_point
 from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
 from exodrake.analysis.steps import StepResponse, step_response
-from exodrake.diagrams.robot import Robot
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
 
 if TYPE_CHECKING:
     import control

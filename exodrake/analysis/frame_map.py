@@ -14,11 +14,11 @@ from types import ModuleType
 
 import numpy as np
 
-from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.machine import Machine
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
-from exodrake.errors import InputError
+from exodrake.compiled.compose import compile_machine
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
+from exodrake.core.robot import Robot
+from exodrake.simulation.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import FrameModel, spectral_radius
 from exodrake.analysis.operating import OperatingPoint
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 
 MOST_GAIN, MOST_FRAMES = 1e3, 40.0  # where the searches end
 POKE = 1e-4  # step of a reference that starts a small motion [N]

@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, references_of
 from exodrake.analysis.linear import excursions, used
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 
 CHUNK, CHUNKS = 100, 30  # frames between two looks; looks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests

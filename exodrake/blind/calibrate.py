@@ -22,15 +22,15 @@ from pathlib import Path
 import click
 import numpy as np
 
-from exodrake.blind.known import MEMORIES, known
+from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.make import make_case
-from exodrake.blind.mix import CaseMix, draw_case, plan
-from exodrake.counting import counted, where_to_run
+from exodrake.blind.nuisance_coverage import MEMORIES, known
+from exodrake.core.parallel import each
+from exodrake.core.progress import counted, where_to_run
 from exodrake.diagnosis.decide import misfit, worst_column
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import Ranking
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.parallel import each
+from exodrake.machines.robot_file import load_robot
 
 HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
 MEASURES = ("quiet", "quiet_column", "alarm")
@@ -40,7 +40,7 @@ def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], li
     """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot; and
     how well its numbers are known.
     """
-    from exodrake.case import read_case
+    from exodrake.data.case import read_case
 
     drawn = plan(seed, robots, HEALTHY)[number]
     with tempfile.TemporaryDirectory() as folder:

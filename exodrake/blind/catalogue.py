@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.blind.layout import JOINTS, WIRES
+from exodrake.blind.injectors import LIBRARY_PLANTERS
 from exodrake.blind.outside import OUTSIDE_PLANTERS
-from exodrake.blind.plant import LIBRARY_PLANTERS
-from exodrake.blind.reality import Planted
+from exodrake.blind.records import JOINTS, WIRES
+from exodrake.blind.simulator import Planted
 
 PLANTERS = LIBRARY_PLANTERS | OUTSIDE_PLANTERS
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint

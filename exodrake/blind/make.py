@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.catalogue import ENTRIES, block_of
-from exodrake.blind.mix import CaseMix, draw_case, plan
-from exodrake.blind.reality import simulate, warm_up
-from exodrake.blind.seal import write_sealed
-from exodrake.case import FILE, Case, CaseLog, write_case
-from exodrake.errors import InputError
-from exodrake.files import write_text
-from exodrake.log import Log
-from exodrake.parallel import each
+from exodrake.blind.commitment import write_sealed
+from exodrake.blind.simulator import simulate, warm_up
+from exodrake.core.errors import InputError
+from exodrake.core.files import write_text
+from exodrake.core.parallel import each
+from exodrake.data.case import FILE, Case, CaseLog, write_case
+from exodrake.data.log import Log
 
 Progress = Callable[[int, int, int], None]
 
@@ -162,7 +162,7 @@ def begin(folder, labels, stamp):
 
 def stamp_of(seed, cases, mix):
     """What a set follows from: seed, number, mix, and the code of the second reality."""
-    from exodrake.frozen import digest, pages_of
+    from exodrake.core.provenance import digest, pages_of
 
     return hashlib.sha256(
         f"{seed} {cases} {mix} {digest(sorted(pages_of(Path(__file__).parent)))}".encode()

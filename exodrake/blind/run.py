@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from exodrake.core.errors import InputError
 from exodrake.diagnosis.many import ANSWER, FAILED, Progress, diagnose_all
-from exodrake.errors import InputError
 
 __all__ = ["ANSWER", "FAILED", "cases_of", "run"]
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.blind.commitment import read_sealed
 from exodrake.blind.matching import accepted_blocks, accepted_ids, covered, found_ids, top_id
 from exodrake.blind.run import ANSWER, FAILED, cases_of
-from exodrake.blind.seal import read_sealed
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 
 VISIBLE = 2.0  # floors
 QUIET = ("NO_GAP", "RETUNE")
@@ -123,7 +123,7 @@ def read_answers(folder, labels):
 
 def check_configurations(answered, folder):
     """InputError if the diagnoses were made with several versions or thresholds."""
-    from exodrake.frozen import told
+    from exodrake.core.provenance import told
 
     found = {told(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
     if len(found) > 1:

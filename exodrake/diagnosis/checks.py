@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from exodrake.case import Case
-from exodrake.diagrams.machine import Machine
-from exodrake.errors import InputError
-from exodrake.log import Log
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
+from exodrake.data.case import Case
+from exodrake.data.log import Log
 
 SHORTEST = 100  # frames; at the Exo-Index's 20 ms that is 2 s, longer than the loop's memory
 LONGEST = 90_000  # frames of all logs together, half an hour at 20 ms: beyond, a search takes hours and gigabytes

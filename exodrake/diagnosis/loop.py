@@ -6,10 +6,10 @@ from math import cos, sin
 
 import numpy as np
 
-from exodrake.block import Block
-from exodrake.diagrams.compose import compile_machine
-from exodrake.diagrams.leaves import held_wires, outer_reads
-from exodrake.diagrams.machine import Machine, feedthrough_order
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.leaf_functions import held_wires, outer_reads
+from exodrake.core.machine import Machine, feedthrough_order
+from exodrake.core.part import Block
 from exodrake.systems import routers
 from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 

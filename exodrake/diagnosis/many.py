@@ -14,12 +14,12 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from exodrake.case import Case, read_case
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.errors import InputError
-from exodrake.files import write_text
-from exodrake.frozen import configuration, told
-from exodrake.parallel import each
+from exodrake.core.errors import InputError
+from exodrake.core.files import write_text
+from exodrake.core.parallel import each
+from exodrake.core.provenance import configuration, told
+from exodrake.data.case import Case, read_case
+from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
 Progress = Callable[[int, int, int], None]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagrams.machine import Machine, nearest
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine, nearest
 
 SCALES, ADDS = "scales", "adds"
 

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.case import Case, read_case
+from exodrake.core.parallel import one_blas_thread
+from exodrake.core.robot import Robot
+from exodrake.data.case import Case, read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.decide import Decision, left_over, misfit, thresholds
@@ -21,9 +23,7 @@ from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import LOSING, Fitted, Search
 from exodrake.diagnosis.views import View, looked
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.parallel import one_blas_thread
+from exodrake.machines.robot_file import load_robot
 
 Progress = Callable[[str], None]
 

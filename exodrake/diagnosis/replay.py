@@ -23,7 +23,7 @@ import numpy as np
 from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.signals import filled_columns
-from exodrake.diagrams.simulate import Chance, Reference, given_rows, record
+from exodrake.simulation.simulate import Chance, Reference, given_rows, record
 from exodrake.systems import tendon_finger
 
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.diagrams.robot import Robot
+from exodrake.core.robot import Robot
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
 

@@ -3,7 +3,7 @@
 F_net = F - coefficient |v|          friction is c + coefficient forwards and c - coefficient backwards
 """
 
-from exodrake.block import Effect, Number
+from exodrake.core.part import Effect, Number
 
 
 def pushed(force, speed, coefficient):

@@ -3,7 +3,7 @@
 F_net = F - force
 """
 
-from exodrake.block import Effect, Number
+from exodrake.core.part import Effect, Number
 
 
 def pushed(drive_force, speed, force):

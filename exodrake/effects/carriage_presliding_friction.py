@@ -3,7 +3,7 @@
 F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
 """
 
-from exodrake.block import ONE, Effect, Number, State
+from exodrake.core.part import ONE, Effect, Number, State
 from exodrake.effects.bristle import clipped
 
 

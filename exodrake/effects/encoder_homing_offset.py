@@ -5,7 +5,7 @@
 A robot that starts where its encoder says that the wire is just taut starts `offset` further in.
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def wound(stroke, offset):

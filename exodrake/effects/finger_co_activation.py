@@ -5,7 +5,7 @@ tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops
 
 from math import cos, pi
 
-from exodrake.block import JOINTS, ONE, Effect, Number
+from exodrake.core.part import JOINTS, ONE, Effect, Number
 
 
 def passive(torque, bend, rate, elastic, clock, gain, frequency):

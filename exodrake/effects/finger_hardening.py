@@ -3,7 +3,7 @@
 tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def passive(torque, bend, rate, elastic, clock, coefficient):

@@ -3,7 +3,7 @@
 tau_p = elastic + torque z + end stops          dz/dq = (1 - z sgn(q')) / width
 """
 
-from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.core.part import JOINTS, Effect, Number, State
 from exodrake.effects.bristle import bent
 
 

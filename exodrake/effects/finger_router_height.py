@@ -3,7 +3,7 @@
 h = h_drawn + height
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def router_height(drawn, height):

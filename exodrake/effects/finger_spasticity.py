@@ -3,7 +3,7 @@
 tau_p = ... + gain max(0, q' - threshold)
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def passive(torque, bend, rate, elastic, clock, gain, threshold):

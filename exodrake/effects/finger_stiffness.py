@@ -3,7 +3,7 @@
 tau_p = factor kappa (q - q0) + end stops
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def passive(torque, bend, rate, elastic, clock, factor):

@@ -5,7 +5,7 @@ tau_i = torque_i sin(2 pi frequency t)
 
 from math import pi, sin
 
-from exodrake.block import JOINTS, ONE, Effect, Number
+from exodrake.core.part import JOINTS, ONE, Effect, Number
 
 
 def external(outside, angle, rate, bones, clock, torque, frequency):

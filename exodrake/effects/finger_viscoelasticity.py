@@ -4,7 +4,7 @@ tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' =
 elastic = kappa (q - q0)
 """
 
-from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.core.part import JOINTS, Effect, Number, State
 from exodrake.effects.relaxation import relaxed
 
 

@@ -3,7 +3,7 @@
 tau_i = torque_i (1 + growth_i t)
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def external(outside, angle, rate, bones, clock, torque, growth):

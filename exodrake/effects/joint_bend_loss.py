@@ -5,7 +5,7 @@ aim = command exp(-loss bend)
 
 from math import exp
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def aimed(aim, ahead, behind, bend, loss):

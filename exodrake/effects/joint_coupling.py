@@ -3,7 +3,7 @@
 aim_j = command_j + share command_k          k: the next joint along the chain, or the previous one
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def aimed_by_next(aim, ahead, behind, setting, share):

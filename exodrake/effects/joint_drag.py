@@ -3,7 +3,7 @@
 shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
 """
 
-from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.core.part import JOINTS, Effect, Number, State
 
 
 def shown(angle, share, reach, deflection):

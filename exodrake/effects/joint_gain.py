@@ -3,7 +3,7 @@
 aim = (1 + gain) command
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def aimed(aim, ahead, behind, setting, gain):

@@ -5,7 +5,7 @@ time_constant angle' = aim - angle
 
 from math import exp
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def followed(aim, before, dt, setting, time_constant):

@@ -3,7 +3,7 @@
 aim = command + offset
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def aimed(aim, ahead, behind, setting, offset):

@@ -3,7 +3,7 @@
 angle <- min(max(angle, aim - half_width), aim + half_width)
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def followed(aim, before, dt, setting, half_width):

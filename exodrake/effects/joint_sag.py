@@ -5,7 +5,7 @@ aim = command + sag cos(command)          sag: weight's torque of the level link
 
 from math import cos
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def aimed(aim, ahead, behind, setting, sag):

@@ -9,7 +9,7 @@ Capstan: the tension that friction can hold grows by exp(mu bend). With no sprea
 
 from math import exp
 
-from exodrake.block import JOINTS, Effect, Number, State
+from exodrake.core.part import JOINTS, Effect, Number, State
 from exodrake.effects.bristle import clipped
 
 STRANDS = 3.0

@@ -3,7 +3,7 @@
 q as seen = (1 + gain) q
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def seen(angle, gain):

@@ -3,7 +3,7 @@
 q as seen = q + offset
 """
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def seen(angle, offset):

@@ -5,7 +5,7 @@ q as seen = q + slip sin(2 q)
 
 from math import sin
 
-from exodrake.block import JOINTS, Effect, Number
+from exodrake.core.part import JOINTS, Effect, Number
 
 
 def seen(angle, slip):

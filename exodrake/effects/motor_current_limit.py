@@ -5,7 +5,7 @@ i = clip(Kp e + z, -limit, +limit)
 
 from math import inf
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def current_limit(nominal, limit):

@@ -3,7 +3,7 @@
 v = 0 where |v_ref| < width, else v_ref
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def command(speed, tension, width):

@@ -3,7 +3,7 @@
 torque on the rotor = r T_c / N + torque z          z: bristle over WIDTH of rotor angle
 """
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.bristle import bent
 
 WIDTH = 1.0  # rotor angle over which the friction turns round [rad]; assumed

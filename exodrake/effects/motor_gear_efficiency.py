@@ -5,7 +5,7 @@ felt = T_c efficiency^(-z)          z: bristle over WIDTH of rotor angle, +1 whi
 
 from math import exp, log
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.bristle import bent
 
 WIDTH = 2.0  # rotor angle over which the losses turn round [rad]; assumed

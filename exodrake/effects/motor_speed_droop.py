@@ -5,7 +5,7 @@
 
 from math import inf
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def command(speed, tension, limit, coefficient):

@@ -3,7 +3,7 @@
 r(s) = r (1 + growth s)          s = spool (1 + growth spool / 2)          torque = r(s) T
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def wound(spool, growth):

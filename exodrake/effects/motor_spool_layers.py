@@ -5,7 +5,7 @@ r = r0 (1 + growth m)          s = spool + growth (m spool - pitch m (m + 1) / 2
 
 from math import floor
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def layers(spool, pitch):

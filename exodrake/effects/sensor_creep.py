@@ -3,7 +3,7 @@
 F = T + y          time_constant y' = fraction T - y
 """
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.relaxation import relaxed
 
 

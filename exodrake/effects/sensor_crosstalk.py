@@ -3,7 +3,7 @@
 F_j = T_j + coefficient T_(j+1)          the last wire is followed by the first
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def mixed(load, following, coefficient):

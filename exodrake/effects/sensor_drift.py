@@ -3,7 +3,7 @@
 F = T + rate t          t from the start of the log
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def reading(tension, clock, rate):

@@ -3,7 +3,7 @@
 F = (1 + gain) T
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def reading(tension, clock, gain):

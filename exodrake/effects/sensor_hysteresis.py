@@ -3,7 +3,7 @@
 F = T + error z          z: bristle over a width of load
 """
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.bristle import bent
 
 

@@ -3,7 +3,7 @@
 time_constant F' = T - F
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def lag(nominal, time_constant):

@@ -3,7 +3,7 @@
 F = T + error T (T_s - T) / (T_s / 2)^2          T_s = 20 N full scale of tension
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
 

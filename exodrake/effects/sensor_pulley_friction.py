@@ -5,7 +5,7 @@ F = T (1 + exp(-mu pi slide)) / 2        slide -> +1 while the spool takes wire 
 
 from math import exp, pi
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def felt(tension, slide, mu):

@@ -7,7 +7,7 @@ z is advanced exactly over a change of stretch x.
 
 from math import exp
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 
 
 def yielded(z, change, width):

@@ -5,7 +5,7 @@ T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness
 
 from math import inf
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def elastic(tension, stretch, wire_stiffness, stiffness):

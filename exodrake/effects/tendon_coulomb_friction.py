@@ -3,7 +3,7 @@
 T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 while it gives wire back
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 from exodrake.effects.grip import gripped
 
 

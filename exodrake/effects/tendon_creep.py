@@ -5,7 +5,7 @@ T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
 
 from math import inf
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.relaxation import relaxed
 
 

@@ -3,7 +3,7 @@
 T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
 """
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.bristle import bent
 from exodrake.effects.grip import gripped
 

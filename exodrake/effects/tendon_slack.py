@@ -3,7 +3,7 @@
 T_c = max(0, k (s - l - length))
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 
 
 def stretch(extension, tension_finger, length):

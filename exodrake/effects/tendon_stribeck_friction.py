@@ -8,7 +8,7 @@ The level follows the speed with a short frictional memory (frictional lag: Arms
 
 from math import exp
 
-from exodrake.block import WIRES, Effect, Number, State
+from exodrake.core.part import WIRES, Effect, Number, State
 from exodrake.effects.grip import gripped
 from exodrake.effects.relaxation import relaxed
 

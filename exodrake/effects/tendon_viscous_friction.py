@@ -3,7 +3,7 @@
 T_d = T_c - coefficient v          v > 0 while the finger takes wire in
 """
 
-from exodrake.block import WIRES, Effect, Number
+from exodrake.core.part import WIRES, Effect, Number
 from exodrake.effects.grip import gripped
 
 

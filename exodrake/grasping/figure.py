@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.diagrams.robot import Robot
-from exodrake.figures import STYLE, colour_of, draw_estimate, draw_panel
+from exodrake.core.robot import Robot
+from exodrake.data.log import Log
+from exodrake.data.plot import STYLE, colour_of, draw_estimate, draw_panel
 from exodrake.grasping.contact import joints
 from exodrake.grasping.inverse import numbers_of
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
-from exodrake.log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

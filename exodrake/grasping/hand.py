@@ -11,8 +11,8 @@ from math import isfinite
 
 import numpy as np
 
-from exodrake.diagrams.machine import nearest
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
+from exodrake.core.machine import nearest
 from exodrake.systems.tendon_finger import Numbers
 
 FREE = 9.0  # rad, no limit

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.block import fields_of
-from exodrake.diagrams.robot import Robot
-from exodrake.identification.statics import arms, follow, posture
-from exodrake.identification.tensions import smooth
+from exodrake.core.part import fields_of
+from exodrake.core.robot import Robot
+from exodrake.simulation.tensions import smooth
 from exodrake.systems.finger import end_stop
+from exodrake.systems.finger_statics import arms, follow, posture
 from exodrake.systems.tendon_finger import Numbers
 
 RAMP = 40  # postures along the approach

@@ -11,15 +11,15 @@ from functools import partial
 
 import numpy as np
 
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.robot_file import load_robot
-from exodrake.diagrams.simulate import Reference
+from exodrake.core.robot import Robot
 from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
 from exodrake.grasping.inverse import holdable, numbers_of, project, ramped, reachable
 from exodrake.grasping.trial import confirmed, nominal
-from exodrake.identification.protocols import grasp
-from exodrake.identification.tensions import limits
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.protocols import grasp
+from exodrake.simulation.simulate import Reference
+from exodrake.simulation.tensions import limits
 from exodrake.systems.tendon_finger import Numbers
 
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import Recording, log_of, offsets, simulate
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.data.log import Log
+from exodrake.estimator.gp import Estimator
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import nominal
-from exodrake.identification.estimator.gp import Estimator
-from exodrake.log import Log
+from exodrake.simulation.simulate import Recording, log_of, offsets, simulate
 
 POINTS = 250  # of the quick estimator: seconds of training
 
@@ -24,7 +24,7 @@ def run_plan(plan: Plan, robot: Robot, estimator: Estimator, seed: int | None = 
 
     InputError for an estimator of other wires or joints.
     """
-    from exodrake.diagrams import drake
+    from exodrake.diagrams import diagram as drake
 
     lanes, reference = robot.machine.lanes, plan.reference(robot)
     if (estimator.wires, estimator.joints) != (lanes.wires, lanes.joints):
@@ -55,10 +55,10 @@ def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
 
     A kept one of other numbers, or a file that is none, is trained anew; nothing is written.
     """
-    from exodrake.identification.estimator.dataset import sweeps_from_logs
-    from exodrake.identification.estimator.file import load
-    from exodrake.identification.estimator.gp import fit
-    from exodrake.identification.protocols import sweeps
+    from exodrake.estimator.dataset import sweeps_from_logs
+    from exodrake.estimator.file import load
+    from exodrake.estimator.gp import fit
+    from exodrake.simulation.protocols import sweeps
 
     plain = nominal(robot)
     if cache is not None and cache.is_file():

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.diagrams.robot import Robot
-from exodrake.diagrams.simulate import simulate
-from exodrake.identification.protocols import grasp
-from exodrake.log import Log
+from exodrake.core.robot import Robot
+from exodrake.data.log import Log
+from exodrake.simulation.protocols import grasp
+from exodrake.simulation.simulate import simulate
 
 REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
 LAST = 0.5  # s at the end of the hold, over which a posture is read

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.errors import InputError
-from exodrake.identification.statics import arms, follow
+from exodrake.core.errors import InputError
+from exodrake.systems.finger_statics import arms, follow
 from exodrake.systems.tendon_finger import Numbers
 
 ROWS = 400  # rows of a log a fit looks at, equispaced: neighbours 20 ms apart say the same

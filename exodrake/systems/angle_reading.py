@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.block import JOINTS, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import JOINTS, Block, Output, Point, State, Task, Unit
 from exodrake.systems.rounding import rounded
 
 

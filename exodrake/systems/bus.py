@@ -3,7 +3,7 @@
 import sys
 from typing import NamedTuple
 
-from exodrake.block import WIRES, Block, Output, Point, State, Task
+from exodrake.core.part import WIRES, Block, Output, Point, State, Task
 
 
 class Numbers(NamedTuple):

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from typing import NamedTuple
 
-from exodrake.block import JOINTS, ONE, Block, Output, Point, State, Task
+from exodrake.core.part import JOINTS, ONE, Block, Output, Point, State, Task
 
 
 class Numbers(NamedTuple):

@@ -3,7 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.block import ONE, Block, Output, State, Task, Unit
+from exodrake.core.part import ONE, Block, Output, State, Task, Unit
 from exodrake.systems.rounding import rounded
 
 

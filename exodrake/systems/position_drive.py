@@ -10,7 +10,7 @@ with one frame to 3.3 %.
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.block import ONE, Block, Output, State, Task, Unit
+from exodrake.core.part import ONE, Block, Output, State, Task, Unit
 
 
 class Numbers(NamedTuple):

@@ -9,7 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.block import ONE, WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import ONE, WIRES, Block, Output, Point, State, Task, Unit
 from exodrake.systems.rounding import rounded
 
 

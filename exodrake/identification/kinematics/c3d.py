@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.errors import InputError
-from exodrake.files import read_bytes
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
+from exodrake.core.units import si_unit, to_si
 from exodrake.identification.kinematics.markers import Recording, checked
-from exodrake.units import si_unit, to_si
 
 
 def read_c3d(path: str | Path) -> Recording:

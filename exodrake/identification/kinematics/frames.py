@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.screws import motion
 
 FLATTEST = 2e-3  # m; a triangle lower than this does not fix the turn about its long side

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, across, joint_length, joint_points
 from exodrake.identification.kinematics.frames import SegmentMotion, mean_pose, place
 from exodrake.identification.kinematics.hinge import angle_about, centres, mean_axis, weight

@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.frames import Triad, kabsch, triad_of
 from exodrake.identification.kinematics.layout import SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording

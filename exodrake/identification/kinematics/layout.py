@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from exodrake.errors import InputError
-from exodrake.files import read_yaml
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_yaml
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")

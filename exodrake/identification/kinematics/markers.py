@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.errors import InputError
-from exodrake.files import read_bytes
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 
 HEADING = re.compile(r"^(?P<marker>.+)_(?P<axis>[xyz])\s*\[(?P<unit>[^\]]*)\]$")
 TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
@@ -53,7 +53,7 @@ def read_markers(path: str | Path) -> Recording:
 def parse_csv(data: bytes, source: str) -> Recording:
     """A recording from the text of a CSV file. InputError for a missing heading, unit, axis, or for time that does not
     rise."""
-    from exodrake.formats.csv import read_cells
+    from exodrake.data.formats.csv import read_cells
 
     lines = data.splitlines(keepends=True)
     headings, values = read_cells(b"".join(line for line in lines if not line.lstrip().startswith(b"#")), source)
@@ -102,7 +102,7 @@ FORMAT = (
 
 
 def _time(headings: list[str], values: np.ndarray, source: str) -> np.ndarray:
-    from exodrake.units import si_unit, to_si
+    from exodrake.core.units import si_unit, to_si
 
     for number, heading in enumerate(headings):
         found = TIME.match(heading)
@@ -114,7 +114,7 @@ def _time(headings: list[str], values: np.ndarray, source: str) -> np.ndarray:
 
 
 def _places(headings: list[str], values: np.ndarray, source: str) -> tuple[tuple[str, ...], np.ndarray]:
-    from exodrake.units import si_unit, to_si
+    from exodrake.core.units import si_unit, to_si
 
     columns: dict[str, dict[str, np.ndarray]] = {}
     for number, heading in enumerate(headings):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.files import write_bytes
+from exodrake.core.files import write_bytes
 from exodrake.identification.kinematics.identify import Joint, Kinematics
 from exodrake.identification.kinematics.layout import SEGMENTS
 
@@ -141,7 +141,7 @@ def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
 
 def write_all(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
     """Write files into a folder, made if absent, each by rename. InputError if the folder cannot be made or written."""
-    from exodrake.errors import InputError
+    from exodrake.core.errors import InputError
 
     target = Path(folder)
     try:

@@ -10,7 +10,7 @@ missing.
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 
 ORDER = 3
 

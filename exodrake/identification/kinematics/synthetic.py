@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, across
 from exodrake.identification.kinematics.frames import triad_of
 from exodrake.identification.kinematics.labels import Swap

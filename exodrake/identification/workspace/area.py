@@ -53,7 +53,7 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
 def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
     """Area by points drawn in the bounding box. Arguments as in `reach`; InputError as there, or for fewer than 100
     samples."""
-    from exodrake.errors import InputError
+    from exodrake.core.errors import InputError
 
     check(lengths, ranges)
     if samples < 100:

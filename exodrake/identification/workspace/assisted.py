@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from exodrake.errors import InputError
+from exodrake.core.errors import InputError
 from exodrake.identification.workspace.area import hulls
 from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges, tip
 
@@ -40,8 +40,8 @@ def assisted(robot, steps: int = 25) -> Assisted:
 
     Errors: InputError for fewer than 3 steps, or naming a tension under which a joint finds no balance.
     """
-    from exodrake.block import fields_of
-    from exodrake.identification.statics import posture
+    from exodrake.core.part import fields_of
+    from exodrake.systems.finger_statics import posture
     from exodrake.systems.tendon_finger import Numbers
 
     if steps < 3:

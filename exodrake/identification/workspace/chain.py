@@ -55,7 +55,7 @@ def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: fl
 
 def check(lengths, ranges: Ranges) -> None:
     """InputError for a bone without length or a range whose ends are in the wrong order."""
-    from exodrake.errors import InputError
+    from exodrake.core.errors import InputError
 
     for joint, length, (low, high) in zip(Ranges._fields, lengths, ranges, strict=True):
         if not length > 0:

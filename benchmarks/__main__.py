@@ -1,0 +1,42 @@
+"""`python -m benchmarks`: how fast this machine simulates."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.option(
+    "--json", "out", default=None, type=click.Path(path_type=Path, dir_okay=False), help="Also write the rows."
+)
+@click.option(
+    "--seconds", default=20.0, show_default=True, type=click.FloatRange(1.0, 600.0), help="Simulated per engine."
+)
+@click.option("--engines-only", is_flag=True, help="Leave out the figures of other modules.")
+def command(out: Path | None, seconds: float, engines_only: bool) -> None:
+    """Measure simulated seconds per second of the Drake Diagram, the compiled twin and a MultibodyPlant finger."""
+    import json
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from benchmarks.speed import bench
+    from exodrake.core.files import write_text
+
+    with Console(stderr=True).status("measuring") as status:
+        rows = bench(seconds, not engines_only, lambda text: status.update(f"measuring: {text}"))
+    table = Table("figure", "value", "unit", "target")
+    for column in table.columns[1:2]:
+        column.justify = "right"
+    for row in rows:
+        mark = "" if not row.target else " [green]met[/]" if row.met else " [red]missed[/]"
+        table.add_row(row.name, f"{row.value:.4g}", row.unit, row.target + mark)
+    Console().print(table)
+    if out:
+        write_text(out, json.dumps([{**asdict(row), "met": row.met} for row in rows], indent=1) + "\n")
+        click.echo(f"{out}: {len(rows)} rows")
+
+
+if __name__ == "__main__":
+    command()

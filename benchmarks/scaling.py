@@ -1,0 +1,224 @@
+"""What a diagnosis costs, and how it grows: with the length of the logs, kind of case, effects tried, number of cases.
+
+    python -m benchmarks.scaling            # some minutes; Markdown tables, as in docs/howto/cluster.md
+    python -m benchmarks.scaling number     # one of them
+
+Processor seconds of one thread rather than seconds on the clock, so that other work on the machine tells less. Each
+figure comes from a process of its own, which simulates a moment first so that nothing is compiled or loaded in
+what is measured; its peak memory is that of the whole process, Drake and numba included. Cases are from the second
+reality, their logs cut to length.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import resource
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from time import process_time
+from typing import Any
+from unittest.mock import patch
+
+import click
+import numpy as np
+
+from exodrake.blind.case_mix import CasePlan
+from exodrake.blind.make import case_and_label
+from exodrake.core.parallel import LocalPool, each, through
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.log import Log
+
+FRICTION = ("single", ("tendon.capstan_friction",))
+KINDS = {
+    "healthy": ("healthy", ()),
+    "one effect": FRICTION,
+    "two effects": ("pair", ("tendon.capstan_friction", "sensor.gain")),
+    "outside the library": ("unknown", ("outside.wire_snag",)),
+}
+SEED = 4711
+LENGTHS = (10.0, 20.0, 40.0, 60.0)  # s, of each log at most
+SHORT = 15.0  # s, for what does not need whole logs
+SHELVES = (5, 10, 20, 37)
+MANY = (4, 16)
+MOMENT = 3.0  # s
+MEGABYTE = 2**20 if sys.platform == "darwin" else 2**10  # of what getrusage counts in
+
+
+@dataclass(frozen=True)
+class Cost:
+    """One diagnosis: verdict, processor time [s], peak memory of its process [MB]."""
+
+    verdict: str
+    seconds: float
+    memory: float
+
+
+def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
+    """A case of the second reality."""
+    return case_and_label(CasePlan("case", (SEED, 1), *kind, False))[0]
+
+
+def faultless() -> Case:
+    """A case of the model itself with its nominal numbers, which is diagnosed at once."""
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.simulation.protocols import random_motion
+    from exodrake.simulation.simulate import Reference, simulate
+
+    robot, logs = load_robot(), []
+    for seed, role in enumerate(("fit", "holdout")):
+        log = simulate(robot, Reference(random_motion(robot, seed=seed).tension, role), seed=seed)
+        logs.append(CaseLog(log, role, role, None, f"{role}.csv"))
+    return Case("faultless", {}, tuple(logs))
+
+
+def cut(case: Case, seconds: float) -> Case:
+    """The case with every log ended early."""
+    return replace(case, logs=tuple(replace(item, log=shortened(item.log, seconds)) for item in case.logs))
+
+
+def shortened(log: Log, seconds: float) -> Log:
+    """The first seconds of a log."""
+    kept = log.time <= log.time[0] + seconds
+    return replace(log, time=log.time[kept], signals={name: values[kept] for name, values in log.signals.items()})
+
+
+def cost(case: Case, shelf: int | None = None) -> Cost:
+    """Cost of one diagnosis; `shelf`: how many effects it may try, all of the shelf for None."""
+    from exodrake.diagnosis import diagnose
+
+    load_everything(case)
+    begun = process_time()
+    with trying(shelf):
+        verdict = diagnose(case).verdict
+    return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
+
+
+def load_everything(case: Case) -> None:
+    """Has the compiled code and Drake loaded by a moment's simulation."""
+    from exodrake.diagnosis.closure import measure
+    from exodrake.diagnosis.problem import make_problem
+    from exodrake.machines.robot_file import load_robot
+
+    nominal = load_robot()
+    problem = make_problem(cut(case, MOMENT), nominal)
+    problem.residual(problem.silent()[None], problem.fit)
+    measure(problem, nominal, nominal, nominal)
+
+
+def trying(shelf: int | None) -> Any:
+    """Context in which only some effects are tried, the true one among them: a diagnosis itself has no such choice."""
+    from exodrake.diagnosis import screen
+
+    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:shelf]
+    return patch.object(screen, "COMMON", frozenset(tried))
+
+
+def common() -> list[str]:
+    """Ids of the effects that a diagnosis tries."""
+    from exodrake.diagnosis.vocabulary import COMMON
+    from exodrake.machines.robot_file import load_robot
+
+    return [effect.id for effect in load_robot().machine.shelf if effect.id in COMMON]
+
+
+def costs(tasks: list[tuple]) -> Iterator[Cost]:
+    """Costs, each in a process of its own."""
+    for task in tasks:
+        (found,) = through(LocalPool(1), cost, [task])
+        if found.reason is not None:
+            raise RuntimeError(found.trace)
+        yield found.value
+
+
+def spent() -> float:
+    """Processor time of this process and of those it has ended [s]."""
+    whole = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in whole)
+
+
+def throughput(case: Case, many: int, jobs: int) -> float:
+    """Processor seconds for one case many times, the start of the processes included."""
+    begun = spent()
+    for item in each(verdict_of, ((case,) for _ in range(many)), jobs):
+        assert item.reason is None, item.reason
+    return spent() - begun
+
+
+def verdict_of(case: Case) -> str:
+    """A diagnosis where it is run."""
+    from exodrake.diagnosis import diagnose
+
+    return diagnose(case).verdict
+
+
+def row(*cells: object) -> None:
+    """Prints one line of a table."""
+    click.echo("| " + " | ".join(f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells) + " |")
+
+
+def table(*heads: str) -> None:
+    """Prints the head of a table."""
+    click.echo("\n| " + " | ".join(heads) + " |\n|" + "---|" * len(heads))
+
+
+def growth(x: list[float], y: list[float]) -> float:
+    """Exponent of a power law through points: 1 for proportional."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def by_length(friction: Case) -> None:
+    """Cost over the length of the logs."""
+    table("logs of at most [s]", "frames fitted", "verdict", "processor seconds", "peak memory [MB]")
+    frames, seconds = [], []
+    for length, found in zip(LENGTHS, costs([(cut(friction, length),) for length in LENGTHS])):
+        fitted = sum(len(item.log.time) for item in cut(friction, length).fit_logs if item.repeats is None)
+        row(f"{length:g}", fitted, found.verdict, found.seconds, round(found.memory))
+        frames.append(float(fitted))
+        seconds.append(found.seconds)
+    click.echo(f"\nGrows as the {growth(frames, seconds):.2f}th power of the frames fitted.")
+
+
+def by_kind(_: Case) -> None:
+    """Cost over the kind of case."""
+    table(f"case, logs of {SHORT:g} s", "verdict", "processor seconds", "peak memory [MB]")
+    for name, found in zip(KINDS, costs([(cut(drawn(kind), SHORT),) for kind in KINDS.values()])):
+        row(name, found.verdict, found.seconds, round(found.memory))
+
+
+def by_shelf(friction: Case) -> None:
+    """Cost over the number of effects that may be tried."""
+    table(f"effects tried, logs of {SHORT:g} s", "verdict", "processor seconds")
+    for many, found in zip(SHELVES, costs([(cut(friction, SHORT), many) for many in SHELVES])):
+        row(many, found.verdict, found.seconds)
+
+
+def by_number(_: Case) -> None:
+    """Cost over the number of cases, in one process and in two."""
+    moment = cut(faultless(), MOMENT)
+    table(f"faultless cases of {MOMENT:g} s", "processor seconds in one process", "in two", "each, in one")
+    throughput(moment, 1, 1)  # so that neither loads what the other does not
+    for many in MANY:
+        alone, together = throughput(moment, many, 1), throughput(moment, many, 2)
+        row(many, alone, together, alone / many)
+
+
+TABLES = {"length": by_length, "kind": by_kind, "shelf": by_shelf, "number": by_number}
+
+
+@click.command()
+@click.argument("tables", nargs=-1, type=click.Choice(list(TABLES)))
+def main(tables: tuple[str, ...]) -> None:
+    """Measure what a diagnosis costs and print Markdown tables, all or some."""
+    load = ", ".join(f"{value:.1f}" for value in os.getloadavg())
+    click.echo(
+        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}; load before: {load}."
+    )
+    friction = drawn(FRICTION)
+    for name in tables or TABLES:
+        TABLES[name](friction)
+
+
+if __name__ == "__main__":
+    main()

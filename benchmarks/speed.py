@@ -1,0 +1,175 @@
+"""How fast this machine simulates: rows of name, value, unit and, where there is one, the target."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from time import perf_counter
+
+import numpy as np
+
+from exodrake.compiled.compose import compile_machine
+from exodrake.core.robot import Robot
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import NOTHING, Chance, Reference, prepared, state_size, wire_count
+
+SPEED = "simulated s / s"
+ELSEWHERE = ("benchmarks.estimator", "benchmarks.diagnosis")
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measured figure. `least`, `most`: its target, None where there is none."""
+
+    name: str
+    value: float
+    unit: str
+    least: float | None = None
+    most: float | None = None
+
+    @property
+    def target(self) -> str:
+        """The target in words."""
+        if self.least is not None:
+            return f"≥ {self.least:g}"
+        return f"≤ {self.most:g}" if self.most is not None else ""
+
+    @property
+    def met(self) -> bool:
+        """Whether the figure meets its target."""
+        return (self.least is None or self.value >= self.least) and (self.most is None or self.value <= self.most)
+
+
+def best(function: Callable[[], object], repeats: int) -> float:
+    """Least wall time of some calls [s], after one that is not counted."""
+    function()
+    least = math.inf
+    for _ in range(repeats):
+        start = perf_counter()
+        function()
+        least = min(least, perf_counter() - start)
+    return least
+
+
+def wavy(seconds: float) -> Reference:
+    """Tension references that keep all wires busy."""
+    time = 0.02 * np.arange(round(seconds / 0.02))[:, None]
+    centre, swing, rate = np.array([5.0, 3.5, 2.0]), np.array([4.0, 3.0, 1.7]), np.array([0.11, 0.17, 0.23])
+    return Reference(centre + swing * np.sin(2 * np.pi * rate * time), "bench")
+
+
+def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -> float:
+    """Simulated seconds per wall second of the compiled twin: rows of numbers one after another, or on all cores."""
+    machine, module = robot.machine, compile_machine(robot.machine)
+    chance = Chance.draw(len(reference.tension), 1, machine)
+    given = (reference.tension, chance.tension, chance.angle, chance.lottery)
+    numbers = np.tile(prepared(robot), (rows, 1))
+    records = np.zeros((rows, len(reference.tension), wire_count(machine)))
+
+    def one_after_another() -> None:
+        for row, recording in zip(numbers, records, strict=True):
+            state, wires = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
+            module.begin(row, state)
+            module.run(row, state, wires, *given, machine.slot, 1, recording, NOTHING, NOTHING)
+
+    def at_once() -> None:
+        module.batch(numbers, state_size(machine), *given, machine.slot, 1, records, NOTHING)
+
+    return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
+
+
+def engine_rows(robot: Robot, seconds: float) -> list[Row]:
+    """Speeds of the engines, of a MultibodyPlant finger in the same run, and their ratios."""
+    from benchmarks.diagram import diagram_speed, multibody_speed
+
+    reference, rows = wavy(1.1 * seconds), 4 * (os.cpu_count() or 1)
+    fused = diagram_speed(robot, reference, True, seconds)
+    parts = diagram_speed(robot, reference, False, seconds)
+    compiled = compiled_speed(robot, reference, rows, batch=False)
+    batch = compiled_speed(robot, reference, rows, batch=True)
+    discrete, discrete_apart = multibody_speed(robot, reference, robot.machine.slot, seconds)
+    continuous, continuous_apart = multibody_speed(robot, reference, 0.0, seconds / 4)
+    return [
+        Row("Diagram, parts before the bus in one leaf", fused, SPEED, least=100),
+        Row("Diagram, a leaf per part", parts, SPEED),
+        Row("compiled twin, one core", compiled, SPEED),
+        Row(f"compiled twin, batch on {os.cpu_count()} cores", batch, SPEED),
+        Row("MultibodyPlant finger alone, wires in a Python leaf, 2 ms", discrete, SPEED),
+        Row("  RMS of its angles from ours", discrete_apart, "rad"),
+        Row("MultibodyPlant finger alone, wires in a Python leaf, continuous", continuous, SPEED),
+        Row("  RMS of its angles from ours", continuous_apart, "rad"),
+        Row("compiled / Diagram", compiled / fused, "-", least=20),
+        Row("batch / compiled", batch / compiled, "-", least=1.7),
+        Row("Diagram / MultibodyPlant finger alone, 2 ms", fused / discrete, "-"),
+        Row("Diagram / MultibodyPlant finger alone, continuous", fused / continuous, "-", least=3),
+    ]
+
+
+def wall(*command: str) -> float:
+    """Wall time of a command of a new process [s]."""
+    start = perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return perf_counter() - start
+
+
+def session_rows(robot: Robot) -> list[Row]:
+    """What a user waits for."""
+    from exodrake.simulation.simulate import simulate
+
+    call = "import exodrake as exo; exo.simulate(exo.load_robot(), exo.Reference([[5, 3, 1]] * 500))"
+    reference = Reference(np.tile([5.0, 3.0, 1.0], (500, 1)))
+    return [
+        Row("first simulate (10 s) in a new session, imports included", wall(sys.executable, "-c", call), "s"),
+        Row("later simulate (10 s)", best(lambda: simulate(robot, reference), 5), "s"),
+        Row("exodrake --help", min(wall(sys.executable, "-m", "exodrake", "--help") for _ in range(4)), "s", most=0.4),
+    ]
+
+
+def other_rows() -> list[Row]:
+    """Figures of other modules that bring a bench of their own, with a function `rows()` (see `as_row`)."""
+    found = []
+    for module in ELSEWHERE:
+        if _exists(module):
+            found += [as_row(item) for item in import_module(module).rows()]
+    return found
+
+
+def _exists(module: str) -> bool:
+    try:
+        return find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def as_row(item: object) -> Row:
+    """A Row from what another module's bench gives: a Row, a mapping, or a tuple (name, value, unit)."""
+    if isinstance(item, Row):
+        return item
+    if isinstance(item, dict):
+        return Row(item["name"], float(item["value"]), item["unit"], item.get("least"), item.get("most"))
+    assert isinstance(item, Iterable)
+    name, value, unit, *_ = item
+    return Row(str(name), float(value), str(unit))
+
+
+def bench(seconds: float = 20.0, others: bool = True, tell: Callable[[str], object] = lambda text: None) -> list[Row]:
+    """All rows.
+
+    Args:
+        seconds: simulated per engine. others: whether other modules' figures are wanted. tell: hears what is measured.
+    """
+    robot = load_robot()
+    tell("engines")
+    rows = engine_rows(robot, seconds)
+    tell("sessions")
+    rows += session_rows(robot)
+    if others:
+        tell("other modules")
+        rows += other_rows()
+    return rows

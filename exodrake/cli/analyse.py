@@ -1,0 +1,146 @@
+"""`exodrake analyse`: step response, poles, margins, stability map and frequency response of a robot's closed loop."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from exodrake.analysis.closed_loop import ClosedLoop
+    from exodrake.core.robot import Robot
+
+MANY = {"multiple": True, "metavar": "TEXT"}
+FIGURES = {
+    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain margin": "-", "phase": "deg", "delay": "ms",
+}  # fmt: skip
+SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
+
+
+@click.command()
+@click.option("--robot", "file", default="exo_index", metavar="FILE", help="Robot file, or name of a built-in robot.")
+@click.option("--set", "numbers", **MANY, help="A number: controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
+@click.option("--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]. Repeatable.")
+@click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")
+@click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: tension references [N].")
+@click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for figures and analysis.json.")
+@click.option("--json", "target", type=click.Path(path_type=Path), default=None, help="File for all numbers.")
+@click.option(
+    "--to-control",
+    "model",
+    type=click.Path(path_type=Path),
+    default=None,
+    help="NPZ with A, B, C, D, dt and names for python-control.",
+)
+def command(file, numbers, effects, parts, at, seed, out, target, model) -> None:
+    """How stable and how fast the tension loop of a robot is, seen once a 20 ms frame.
+
+    Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
+    """
+    from rich.console import Console
+
+    from exodrake.analysis.closed_loop import analyse
+    from exodrake.analysis.figures import figures_of
+    from exodrake.analysis.numbers import closed_loop_numbers, model_bytes
+    from exodrake.core.files import write_bytes
+
+    robot, point = robot_of(file, numbers, effects, parts), point_of(at)
+    with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
+        result = analyse(robot, point, seed)
+        text = (json.dumps(closed_loop_numbers(result), indent=1, allow_nan=False) + "\n").encode()
+        contents = {out / name: png for name, png in figures_of(result).items()} if out else {}
+        contents |= {out / "analysis.json": text} if out else {}
+        contents |= {target: text} if target else {}
+        contents |= {model: model_bytes(result)} if model else {}
+    make_folder(out)
+    for path, data in contents.items():
+        write_bytes(path, data)
+    show(result)
+    if contents:
+        click.echo("wrote " + ", ".join(str(path) for path in contents))
+
+
+def robot_of(file: str, numbers: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+    """The robot that the options ask for: parts, then numbers, then effects."""
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.simulation.scenario import lanes_of, parse_effect, parse_number
+
+    robot = load_robot(file)
+    for part in parts:
+        robot = robot.with_part(part)
+    robot = robot.with_numbers(dict(parse_number(text, robot) for text in numbers))
+    for text in effects:
+        identity, given = parse_effect(text, robot)
+        robot = robot.splice(identity, given, lanes_of(given))
+    return robot
+
+
+def point_of(text: str) -> dict[str, float] | None:
+    """`AF=4,MF=3,AE=1` as references [N]; None if empty. InputError naming what is not of that form."""
+    from exodrake.core.errors import InputError
+
+    found: dict[str, float] = {}
+    for item in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, value = (part.strip() for part in item.partition("="))
+        try:
+            if not equals or name in found:
+                raise ValueError
+            found[name] = float(value)
+        except ValueError:
+            raise InputError(f"--at: {item!r} is not WIRE=NEWTON, each wire once") from None
+    return found or None
+
+
+def make_folder(out: Path | None) -> None:
+    """Makes the folder of the results. InputError if that cannot be."""
+    from exodrake.core.errors import InputError
+
+    try:
+        if out:
+            out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made ({error.strerror})") from None
+
+
+def show(result: ClosedLoop) -> None:
+    """The main numbers as tables."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    wires = Table("wire", *(f"{name}\n\\[{unit}]" for name, unit in FIGURES.items()))
+    for step, response, m in zip(result.steps, result.responses, result.margins):
+        row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
+        margin = (m.gain_margin, 57.29577951308232 * m.phase_margin, 1e3 * m.delay_margin)
+        wires.add_row(step.wire, *(f"{v:.2f}" for v in row), *(f"{v:.3g}" for v in margin))
+    poles = Table("|z|", "z", "frequency\n\\[Hz]", "damping\n\\[-]", "decays in\n\\[s]", "most in")
+    for pole in result.model.poles():
+        if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
+            place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
+            rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping, pole.time_constant))
+            poles.add_row(f"{abs(pole.z):.4f}", place, *rest, pole.state)
+    for table in (wires, poles):
+        console.print(table)
+    click.echo(verdict(result))
+    for note in result.notes:
+        click.echo(f"note: {note}")
+
+
+def verdict(result: ClosedLoop) -> str:
+    """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
+    import math
+
+    radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
+    if result.kinked:
+        return (
+            f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
+        )
+    text = f"spectral radius {radius:.4f} per frame: {word}"
+    if result.stable and not result.returns:
+        text += ", yet a kick of 0.1 N does not die out"
+    if result.stable and result.latency and math.isfinite(result.latency.limit):
+        text += f"; stable up to {result.latency.limit:.2f} frames of added command latency"
+    return text

@@ -1,0 +1,75 @@
+"""`exodrake blind`: make, run and score withheld cases from a second, independent simulator."""
+
+from pathlib import Path
+
+import click
+
+from exodrake.core.progress import counted, where_to_run
+
+
+@click.group()
+def command() -> None:
+    """Make, seal and score cases from a second, independent simulator."""
+
+
+@command.command(short_help="Write the logs of drawn robots, their labels sealed apart.")
+@click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
+@click.option("--cases", required=True, type=click.IntRange(min=1), help="How many.")
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")
+@click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
+@where_to_run
+def make(seed: int, cases: int, out: Path, labels: Path | None, jobs: int, cluster: str | None) -> None:
+    """Draw robots from the second reality and write their logs; the labels are sealed apart.
+
+    The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
+    """
+    from exodrake.blind.make import make as make_set
+
+    with counted("making") as count:
+        path = make_set(out, seed, cases, labels, jobs, cluster=cluster, progress=count)
+    click.echo(f"{cases} cases in {out}; labels in {path}, sealed in {out / 'seal.txt'}")
+
+
+@command.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@where_to_run
+@click.option("--redo", is_flag=True, help="Answer anew what another version or other thresholds answered.")
+def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
+    """Diagnose every case of FOLDER that has no diagnosis yet.
+
+    Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
+    that fails leaves its reason in failed.json, and is tried again.
+    """
+    from exodrake.blind.run import run as run_set
+
+    with counted("diagnosing") as count:
+        failed = run_set(folder, jobs, cluster, count, redo)
+    for name, reason in failed.items():
+        click.echo(f"{name}: {reason}", err=True)
+    if failed:
+        raise SystemExit(1)
+
+
+@command.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
+@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write the score as JSON.")
+@click.option("--markdown", type=click.Path(path_type=Path), default=None, help="Write the score as Markdown.")
+def score(folder: Path, labels: Path, json_file: Path | None, markdown: Path | None) -> None:
+    """Check the seal and hold the diagnoses of FOLDER against the labels."""
+    import json
+
+    from rich.console import Console
+
+    from exodrake.blind.score import score as score_set
+    from exodrake.blind.score_table import as_json, as_markdown, as_table, confusion_table
+    from exodrake.core.files import write_text
+
+    result = score_set(folder, labels)
+    console = Console()
+    console.print(as_table(result))
+    console.print(confusion_table(result))
+    if json_file:
+        write_text(json_file, json.dumps(as_json(result), indent=1) + "\n")
+    if markdown:
+        write_text(markdown, as_markdown(result))

@@ -1,0 +1,143 @@
+"""`exodrake demo`: from a robot with a hidden fault to its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from exodrake.diagnosis.result import Diagnosis
+
+GRASP = "caging"
+CASE, LABELS, SEAL = "case", "label.json", "seal.txt"
+
+
+@click.command()
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
+@click.option("--out", type=click.Path(path_type=Path), default=Path("demo"), show_default=True, help="Folder.")
+def command(seed: int, out: Path) -> None:
+    """Simulate a grasp, hide a fault in a second, independent simulator, and find it from logs alone."""
+    from rich.console import Console
+
+    from exodrake.cli.simulate import check_folder
+
+    check_folder(out)
+    fresh(out)
+    console = Console(highlight=False)
+    chapter(console, 1, "A grasp of the nominal robot", "The model closes an index finger by three wires.")
+    grasp(console, out / "grasp")
+    chapter(console, 2, "A robot with a hidden fault", HIDDEN)
+    hide(console, out, seed)
+    chapter(console, 3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
+    found = diagnose(out)
+    chapter(console, 4, "The envelope", "Now the label is read, and checked against its seal.")
+    reveal(console, out, found)
+    console.print(f"\n[bold]look at[/bold]  {out / 'grasp' / 'recording.html'}   the finger in 3D", soft_wrap=True)
+    console.print(f"         {out / 'report.html'}   the diagnosis", soft_wrap=True)
+    console.print(f"         {out / 'robot.yaml'}   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
+
+
+HIDDEN = (
+    "Another simulator, with other equations, other numbers within 3 % and one effect that the nominal robot lacks, "
+    "writes five logs. What it hides is sealed."
+)
+
+
+def chapter(console: Console, number: int, title: str, words: str) -> None:
+    """Heading of a chapter, and what happens in it."""
+    from rich.padding import Padding
+
+    console.print(f"\n[bold]{number}  {title}[/bold]")
+    console.print(Padding(f"[dim]{words}[/dim]", (0, 0, 0, 3)))
+
+
+def fresh(out: Path) -> None:
+    """InputError if an earlier demo lies in the folder: a sealed case is not made over."""
+    from exodrake.core.errors import InputError
+
+    if (out / CASE).exists() or (out / LABELS).exists():
+        raise InputError(f"{out}: holds an earlier demo; name another folder with --out, or remove it")
+
+
+def grasp(console: Console, folder: Path) -> None:
+    """Simulates a grasp; writes log, figure and Meshcat page."""
+    from exodrake.cli.simulate import files_of, write_folder
+    from exodrake.simulation.scenario import Scenario
+
+    with console.status("simulating (the first run compiles for half a minute)") as status:
+        asked = Scenario(GRASP)
+        robot, log = asked.run()
+        contents = files_of(asked, robot, log, GRASP, status.update)
+        write_folder(folder, log, contents)
+    angles = log.array("angle")
+    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.lanes.joints, angles.max(axis=0)))
+    console.print(f"   {GRASP} for {log.duration:.0f} s: {reached}")
+
+
+def hide(console: Console, out: Path, seed: int) -> None:
+    """Makes one case with one effect in the second reality; its label goes into a sealed file."""
+    from exodrake.blind.commitment import write_sealed
+    from exodrake.blind.make import make_case
+    from exodrake.blind.simulator import warm_up
+
+    with console.status("the second reality runs"):
+        warm_up()
+        label = make_case(planned(seed), out)
+        write_sealed({CASE: label}, out / LABELS, out / SEAL)
+    seal = (out / SEAL).read_text()[:16]
+    console.print(f"   five logs in {out / CASE}, label sealed as {seal}…", soft_wrap=True)
+
+
+def planned(seed: int) -> Any:
+    """The plan of a case with a single effect, drawn by the seed."""
+    import numpy as np
+
+    from exodrake.blind.case_mix import CasePlan
+    from exodrake.blind.catalogue import LIBRARY
+
+    identity = str(np.random.default_rng([seed, 0]).choice(list(LIBRARY)))
+    return CasePlan(CASE, (seed, 1), "single", (identity,), False)
+
+
+def diagnose(out: Path) -> Diagnosis:
+    """Diagnoses the case, prints the summary and writes report, answer and robot."""
+    from exodrake.cli.diagnose import contents_of, progress_bar, write_all
+    from exodrake.data.case import read_case
+    from exodrake.diagnosis.pipeline import diagnose
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.report.summary import print_summary
+
+    case, nominal = read_case(out / CASE), load_robot()
+    with progress_bar() as say:
+        found = diagnose(case, nominal, progress=say)
+        say("drawing the report")
+        contents = contents_of(found, case, nominal, out / "diagnosis.json", out / "report.html", out / "robot.yaml")
+    print_summary(found)
+    write_all(contents)
+    return found
+
+
+def reveal(console: Console, out: Path, found: Diagnosis) -> None:
+    """Opens the label, and says whether the verdict was right."""
+    from exodrake.blind.commitment import read_sealed
+    from exodrake.blind.matching import accepted_ids, found_ids
+
+    label = read_sealed(out / LABELS, out / SEAL)[CASE]
+    for truth in label["effects"]:
+        seat = " and ".join((*truth["wires"], *truth["joints"]))
+        numbers = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
+        console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({numbers}, SI)")
+        right = bool(accepted_ids(truth) & found_ids(found.to_json()))
+        said = f"the verdict was {found.verdict}"
+        missed = f"[red]not named[/red]: {said}; among the candidates it is {place_of(truth['id'], found)}"
+        console.print(f"   [green]found[/green]: {said}" if right else f"   {missed}")
+
+
+def place_of(identity: str, found: Diagnosis) -> str:
+    """Place of an effect among the candidates, in words."""
+    names = [candidate.id for candidate in found.candidates]
+    return f"number {names.index(identity) + 1} of {len(names)}" if identity in names else "not listed"

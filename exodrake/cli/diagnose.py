@@ -1,0 +1,176 @@
+"""`exodrake diagnose`: where, which and how far, from a case folder."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+    from exodrake.diagnosis.result import Diagnosis
+
+FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+# how far a diagnosis is when a step begins [%], by the step's first words; other steps are candidates
+STEPS = {
+    "measuring the gap": 2, "retuning": 8, "screening": 15, "refining": 60, "a second effect": 70,
+    "measuring how far": 90, "where": 95, "drawing": 98,
+}  # fmt: skip
+CANDIDATE = 3  # % for each candidate
+
+
+@click.command()
+@click.argument("cases", nargs=-1, required=True, metavar="CASE...")
+@click.option("--json", "json_file", **FILE, help="Write the answer as JSON, in SI.")
+@click.option("--report", **FILE, help="Write a report as one HTML page.")
+@click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
+@click.option("--robot", default="", metavar="FILE", help="Nominal robot: a file, or the name of a built-in robot.")
+@click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
+@click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
+@click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
+def command(
+    cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
+    jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
+) -> None:  # fmt: skip
+    """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
+
+    CASE is a folder of logs (see its case.yaml) or one log file. Several are diagnosed side by side, one core each,
+    into --out: FOLDER/CASE/diagnosis.json as soon as it is there; the same command goes on where it was interrupted.
+    """
+    if len(cases) != 1 or out is not None:
+        from exodrake.cli.diagnose_many import diagnose_many
+
+        refuse_files(json_file, report, out_robot)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo)
+    if cluster or redo:
+        raise click.UsageError("--cluster and --redo are for several cases, with --out")
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs)
+
+
+def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
+    """UsageError for files that hold one answer."""
+    for name, path in (("--json", json_file), ("--report", report), ("--out-robot", out_robot)):
+        if path is not None:
+            raise click.UsageError(f"{name} is for one case; several are written to --out")
+
+
+def diagnose_case(
+    case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None
+) -> None:
+    """One case: summary and files."""
+    from exodrake.data.case import read_case
+    from exodrake.diagnosis.problem import required_of
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.report.summary import print_summary
+
+    for path in (json_file, report, out_robot):
+        check_target(path)
+    limit_cores(jobs)
+    nominal = load_robot(robot) if robot else load_robot()
+    read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
+    with progress_bar() as say:
+        from exodrake.diagnosis.pipeline import diagnose
+
+        found = diagnose(read, nominal, progress=say)
+        say("drawing the report")
+        contents = contents_of(found, read, nominal, json_file, report, out_robot)
+    print_summary(found)
+    write_all(contents)
+
+
+def check_target(path: Path | None) -> None:
+    """InputError before a minute's work if a file could not be written in the end."""
+    from exodrake.core.errors import InputError
+
+    if path is None:
+        return
+    if path.is_dir():
+        raise InputError(f"{path}: a folder, wanted a file")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: no folder {str(path.parent)!r} to write it into")
+    if not os.access(path.parent, os.W_OK):
+        raise InputError(f"{path}: its folder takes no files")
+
+
+def limit_cores(jobs: int | None) -> None:
+    """Holds compiled loops and linear algebra to some cores; as many as there are for None."""
+    if jobs is None:
+        return
+    import numba
+    from threadpoolctl import threadpool_limits
+
+    numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
+    threadpool_limits(jobs)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str], None]]:
+    """A bar on standard error with what is being done; yields the function that is told each step."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        task = bar.add_task("reading", total=100)
+        done = 0.0
+
+        def say(step: str) -> None:
+            nonlocal done
+            done = advance(done, step)
+            bar.update(task, completed=done, description=step)
+
+        yield say
+
+
+def advance(done: float, step: str) -> float:
+    """Per cent done when a step begins: as its first words say, else a candidate's worth further; never back."""
+    known = next((at for words, at in STEPS.items() if step.startswith(words)), None)
+    return max(done, float(known)) if known is not None and known > done else max(done, min(done + CANDIDATE, 97.0))
+
+
+def contents_of(
+    found: Diagnosis, case, nominal: Robot, json_file: Path | None, report: Path | None, out_robot: Path | None
+) -> dict[Path, str]:
+    """Texts of all files asked for, made before any is written."""
+    import json
+
+    contents = {}
+    if json_file is not None:
+        contents[json_file] = json.dumps(found.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if report is not None:
+        from exodrake.diagnosis.problem import make_problem
+        from exodrake.report.html import report_html
+
+        contents[report] = report_html(found, make_problem(case, nominal))
+    if out_robot is not None:
+        contents[out_robot] = robot_text(found)
+    return contents
+
+
+def robot_text(found: Diagnosis) -> str:
+    """The robot file: the improved robot; for an unknown effect the retuned one, since no candidate is accepted."""
+    from tempfile import TemporaryDirectory
+
+    from exodrake.diagnosis.result import UNKNOWN
+    from exodrake.machines.robot_file import write_robot
+
+    kept = found.robots["retuned" if found.verdict == UNKNOWN else "improved"]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.yaml"
+        write_robot(kept, path, notes=f"{found.verdict}, fitted to {found.case} by exodrake diagnose")
+        return path.read_text()
+
+
+def write_all(contents: dict[Path, str]) -> None:
+    """Writes the files, each whole or not at all, and says where they are."""
+    from exodrake.core.files import write_text
+
+    for path, text in contents.items():
+        write_text(path, text)
+        click.echo(f"written {path}")

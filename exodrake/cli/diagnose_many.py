@@ -1,0 +1,63 @@
+"""`exodrake diagnose` of several cases: an answer for each in a folder, and a table of the verdicts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from exodrake.core.errors import InputError
+
+
+def diagnose_many(
+    cases: tuple[str, ...], out: Path | None, robot: str, jobs: int, cluster: str | None, redo: bool
+) -> None:
+    """Diagnoses cases side by side. Exit status 1 if some fail; UsageError or InputError before the work starts."""
+    from rich.console import Console
+
+    from exodrake.core.progress import counted
+    from exodrake.diagnosis.many import diagnose_all, stored
+
+    if out is None:
+        raise click.UsageError("several cases need --out FOLDER")
+    places = places_of(cases, out)
+    with counted("diagnosing") as count:
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot)
+    Console().print(verdicts({place.name: stored(place) for place in places.values()}))
+    for name, reason in failed.items():
+        click.echo(f"{name}: {reason}", err=True)
+    if failed:
+        raise SystemExit(1)
+
+
+def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
+    """Case -> folder for its answer. InputError for a case that is not there, and for two of one name."""
+    from exodrake.data.formats.table import stem
+
+    places: dict[Path, Path] = {}
+    for name in cases:
+        case = Path(name)
+        if not case.exists():
+            raise InputError(f"{name}: no such folder")
+        place = out / (case.resolve().name if case.is_dir() else stem(name))
+        twin = next((other for other, taken in places.items() if taken == place), None)
+        if twin is not None:
+            raise InputError(f"{name}: has the same name as {twin}, and so would its answer")
+        places[case] = place
+    return places
+
+
+def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
+    """Table of case, verdict, effects and closure."""
+    from rich.table import Table
+
+    table = Table("case", "verdict", "effects", "closure")
+    for name, answer in answers.items():
+        if answer is None:
+            table.add_row(name, "[red]failed[/red]", "", "")
+            continue
+        effects = ", ".join(effect["id"] for effect in answer["effects"])
+        value = answer["closure"]["overall"]["value"] if effects else None
+        table.add_row(name, answer["verdict"], effects, "" if value is None else f"{value:.3f}")
+    return table

@@ -1,0 +1,22 @@
+"""`exodrake draw`: the robot's parts, wires and slots as an SVG."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@click.option("--out", default="wiring.svg", show_default=True, type=click.Path(path_type=Path, dir_okay=False))
+def command(robot: str, out: Path) -> None:
+    """Draw the robot's wiring: parts, wires with their units, and the tasks in the slots of a frame."""
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_text
+    from exodrake.diagrams.block_diagram import wiring_svg
+    from exodrake.machines.robot_file import load_robot
+
+    machine = load_robot(robot).machine
+    if out.suffix.lower() != ".svg":
+        raise InputError(f"{out}: the drawing is an SVG; name it {out.with_suffix('.svg')}")
+    write_text(out, wiring_svg(machine))
+    click.echo(f"{out}: {len(machine.blocks)} parts, {len(machine.wires)} wires")

@@ -1,0 +1,130 @@
+"""`exodrake effects`: the shelf of what the nominal robot leaves out, and the page of each effect."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from exodrake.core.machine import Machine
+    from exodrake.core.part import Effect, Number
+
+
+@click.command()
+@click.argument("identity", required=False, default="", metavar="[ID]")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+@click.option("--robot", default="exo_index", metavar="FILE", help="Whose shelf: a robot file or built-in robot.")
+def command(identity: str, as_json: bool, robot: str) -> None:
+    """The shelf of effects: id, what it is, parameters with unit and plausible range; one page if ID is given."""
+    from exodrake.machines.robot_file import load_robot
+
+    machine = load_robot(robot).machine
+    chosen = [machine.effect(identity)] if identity else list(machine.shelf)
+    if as_json:
+        described = [describe(machine, effect) for effect in chosen]
+        click.echo(json.dumps(described[0] if identity else described, indent=2, ensure_ascii=False, allow_nan=False))
+    elif identity:
+        print_page(machine, chosen[0])
+    else:
+        print_shelf(machine, chosen)
+
+
+def equation(effect: Effect) -> str:
+    """The effect's page of equations: the docstring of its module."""
+    from contextlib import suppress
+    from importlib import import_module
+    from inspect import cleandoc
+
+    function = next(iter(effect.at.values()))
+    pages = [import_module(function.__module__)]
+    slug = f"exodrake.effects.{effect.slug}"
+    if pages[0].__name__ != slug:  # a law shared by effects: the effect's own page says more
+        with suppress(ModuleNotFoundError):
+            pages.insert(0, import_module(slug))
+    return "\n\n".join(dict.fromkeys(cleandoc(page.__doc__ or "") for page in pages))
+
+
+def finite(value: float) -> float | str:
+    """A number as JSON takes it: an infinite one as text."""
+    return value if math.isfinite(value) else str(value)
+
+
+def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
+    """Everything about an effect as plain data."""
+    numbers = [
+        {
+            "name": n.name, "unit": n.unit, "neutral": finite(n.neutral),
+            "range": [n.low, n.high], "usual": finite(n.typical), "over": n.over or "one",
+            "lanes": [lane for lane in machine.lanes.of(n.over) if lane], "free": n.free,
+        }
+        for n in effect.numbers
+    ]  # fmt: skip
+    return {
+        "id": effect.id, "block": effect.block, "summary": effect.summary, "signature": effect.signature,
+        "source": effect.source, "acts_at": list(effect.at), "parameters": numbers, "equation": equation(effect),
+        "example": example(machine, effect),
+    }  # fmt: skip
+
+
+def example(machine: Machine, effect: Effect) -> str:
+    """A command that shows the effect."""
+    number = effect.numbers[0]
+    lane = machine.lanes.of(effect.over)[0]
+    at = f"@{lane}" if lane else ""
+    return f"exodrake simulate caging --effect {effect.id}:{number.name}={number.typical:.3g}{at}"
+
+
+def reach(number: Number) -> str:
+    """Plausible range with unit."""
+    unit = "" if number.unit == "-" else f" {number.unit}"
+    return f"{number.low:g} to {number.high:g}{unit}"
+
+
+def print_shelf(machine: Machine, effects: list[Effect]) -> None:
+    """A table, one row an effect, grouped by block."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+    table.add_column("effect", no_wrap=True)
+    table.add_column("what it is", ratio=1)
+    table.add_column("parameters", no_wrap=True)
+    table.add_column("per", no_wrap=True)
+    block = ""
+    for effect in effects:
+        if block and effect.block != block:
+            table.add_row()
+        block = effect.block
+        numbers = "\n".join(f"{n.name}  {reach(n)}" for n in effect.numbers)
+        per = {"wires": "wire", "joints": "joint"}.get(effect.over, "robot")
+        table.add_row(f"[bold]{effect.id}[/bold]", effect.summary, numbers, per)
+    console = Console(width=None if Console().is_terminal else 140)
+    console.print(table)
+    console.print(f"\n{len(effects)} effects. `exodrake effects ID` prints an effect's page.", style="dim")
+
+
+def print_page(machine: Machine, effect: Effect) -> None:
+    """The full page of one effect."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if Console().is_terminal else 120)
+    console.print(f"[bold]{effect.id}[/bold]  {effect.summary}\n")
+    console.print(equation(effect), markup=False, highlight=False, style="cyan", soft_wrap=True)
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 3, 0, 0))
+    for title in ("\nparameter", "\nunit", "\nplausible", "\nusual", "\nabsent at", "\none per", "\nfitted"):
+        table.add_column(title)
+    for n in effect.numbers:
+        lanes = ", ".join(filter(None, machine.lanes.of(n.over))) or "robot"
+        absent = f"{n.neutral:g}" if n is effect.numbers[0] else ""
+        ends = f"{n.low:g} to {n.high:g}"
+        table.add_row(n.name, n.unit, ends, f"{n.typical:.4g}", absent, lanes, "yes" if n.free else "no")
+    console.print(table)
+    for title, text in (("shows as", effect.signature), ("acts at", ", ".join(effect.at)), ("source", effect.source)):
+        console.print(f"\n[bold]{title}[/bold]")
+        console.print(text, markup=False, highlight=False)
+    console.print("\n[bold]try[/bold]")
+    console.print(example(machine, effect), markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,28 @@
+"""`exodrake export`: a log in another file format."""
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path), help="File to write; its ending is the format.")
+@click.option("--start", type=float, default=None, help="Leave out rows before this time [s].")
+@click.option("--end", type=float, default=None, help="Leave out rows from this time on [s].")
+def command(log: Path, out: Path, start: float | None, end: float | None) -> None:
+    """Turn LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz.
+
+    Every format holds the same columns in SI, and reads back to the same bits.
+    """
+    from exodrake.core.errors import InputError
+    from exodrake.data.log import read_log, write_log
+
+    table = read_log(log, required=())
+    first, last = float(table.time[0]), float(table.time[-1])
+    if start is not None or end is not None:
+        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    if not len(table):
+        raise InputError(f"{log}: no rows between the times asked for (the log runs from {first:g} to {last:g} s)")
+    write_log(table, out)
+    click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")

@@ -1,0 +1,132 @@
+"""`exodrake grasp`: a grasp mode and an object's size to tensions, run in the Diagram with the estimator listening."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+    from exodrake.data.log import Log
+    from exodrake.estimator.gp import Estimator
+    from exodrake.grasping.plan import Plan
+
+ESTIMATOR = "estimator.npz"
+PAGES = {  # a Meshcat page each: posture, and the columns that it is in
+    "recording.html": ("reached", "angle"),
+    "estimated.html": ("estimated", "angle_est"),
+    "planned.html": ("planned", "angle_plan"),
+}
+WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
+
+
+@click.command()
+@click.argument("mode")
+@click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
+@click.option("--estimator", "file", type=click.Path(path_type=Path), default=None, help="File of `exodrake train`.")
+@click.option("--robot", default="exo_index", show_default=True, help="Robot file, or a built-in robot by name.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for the files [grasps/MODE-SIZE].")
+def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
+    """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
+
+    Writes log.csv, plan.json, figure.png, Meshcat pages (recording.html as reached, estimated.html, planned.html) and,
+    without --estimator, the estimator.npz it trained. A grasp out of reach is said to be so, and the nearest one that
+    the wires hold is shown.
+    """
+    from rich.console import Console
+
+    from exodrake.cli.simulate import check_folder, write_folder
+    from exodrake.estimator.file import load
+    from exodrake.grasping.plan import plan_grasp
+    from exodrake.grasping.run import quick_estimator, run_plan
+    from exodrake.machines.robot_file import load_robot
+
+    built, wanted = load_robot(robot), parse_size(size)
+    listening = load(file) if file else None
+    with Console(stderr=True).status("planning (the statics compile for some seconds)") as status:
+        plan = plan_grasp(mode, wanted, built)
+        folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
+        check_folder(folder)
+        if listening is None:
+            status.update("training an estimator on simulated sweeps")
+            listening = quick_estimator(built, folder / ESTIMATOR)
+        status.update("simulating the Diagram")
+        log = run_plan(plan, built, listening, seed)
+        status.update("drawing")
+        contents = files_of(plan, log, built, None if file else listening)
+        write_folder(folder, log, contents)
+    show(plan, log, folder, ["log.csv", *contents])
+
+
+def parse_size(text: str) -> float:
+    """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
+    import numpy as np
+
+    from exodrake.core.errors import InputError
+    from exodrake.core.units import si_unit, to_si
+
+    found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)\s*", text)
+    if not found:
+        raise InputError(f"--size is {text!r}, wanted a number with a unit, such as 60mm or 6cm")
+    number, unit = found.groups()
+    if si_unit(unit, "--size") != "m":
+        raise InputError(f"--size is in [{unit}], wanted a length, such as 60mm")
+    return float(to_si(np.array([float(number)]), unit)[0])
+
+
+def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> dict[str, bytes]:
+    """Contents of all files but the log; trained: an estimator to keep."""
+    import json
+    import tempfile
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from exodrake.data.plot import png_of
+    from exodrake.diagrams.meshcat import Thing, recording_html
+    from exodrake.estimator.file import save
+    from exodrake.grasping.figure import grasp_figure
+
+    thing = Thing((plan.centre[0], -plan.centre[1]), plan.size / 2.0, WIDTH if plan.mode == "caging" else None)
+    shown = log.with_array("angle_plan", plan.joints, np.tile(plan.planned, (len(log), 1)))
+    title = f"{plan.mode.replace('-', ' ').capitalize()}, {1e3 * plan.size:g} mm"
+    contents = {
+        "plan.json": (json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n").encode(),
+        "figure.png": png_of(grasp_figure(plan, log, robot)),
+    }
+    for name, (what, kind) in PAGES.items():
+        contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()
+    if trained is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            save(trained, Path(folder) / ESTIMATOR)
+            contents[ESTIMATOR] = (Path(folder) / ESTIMATOR).read_bytes()
+    return contents
+
+
+def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
+    """Prints whether the grasp is feasible, tensions and postures, and the files."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from exodrake.grasping.trial import at_hold
+
+    console = Console()
+    console.print(f"[bold]{plan.mode}[/bold]  {1e3 * plan.size:g} mm", "feasible" if plan.feasible else "not feasible")
+    console.print(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("wire", "tension", "", "joint", "wanted", "planned", "short by", "reached", "estimated"):
+        table.add_column(title, justify="left" if title in ("wire", "", "joint") else "right")
+    reached = at_hold(log, "angle", plan.joints)
+    guess, spread = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
+    for i, (wire, joint) in enumerate(zip(plan.wires, plan.joints)):
+        angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
+        estimated = f"{guess[i]:.3f} ± {spread[i]:.3f} rad"
+        table.add_row(wire, f"{plan.tensions[i]:.2f} N", "  ", joint, *angles, estimated)
+    console.print(table)
+    if not plan.feasible:
+        click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
+    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)

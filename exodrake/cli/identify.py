@@ -1,0 +1,98 @@
+"""`exodrake identify`: the finger from marker recordings, and synthetic recordings to try it on."""
+
+from pathlib import Path
+
+import click
+
+
+@click.group()
+def command() -> None:
+    """Find kinematics from recordings, or make synthetic recordings."""
+
+
+@command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("kinematics"),
+    show_default=True,
+    help="Folder for the results.",
+)
+@click.option("--markers", type=click.Path(path_type=Path), help="YAML with the marker names of each segment.")
+@click.option(
+    "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
+)
+@click.option("--repair", is_flag=True, help="Exchange swapped markers back instead of refusing the file.")
+def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repair: bool) -> None:
+    """Joint axes, moving joint centres, angles and phalanx lengths from a marker recording, CSV or C3D.
+
+    Writes kinematics.csv, kinematics.md, kinematics.png and robot.yaml. The recording begins with the finger straight
+    and still for 1 s.
+    """
+    from exodrake.identification.kinematics.identify import Settings, identify
+    from exodrake.identification.kinematics.labels import check_labels, relabelled
+    from exodrake.identification.kinematics.layout import Layout, read_layout
+    from exodrake.identification.kinematics.markers import read_markers
+    from exodrake.identification.kinematics.report import print_table, write_report
+
+    recording = read_markers(file)
+    layout = read_layout(markers) if markers else Layout()
+    if repair:
+        swaps = check_labels(recording, layout).swaps
+        recording = relabelled(recording, swaps)
+        for swap in swaps:
+            click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
+    found = identify(recording, layout, Settings(cutoff=cutoff or None))
+    files = write_report(found, out)
+    print_table(found)
+    for remark in found.remarks:
+        click.echo(f"note: {remark}")
+    click.echo("wrote " + ", ".join(str(name) for name in files))
+
+
+@command.command(short_help="Write a marker recording with known truth.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--seconds", type=float, default=40.0, show_default=True, help="Length of the recording.")
+@click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
+@click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
+@click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
+@click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
+@click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
+@click.option("--seed", type=int, default=0, show_default=True)
+def synthesise(
+    file: Path,
+    seconds: float,
+    rate: float,
+    noise: float,
+    artefact: float,
+    dropouts: float,
+    swap: tuple[str, str] | None,
+    seed: int,
+) -> None:
+    """Write a synthetic 14-marker recording with known truth, CSV or C3D by its name; FILE.truth.yaml gets the
+    truth."""
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_bytes
+    from exodrake.identification.kinematics.labels import Swap
+    from exodrake.identification.kinematics.layout import Layout
+    from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
+
+    known = (*Layout().finger, *Layout().thumb)
+    if swap and not set(swap) <= set(known):
+        raise InputError(f"--swap {' '.join(swap)}: the markers are {', '.join(known)}")
+    middle = round(seconds * rate / 2)
+    swaps = (Swap(swap, middle, middle + round(rate / 2)),) if swap else ()
+    faults = Faults(1e-3 * noise, 1e-3 * artefact, dropouts, swaps=swaps)
+    recording, truth = synthesise(Hand(), faults, seconds, rate, seed)
+    if file.suffix.lower() == ".c3d":
+        from exodrake.identification.kinematics.c3d import c3d_bytes
+
+        data = c3d_bytes(recording)
+    else:
+        from exodrake.identification.kinematics.markers import csv_bytes
+
+        data = csv_bytes(recording, (f"Synthetic, nobody was measured: exodrake identify synthesise, seed {seed}.",))
+    write_bytes(file, data)
+    write_bytes(file.with_name(file.name + ".truth.yaml"), truth_yaml(truth).encode())
+    click.echo(f"wrote {file}: {len(recording.time)} frames, {len(recording.names)} markers; truth beside it")

@@ -1,0 +1,106 @@
+"""The command line: `exodrake COMMAND`, a module of `exodrake/cli` each, imported when it is called."""
+
+import sys
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any
+
+import click
+
+from exodrake import __version__
+from exodrake.core.errors import InputError
+
+# command -> (module with a click command named `command`, its line in --help); those without a module are not listed
+COMMANDS = {
+    "demo": ("exodrake.cli.demo", "From a robot with a hidden fault to its name."),
+    "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
+    "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
+    "effects": ("exodrake.cli.effects", "The shelf: what the nominal robot leaves out."),
+    "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its wires and slots."),
+    "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, stability map."),
+    "identify": ("exodrake.cli.identify", "Find the finger's kinematics in a marker recording."),
+    "workspace": ("exodrake.cli.workspace", "Areas that the fingertip reaches, alone and pulled by its wires."),
+    "train": ("exodrake.cli.train", "Train the joint-angle estimator on logs."),
+    "estimate": ("exodrake.cli.estimate", "Joint angles from stroke and tension, with their uncertainty."),
+    "grasp": ("exodrake.cli.grasp", "From grasp mode and object size to joint targets and tensions."),
+    "blind": ("exodrake.cli.blind", "Make, seal and score cases from a second, independent simulator."),
+    "import": ("exodrake.cli.import_", "Turn a foreign recording into a log, by a mapping file."),
+    "export": ("exodrake.cli.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
+    "watch": ("exodrake.cli.watch", "Follow a growing log: the gap per block, and an alarm."),
+    "show": ("exodrake.cli.show", "Write a log as a page with the moving finger."),
+    "warm-up": ("exodrake.cli.warm_up", "Compile the kernels now, not at first use."),
+}
+
+
+class InputProblem(click.ClickException):
+    """Bad input, shown as one red line on stderr; exit status 2."""
+
+    exit_code = 2
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        """Print `error: message` on one line."""
+        click.secho("error: " + " ".join(self.format_message().split()), fg="red", err=True)
+
+
+class LazyGroup(click.Group):
+    """A group that imports a command's module when the command is called, so that --help imports none."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Commands whose module exists, in the order of the table."""
+        return [name for name in COMMANDS if _exists(name)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, its module imported; None if there is none such."""
+        if cmd_name not in COMMANDS or not _exists(cmd_name):
+            return None
+        return import_module(COMMANDS[cmd_name][0]).command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """As click does, with the nearest commands named when there is none such."""
+        name = args[0]
+        if not name.startswith("-") and name not in self.list_commands(ctx):
+            near = get_close_matches(name, self.list_commands(ctx), n=3, cutoff=0.5)
+            hint = f"did you mean {' or '.join(near)}?" if near else "exodrake --help lists them"
+            raise InputProblem(f"no command {name!r}; {hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list in --help, from the table alone."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run; bad input and Ctrl-C end in a line, not a traceback."""
+        try:
+            return super().invoke(ctx)
+        except InputError as problem:
+            raise InputProblem(str(problem)) from None
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
+            ctx.exit(130)
+
+
+def _exists(name: str) -> bool:
+    """A look at the file, since importlib would import the parent packages."""
+    module = COMMANDS[name][0].rsplit(".", 1)[1]
+    folder = Path(__file__).parent
+    return (folder / f"{module}.py").is_file() or (folder / module / "__init__.py").is_file()
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, message="exodrake %(version)s")
+def cli() -> None:
+    """Simulate a tendon-driven robot, and explain how far, where and why it differs from the real one."""
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a plain-ASCII terminal must not end a run  # pyright: ignore
+    cli(prog_name="exodrake")
+
+
+if __name__ == "__main__":
+    main()

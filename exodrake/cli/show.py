@@ -1,0 +1,32 @@
+"""`exodrake show`: a log as a moving finger, in one HTML page that plays offline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Page to write [LOG with .html].")
+@click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
+@click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
+def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
+    """Write LOG as a page with the moving finger, its wires coloured by tension.
+
+    `#t=1.5` behind the page's address stops it at that time.
+    """
+    from exodrake.core.files import write_text
+    from exodrake.data.log import read_log
+    from exodrake.diagrams.meshcat import recording_html
+    from exodrake.machines.robot_file import load_robot
+
+    kind = "angle_est" if estimated else "angle"
+    page = recording_html(read_log(log, required=("tension",)), load_robot(robot), log.name, angles=kind)
+    target = out or log.with_name(log.name.split(".")[0] + ".html")
+    write_text(target, page)
+    click.echo(f"{target}: {len(page) / 1e6:.1f} MB")
+    if show:
+        click.launch(str(target))

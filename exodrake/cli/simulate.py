@@ -1,0 +1,195 @@
+"""`exodrake simulate`: a robot on a protocol; its log, scenario, figure and a recording to look at."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+    from exodrake.data.log import Log
+    from exodrake.simulation.scenario import Scenario
+
+MANY = {"multiple": True, "metavar": "TEXT"}
+
+
+@click.command()
+@click.argument("protocol", required=False, default="")
+@click.option("--reference", default="", metavar="LOG", help="Follow the tension references of this log.")
+@click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
+@click.option("--robot", default="", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@click.option("--set", "numbers", **MANY, help="A number: finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
+@click.option(
+    "--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."
+)
+@click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")
+@click.option("--seed", type=int, default=None, help="Seed of the noise [0].")
+@click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
+@click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")
+@click.option(
+    "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
+)
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for the files [simulated/PROTOCOL].")
+def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
+    """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
+
+    PROTOCOL is a grasp mode (caging, narrow-pinch, wide-pinch) or one of sweeps, short-sweeps, chirp, holds, steps,
+    multisine, random-motion; options of its own follow a colon: `caging:hold=4`, `chirp:low=0.1,high=1.5`.
+    """
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    asked = scenario_of(protocol, reference, file, robot)
+    asked, built = changed(asked, options)
+    what = asked.build_reference(built)
+    folder = out or Path("simulated") / what.name
+    check_folder(folder)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=stderr(), transient=True) as progress:
+        task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
+        log = asked.simulate(built, what)
+        contents = files_of(asked, built, log, what.name, lambda text: progress.update(task, description=text))
+        write_folder(folder, log, contents)
+    show(built, log, folder, ["log.csv", *contents])
+    warn(built)
+
+
+def stderr():
+    """A console on standard error, so that a pipe gets no spinner."""
+    from rich.console import Console
+
+    return Console(stderr=True)
+
+
+def scenario_of(protocol: str, reference: str, file: str, robot: str) -> Scenario:
+    """The scenario that the first four options ask for; those given replace the file's."""
+    from exodrake.core.errors import InputError
+    from exodrake.simulation.scenario import Scenario, embedded, read_scenario
+
+    if protocol and reference:
+        raise InputError("both a protocol and --reference: wanted one of them")
+    if not (protocol or reference or file):
+        raise InputError("nothing to follow: name a protocol or grasp mode (see --help), a --reference or a --scenario")
+    if not file:
+        there = Scenario(protocol, reference)
+    else:
+        there = read_scenario(file)
+        if protocol or reference:
+            there = replace(there, protocol=protocol, reference=reference)
+    return replace(there, robot=embedded(robot)) if robot else there
+
+
+def changed(asked: Scenario, options: dict) -> tuple[Scenario, Robot]:
+    """The scenario with options applied in the order parts, numbers, effects, and its robot."""
+    from exodrake.simulation.scenario import parse_effect, parse_number
+
+    if options["seed"] is not None:
+        asked = replace(asked, seed=options["seed"])
+    if options["no_noise"]:
+        asked = replace(asked, seed=None)
+    if options["no_quantisation"]:
+        asked = replace(asked, quantisation=False)
+    if options["engine"]:
+        asked = replace(asked, engine=options["engine"])
+    asked = replace(asked, parts=list(dict.fromkeys([*asked.parts, *options["parts"]])))
+    robot = asked.build_robot()
+    numbers = dict(parse_number(text, robot) for text in options["numbers"])
+    asked = replace(asked, numbers={**asked.numbers, **numbers})
+    for text in options["effects"]:
+        identity, given = parse_effect(text, asked.build_robot())
+        asked = replace(asked, effects={**asked.effects, identity: given})
+    return asked, asked.build_robot()
+
+
+def files_of(asked: Scenario, robot: Robot, log: Log, name: str, say) -> dict[str, bytes]:
+    """Contents of all files but the log. A scenario that followed a log refers to the log written beside it."""
+    from exodrake.data.plot import png_of
+    from exodrake.diagrams.meshcat import recording_html
+    from exodrake.simulation.scenario import scenario_text
+
+    again = replace(asked, reference="log.csv") if asked.reference else asked
+    title = ", ".join([name.replace("-", " "), *robot.effects()])
+    say("drawing the figure")
+    figure = png_of(log.plot(title))
+    say("drawing the recording")
+    page = recording_html(log, robot, title)
+    return {"scenario.yaml": scenario_text(again).encode(), "figure.png": figure, "recording.html": page.encode()}
+
+
+def check_folder(folder: Path) -> None:
+    """InputError unless the folder is one, or can be made, and takes files."""
+    from exodrake.core.errors import InputError
+
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: a file, wanted a folder")
+    parent = folder
+    while not parent.exists():
+        parent = parent.parent
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise InputError(f"{folder}: {parent} takes no files")
+
+
+def write_folder(folder: Path, log: Log, contents: dict[str, bytes]) -> None:
+    """All files or none: written into a neighbour first, then moved."""
+    from exodrake.core.errors import InputError
+    from exodrake.data.log import write_log
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".part-") as part:
+            write_log(log, Path(part) / "log.csv")
+            for name, data in contents.items():
+                (Path(part) / name).write_bytes(data)
+            for name in ("log.csv", *contents):
+                os.replace(Path(part) / name, folder / name)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+
+
+def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
+    """Prints how well the wires followed, where the joints went, and the files."""
+    from rich.console import Console
+    from rich.table import Table
+
+    lanes = robot.machine.lanes
+    wanted, found, angle = log.array("tension_ref"), log.array("tension"), log.array("angle")
+    shares = wanted.sum(axis=1)
+    peak = len(shares) - 1 - int(shares[::-1].argmax())  # the end of a hold
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in (
+        "wire",
+        "wanted up to",
+        "reached",
+        "RMS error",
+        "",
+        "joint",
+        f"at {log.time[peak]:.2f} s",
+        "in the end",
+    ):
+        table.add_column(title, justify="left" if title in ("wire", "joint", "") else "right")
+    for i in range(max(len(lanes.wires), len(lanes.joints))):
+        wire = ("", "", "", "")
+        if i < len(lanes.wires):
+            error = float(((wanted[:, i] - found[:, i]) ** 2).mean() ** 0.5)
+            wire = (lanes.wires[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
+        joint = (
+            (lanes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(lanes.joints) else ()
+        )
+        table.add_row(*wire, "  ", *joint)
+    console = Console()
+    console.print(f"[bold]{log.label}[/bold]  {log.duration:g} s, {len(log)} rows")
+    for identity in robot.effects():
+        console.print(f"with {identity}")
+    console.print(table)
+    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+
+
+def warn(robot: Robot) -> None:
+    """Says which numbers lie outside their plausible range."""
+    for name, (low, high) in robot.ranges.items():
+        if not low <= robot[name] <= high:
+            click.secho(f"note: {name} = {robot[name]:g} lies outside {low:g} to {high:g}", fg="yellow", err=True)

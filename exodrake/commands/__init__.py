@@ -1,1 +1,0 @@
-"""Commands, a module each; every module holds a click command named `command`. `exodrake.cli` lists them."""

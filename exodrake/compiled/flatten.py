@@ -1,0 +1,52 @@
+"""Numbers by name in the pages, by place in the printed module: `n.kappa[i]` becomes `n[37 + i]`.
+
+A named tuple travels by value, some seventy numbers at each call that the compiler does not inline; a slice of the flat
+vector is a pointer.
+"""
+
+from __future__ import annotations
+
+import ast
+
+from exodrake.core.machine import Machine
+from exodrake.core.part import ONE, Block
+
+NUMBERS = "n"  # the argument by which pages know their numbers
+
+
+class Flatten(ast.NodeTransformer):
+    """Rewrites `n.name`, `n.name[lane]` by the places of a block's numbers."""
+
+    def __init__(self, machine: Machine, block: Block) -> None:
+        self.places: dict[str, tuple[int, int]] = {}
+        at = 0
+        for field in block.fields:
+            width = machine.width(field.over) if field.over != ONE else 0
+            self.places[field.name] = (at, width)
+            at += max(width, 1)
+
+    def place(self, node: ast.AST) -> tuple[int, int] | None:
+        """Start and width (0: a scalar) of the number that a node names."""
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == NUMBERS:
+            return self.places.get(node.attr)
+        return None
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        found = self.place(node.value)
+        if found is None:
+            return self.generic_visit(node)
+        return item(ast.BinOp(ast.Constant(found[0]), ast.Add(), self.visit(node.slice)))
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        found = self.place(node)
+        if found is None:
+            return self.generic_visit(node)
+        start, width = found
+        if not width:
+            return item(ast.Constant(start))
+        return ast.Tuple([item(ast.Constant(start + i)) for i in range(width)], ast.Load())
+
+
+def item(place: ast.expr) -> ast.Subscript:
+    """`n[place]`."""
+    return ast.Subscript(ast.Name(NUMBERS, ast.Load()), place, ast.Load())

@@ -1,0 +1,141 @@
+"""Prints the schedule: one frame as its slots in order, the run over frames, and the batch over rows of numbers."""
+
+from __future__ import annotations
+
+from exodrake.core.machine import Machine, feedthrough_order, page_name
+from exodrake.core.part import Block, Task
+
+
+def print_frame(machine: Machine) -> list[str]:
+    """The functions `begin`, `run` and `batch`."""
+    return [print_begin(machine), print_run(machine), print_batch(machine)]
+
+
+def views(machine: Machine, wires: bool = True) -> list[str]:
+    """Source lines that name the parts of the flat vectors p, state and w."""
+    lines, number, state, wire = [], 0, 0, 0
+    for block in machine.blocks:
+        count = sum(entry.block == block.name for entry in machine.entries)
+        own, extra = machine.part_size(block)
+        lines += [f"{block.name}_p = p[{number}:{number + count}]"]
+        name, middle, end = block.name, state + own, state + own + extra
+        lines += [f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)"]
+        lines += [f"{name}_x, {name}_z = state[{state}:{middle}], state[{middle}:{end}]"]
+        number, state = number + count, end
+    for w in machine.wires if wires else ():
+        width = machine.width(w.over)
+        lines.append(f"{w.name} = w[{wire}:{wire + width}]")
+        wire += width
+    return lines
+
+
+def call(block: Block, function: str, arguments: list[str]) -> str:
+    """A call of a page's function on a block."""
+    page = page_name(block.page)
+    return f"{page}__{function}({block.name}_x, {block.name}_z, {block.name}_n, {block.name}_e, {', '.join(arguments)})"
+
+
+def outputs(machine: Machine, block_names: set[str] | None = None, sampled_too: bool = True) -> list[str]:
+    """Calls of the outputs of some blocks, and of those that these feed, in feedthrough order."""
+    changed: set[str] = set()
+    lines = []
+    for block, k in feedthrough_order(machine):
+        output = block.outputs[k]
+        if block_names is None or block.name in block_names or changed & set(output.reads):
+            lines.append(call(block, output.function, [*output.reads, *output.writes]))
+            changed |= set(output.writes)
+    return lines
+
+
+def tick(machine: Machine) -> list[str]:
+    """The plant's tick: every update sees the wires before it; then the outputs follow."""
+    plant = [(b, t) for b in machine.blocks for t in b.tasks if not t.slots]
+    lines = [call(b, t.function, ["dt", *t.reads]) for b, t in plant]
+    return lines + outputs(machine, {b.name for b, _ in plant})
+
+
+def task_lines(machine: Machine, slot: int, lane: str = "") -> list[str]:
+    """The tasks in one slot and the outputs that follow; `lane`: source of the lane's index, if not the slot's own."""
+    here: list[tuple[Block, Task]] = [(b, t) for b in machine.blocks for t in b.tasks if slot in t.slots]
+    lines = [call(b, t.function, [*([lane or str(t.slots.index(slot))] if t.lanes else []), *t.reads]) for b, t in here]
+    return lines + (outputs(machine, {b.name for b, _ in here}) if here else [])
+
+
+def print_begin(machine: Machine) -> str:
+    """`begin(p, state)`: every part's start; the plant's block comes first and says where the wires are taut."""
+    first = sorted(machine.blocks, key=lambda b: b.name != "finger")
+    lines = [*views(machine, wires=False), "start_stroke = np.zeros(3)"]
+    lines += [call(b, "start", ["start_stroke"]) for b in first]
+    return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
+
+
+def imposing(machine: Machine, slot: int) -> list[str]:
+    """Lines that put measured values on the imposed wire after the slot in which it is written."""
+    steered = machine.steered
+    if steered is None:
+        return []
+    wire = machine.column(steered.imposed).wire
+    here = [b for b in machine.blocks if any(slot in t.slots for t in b.tasks)]
+    if all(wire not in output.writes for b in here for output in b.outputs):
+        return []
+    return ["if follow.shape[0] > 0:", f"    {wire}[:] = follow[frame, :{machine.column_width(steered.imposed)}]"]
+
+
+def holding(machine: Machine) -> list[str]:
+    """Lines that move the observed state at a frame's end."""
+    steered = machine.steered
+    if steered is None:
+        return []
+    name, state = steered.state
+    block = next(b for b in machine.blocks if b.name == name)
+    wire, at = machine.column(steered.held).wire, machine.state_place(block, state)
+    own = [e.name for e in machine.entries if e.block == name]
+    number = next(i for i, full in enumerate(own) if full.startswith(steered.per + "."))
+    first = machine.column_width(steered.imposed)
+    change = f"{steered.gain} * (follow[frame, {first} + j] - {wire}[j]) / {name}_p[{number} + j]"
+    return [
+        "if follow.shape[0] > 0:",
+        f"    for j in range({machine.column_width(steered.held)}):",
+        f"        {name}_x[{at} + j] += {change}",
+    ]
+
+
+def print_run(machine: Machine) -> str:
+    """`run(p, state, w, given..., dt, substeps, record, fine, follow)`: frames in order.
+
+    `record` and `fine` take the wires at each frame's and each slot's end. The plant's tick stands in one place, so
+    that it is inlined once. `follow`: imposed and held values (frames, lanes of both), or of no length.
+    """
+    given = [f"{name}_rows" for name in machine.given]
+    body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
+    inner = [f"{name}[:] = {name}_rows[frame]" for name in machine.given]
+    inner += [f"for slot in range({machine.slots}):"]
+    inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine))]
+    for slot in range(machine.slots):
+        if lines := task_lines(machine, slot):
+            lines += imposing(machine, slot)
+            inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
+    inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
+    inner += ["record[frame, :] = w", *holding(machine)]
+    header = f"@njit(cache=True)\ndef run(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow):\n"
+    return header + indent(body + ["    " + line for line in inner])
+
+
+def print_batch(machine: Machine) -> str:
+    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of numbers."""
+    given = [f"{name}_rows" for name in machine.given]
+    lines = [
+        "for i in prange(rows.shape[0]):",
+        "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",
+        "    begin(rows[i], state)",
+        f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine, follow)",
+    ]
+    header = (
+        f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
+    )
+    return header + indent(lines)
+
+
+def indent(lines: list[str]) -> str:
+    """Lines of a function's body."""
+    return "\n".join("    " + line for line in lines)

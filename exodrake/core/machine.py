@@ -1,0 +1,240 @@
+"""A machine: parts joined by wires, a schedule of slots, the shelf of effects, and the layout of its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from exodrake.core.errors import InputError
+from exodrake.core.part import Block, Effect, Field, Lanes, Task, Wire
+
+
+@dataclass(frozen=True)
+class Column:
+    """A log column family: its kind and the wire that it shows."""
+
+    kind: str
+    wire: str
+    required: bool = True
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of a machine: full name, unit, block that owns it, and its neutral value if it is an effect's."""
+
+    name: str
+    unit: str
+    block: str
+    neutral: float | None = None
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Numbers that differ a little from one machine to the next of its kind.
+
+    each: patterns, each naming one number, or several that err together; {w} and {j} stand for every wire and joint.
+    how: "scales" (times 1 + x), "adds" (plus x) or "stretches" (times exp x). spread: standard deviation of x.
+    limit: of x; beyond it a number is not the nominal one any more.
+    """
+
+    each: tuple[str, ...]
+    how: str
+    spread: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Steered:
+    """How a run may be made to follow a log, so that errors of a part do not go round the loop.
+
+    imposed: column kind whose wire takes its measured values. held: column kind that is held near its measured values
+    by an observer: each frame, state (block, name) moves by `gain` of the difference, divided by the number `per`.
+    """
+
+    imposed: str
+    held: str
+    state: tuple[str, str]
+    per: str
+    gain: float
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Who is wired to whom, and when.
+
+    Attributes:
+        frame, slots: frame period [s] and slots in it; tasks run in the middle of their slot, and the plant ticks
+            `substeps` times a slot.
+        given: wires that come from outside, one row a frame.
+        columns: what a log shows.
+        variants: functions of pages replaced by others of the same form ("page.function" -> function).
+        noise, resolution: numbers that are 0 where a run is noise-free, or unrounded.
+        compared: column kinds that a diagnosis compares; `floors` gives their noise from the sensors' numbers [SI].
+        segments: what lies between two measured wires, and the column kind that it ends in.
+        scatter: numbers that differ from one such machine to the next, as the robot file says.
+        depth: effects that a diagnosis may name together.
+        steered: how a run can follow a log, if it can.
+    """
+
+    name: str
+    lanes: Lanes
+    wires: tuple[Wire, ...]
+    blocks: tuple[Block, ...]
+    given: tuple[str, ...]
+    columns: tuple[Column, ...]
+    shelf: tuple[Effect, ...] = ()
+    frame: float = 0.02
+    slots: int = 10
+    variants: Mapping[str, Callable] = field(default_factory=dict)
+    noise: tuple[str, ...] = ()
+    resolution: tuple[str, ...] = ()
+    compared: tuple[str, ...] = ()
+    floors: Callable[[Callable[[str], float]], dict[str, float]] | None = None
+    segments: Mapping[str, str] = field(default_factory=dict)
+    scatter: tuple[Scatter, ...] = ()
+    depth: int = 2
+    steered: Steered | None = None
+
+    def __post_init__(self) -> None:
+        check_wiring(self)
+        check_schedule(self)
+
+    @property
+    def slot(self) -> float:
+        """Length of a slot [s]."""
+        return self.frame / self.slots
+
+    @cached_property
+    def wire(self) -> dict[str, Wire]:
+        """Wires by name."""
+        return {w.name: w for w in self.wires}
+
+    @property
+    def asked(self) -> tuple[Column, ...]:
+        """Columns whose wires come from outside: what the machine is asked to do, one row a frame."""
+        return tuple(c for wire in self.given for c in self.columns if c.wire == wire)
+
+    def width(self, over: str) -> int:
+        """How many lanes `over` has."""
+        return len(self.lanes.of(over))
+
+    def effects_on(self, block: Block) -> tuple[Effect, ...]:
+        """Effects of the shelf that sit on this block."""
+        pages = {page_name(page) for page in block_pages(block)}
+        return tuple(effect for effect in self.shelf if next(iter(effect.at)).split(".")[0] in pages)
+
+    @cached_property
+    def entries(self) -> tuple[Entry, ...]:
+        """All numbers in the order of the flat parameter vector."""
+        found: list[Entry] = []
+        for block in self.blocks:
+            for f in block.fields:
+                found += [Entry(n, f.unit, block.name) for n in self.names(f)]
+            for effect in self.effects_on(block):
+                for number in effect.numbers:
+                    names = self.names(Field(effect.id, number.name, number.unit, number.over))
+                    found += [Entry(n, number.unit, block.name, number.neutral) for n in names]
+        return tuple(found)
+
+    def names(self, f: Field) -> list[str]:
+        """Full names of a field, one per lane."""
+        return [".".join(part for part in (f.group, f.name, lane) if part) for lane in self.lanes.of(f.over)]
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Place of each number in the flat parameter vector."""
+        return {entry.name: i for i, entry in enumerate(self.entries)}
+
+    def effect(self, identity: str) -> Effect:
+        """The effect of that id; raises InputError with the nearest names."""
+        for effect in self.shelf:
+            if effect.id == identity:
+                return effect
+        raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.shelf])}")
+
+    def column(self, kind: str) -> Column:
+        """The column family of that kind."""
+        return next(c for c in self.columns if c.kind == kind)
+
+    def column_width(self, kind: str) -> int:
+        """Lanes of a column family."""
+        return self.width(self.wire[self.column(kind).wire].over)
+
+    def state_place(self, block: Block, name: str) -> int:
+        """Where a state of a block begins in its own state vector."""
+        before = block.states[: next(i for i, s in enumerate(block.states) if s.name == name)]
+        return sum(self.width(s.over) * s.width for s in before)
+
+    def part_size(self, block: Block) -> tuple[int, int]:
+        """Lengths of a block's own state and of the states of the effects on it."""
+        own = sum(self.width(s.over) * s.width for s in block.states)
+        return own, sum(self.width(s.over) * s.width for e in self.effects_on(block) for s in e.states)
+
+
+def nearest(word: str, words: list[str]) -> str:
+    """A hint at names that resemble `word`."""
+    import difflib
+
+    close = difflib.get_close_matches(word, words, 3, 0.5)
+    return f"; did you mean {' or '.join(close)}?" if close else ""
+
+
+def page_name(page) -> str:
+    """A page's short name."""
+    return page.__name__.rsplit(".", 1)[-1]
+
+
+def block_pages(block: Block) -> list:
+    """The block's page and those that hold its other points."""
+    return [block.page, *dict.fromkeys(p.page for p in block.points if p.page is not None)]
+
+
+def check_wiring(machine: Machine) -> None:
+    """Every wire read is written once or given; no loop of direct feedthrough."""
+    known = {w.name for w in machine.wires}
+    written: dict[str, str] = dict.fromkeys(machine.given, "outside")
+    for block in machine.blocks:
+        for output in block.outputs:
+            for name in output.writes:
+                if name not in known:
+                    raise InputError(f"{machine.name}: {block.name} writes unknown wire {name!r}")
+                if name in written:
+                    raise InputError(f"{machine.name}: wire {name!r} is written by {written[name]} and by {block.name}")
+                written[name] = block.name
+    for block in machine.blocks:
+        for task in (*block.tasks, *block.outputs):
+            for name in task.reads:
+                if name not in written:
+                    raise InputError(f"{machine.name}: {block.name} reads wire {name!r}, which nothing writes")
+    feedthrough_order(machine)
+
+
+def feedthrough_order(machine: Machine) -> list[tuple[Block, int]]:
+    """Outputs (block, output's index), each after the wires it reads; raises InputError on an algebraic loop."""
+    waiting = [(b, k) for b in machine.blocks for k in range(len(b.outputs))]
+    ready, order = set(machine.given), []
+    while waiting:
+        free = [(b, k) for b, k in waiting if set(b.outputs[k].reads) <= ready]
+        if not free:
+            names = sorted({b.name for b, _ in waiting})
+            raise InputError(f"{machine.name}: algebraic loop through {', '.join(names)}")
+        for b, k in free:
+            ready |= set(b.outputs[k].writes)
+        order += free
+        waiting = [pair for pair in waiting if pair not in free]
+    return order
+
+
+def check_schedule(machine: Machine) -> None:
+    """Slots exist and hold one task each, except that the readings of one lane may share a slot."""
+    taken: dict[int, tuple[str, Task]] = {}
+    for block in machine.blocks:
+        for task in block.tasks:
+            own = f"{block.name}.{task.function}"
+            for slot in task.slots:
+                if not 0 <= slot < machine.slots:
+                    raise InputError(f"{machine.name}: {own} runs in slot {slot}, but a frame has {machine.slots}")
+                other = taken.setdefault(slot, (block.name, task))
+                if other[1] is not task and not (other[1].lanes and task.lanes and other[1].slots == task.slots):
+                    raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {own}")

@@ -1,0 +1,102 @@
+"""Clock faults of a recorded log: mended where the answer is certain, refused by name where it is not."""
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.log import Log
+
+LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
+EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
+
+
+def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
+    """One row per frame of `period` [s], and notes on what was changed (empty, and the same log, if nothing was).
+
+    Rows that repeat the one before, time included, are dropped. Frames that are absent become rows of NaN. Times off
+    the grid are set on it, since row n is frame n. InputError, naming the row, for a clock that steps backwards, the
+    same time with other values, and rows that come faster than the frame.
+    """
+    if not (np.isfinite(period) and period > 0):
+        raise InputError(f"frame period {period!r} s: wanted a positive number")
+    repeated = _repeated(log)
+    _refuse_backward_steps(log, repeated)
+    single = log.rows(~repeated) if repeated.any() else log
+    frames = _frame_numbers(single, period)
+    notes = [_repeats_note(log, repeated)] if repeated.any() else []
+    grid = single.time[0] + period * np.arange(frames[-1] + 1) if len(single) else single.time
+    deviation = float(np.max(np.abs(single.time - grid[frames]))) if len(single) else 0.0
+    if deviation > max(EXACT, period * 1e-3):
+        notes.append(
+            f"{log.label}: frame times up to {deviation * 1e3:.3g} ms off the {period * 1e3:g} ms grid, set on it"
+        )
+    absent = len(grid) - len(single)
+    if not absent:
+        clean = single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source)
+        return clean, notes
+    notes.append(f"{log.label}: {_missing(frames, grid, absent)}, left empty")
+    return _spread(single, frames, grid, deviation), notes
+
+
+def _repeated(log: Log) -> np.ndarray:
+    """Mask (n,) of rows equal to the row before in time and in every column."""
+    table = np.column_stack([log.time, *log.signals.values()])
+    same = (table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))
+    return np.concatenate([np.zeros(min(1, len(log)), dtype=bool), same.all(axis=1)])
+
+
+def _repeats_note(log: Log, repeated: np.ndarray) -> str:
+    row = int(np.flatnonzero(repeated)[0])
+    return (
+        f"{log.label}: {int(repeated.sum())} repeated rows dropped, the first is row {row + 1} at {log.time[row]:g} s"
+    )
+
+
+def _refuse_backward_steps(log: Log, repeated: np.ndarray) -> None:
+    wrong = np.flatnonzero(~(np.diff(log.time) > 0) & ~repeated[1:])
+    if not len(wrong):
+        return
+    row = int(wrong[0])
+    here, after = log.time[row], log.time[row + 1]
+    fault = "the same time with other values" if here == after else f"the clock steps backwards by {here - after:.6g} s"
+    raise InputError(f"{log.label}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+
+
+def _frame_numbers(log: Log, period: float) -> np.ndarray:
+    """Frame number (n,) of each row, 0 first.
+
+    Steps are rounded one by one and not from the start, so that a clock 0.1 % fast does not lose a frame in a minute.
+    """
+    gaps = np.diff(log.time)
+    steps = np.rint(gaps / period)
+    fast = np.flatnonzero(steps < 1)
+    if len(fast):
+        at = int(fast[0])
+        raise InputError(
+            f"{log.label}: two rows {gaps[at]:.3g} s apart at {log.time[at]:g} s, but a frame is {period:g} s"
+        )
+    if steps.sum() > LONGEST * (len(log) + LONGEST):
+        at = int(np.argmax(gaps))
+        raise InputError(
+            f"{log.label}: a gap of {gaps[at]:.6g} s at {log.time[at]:g} s is no missing frame; cut the log there"
+        )
+    steps = steps.astype(int)
+    return np.concatenate([[0], np.cumsum(steps)]) if len(log) else np.zeros(0, dtype=int)
+
+
+def _missing(frames: np.ndarray, grid: np.ndarray, absent: int) -> str:
+    """`3 missing frames, the first at 1.24 s (longest gap 2)`."""
+    steps = np.diff(frames)
+    first = int(frames[np.flatnonzero(steps > 1)[0]]) + 1
+    return f"{absent} missing frames, the first at {grid[first]:g} s (longest gap {int(steps.max()) - 1} frames)"
+
+
+def _spread(log: Log, frames: np.ndarray, grid: np.ndarray, deviation: float) -> Log:
+    """Rows of the log at their frames, NaN elsewhere. Times that were on the grid keep their bits."""
+    time = grid.copy()
+    if deviation <= EXACT:
+        time[frames] = log.time
+    signals = {}
+    for name, values in log.signals.items():
+        signals[name] = np.full(len(grid), np.nan)
+        signals[name][frames] = values
+    return Log(time, signals, log.units, log.source)

@@ -1,0 +1,26 @@
+"""CSV, gzipped."""
+
+import gzip
+import zlib
+
+from exodrake.core.errors import InputError
+from exodrake.data.formats import csv
+from exodrake.data.log import Log
+
+
+def read(data: bytes, source: str) -> Log:
+    """As `csv.read`. InputError for a file that is no gzip or is cut short."""
+    return csv.read(unpack(data, source), source)
+
+
+def unpack(data: bytes, source: str) -> bytes:
+    """Gunzipped bytes."""
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{source}: not a whole gzip file ({error})") from None
+
+
+def write(log: Log) -> bytes:
+    """As `csv.write`. No time stamp inside, so the same log gives the same bytes."""
+    return gzip.compress(csv.write(log), compresslevel=6, mtime=0)

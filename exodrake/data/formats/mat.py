@@ -1,0 +1,65 @@
+"""MAT, for MATLAB and Octave: a variable (n, 1) per column, and a struct `units` with the SI unit of each, in order."""
+
+import io
+import re
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.formats.table import heading, log_from_columns
+from exodrake.data.log import Log
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
+
+
+def read(data: bytes, source: str) -> Log:
+    """Parse a MAT file that `write` made. InputError for a damaged file or one without `units`."""
+    variables = read_variables(data, source)
+    units = variables.get("units")
+    names = getattr(units, "_fieldnames", None)
+    if not names:
+        raise InputError(f"{source}: no struct 'units' as a log has; use `exodrake import` with a mapping file")
+    columns = []
+    for name in names:
+        if name not in variables:
+            raise InputError(f"{source}: column {name!r} has a unit but no values")
+        columns.append((heading(name, str(getattr(units, name))), column(variables[name], name, source)))
+    return log_from_columns(columns, source)
+
+
+def write(log: Log) -> bytes:
+    """The log as MAT in SI. InputError for a column whose name is none in MATLAB."""
+    from scipy.io import savemat
+
+    columns = {"time": log.time, **log.signals}
+    units = {"time": "s", **log.units}
+    for name in columns:
+        if not NAME.fullmatch(name) or name == "units":
+            raise InputError(f"{log.label}: column {name!r} cannot be a MATLAB variable")
+    stream = io.BytesIO()
+    savemat(stream, {**columns, "units": units}, oned_as="column", long_field_names=True, do_compression=True)
+    return stream.getvalue()
+
+
+def read_variables(data: bytes, source: str) -> dict[str, object]:
+    """Variables of a MAT file up to version 7; structs as objects with attributes."""
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
+        units = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False, variable_names=["units"])
+    except NotImplementedError:
+        raise InputError(f"{source}: a MAT file of version 7.3; save it with -v7") from None
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole MAT file ({type(error).__name__})") from None
+    return {name: value for name, value in (found | units).items() if not name.startswith("__")}
+
+
+def column(values: object, name: str, source: str) -> np.ndarray:
+    """A variable as (n,) float64. InputError unless it is a real numeric vector."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub" or array.ndim > 2 or (array.ndim == 2 and 1 not in array.shape):
+        raise InputError(
+            f"{source}: variable {name!r} is {array.dtype} of shape {array.shape}, wanted a vector of numbers"
+        )
+    return array.ravel().astype(float)

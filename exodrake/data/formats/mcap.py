@@ -1,0 +1,104 @@
+"""MCAP, for Foxglove and PlotJuggler: a topic per kind (`/tension` with fields AF, MF, AE), JSON messages with schema.
+
+A row of the log is one message on every topic; row order is message order. The exact times are on `/time`, since
+MCAP's own are whole nanoseconds. A metadata record says which field is which column. Needs the extra `mcap`.
+"""
+
+import io
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.units import kind_of
+from exodrake.data.formats.table import heading, log_from_columns
+from exodrake.data.log import Log
+
+RECORD = "exodrake.data.log"
+LATEST = 2.0**64  # ns, MCAP's stamps
+BARE = "value"  # field of a column that has no wire or joint in its name
+
+
+def read(data: bytes, source: str) -> Log:
+    """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
+    make_reader, _ = _mcap(source)
+    try:
+        reader = make_reader(io.BytesIO(data))
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        topics: dict[str, list[Mapping[str, float]]] = {}
+        if RECORD in records:
+            for _, channel, message in reader.iter_messages(log_time_order=False):
+                topics.setdefault(channel.topic, []).append(json.loads(message.data))
+        places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
+        columns = [(heading(n, u), _values(topics.get(t, []), f)) for n, u, t, f in places]
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        if isinstance(error, KeyError) and error.args == (RECORD,):
+            raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file") from None
+        raise InputError(f"{source}: not a whole MCAP file ({type(error).__name__})") from None
+    return log_from_columns(columns, source)
+
+
+def write(log: Log) -> bytes:
+    """The log as MCAP in SI. A missing sample is a field left out."""
+    _, writer_class = _mcap(log.label)
+    stream = io.BytesIO()
+    writer = writer_class(stream)
+    writer.start(library="exodrake")
+    places = _places(log)
+    channels = {topic: _channel(writer, topic, fields, log) for topic, fields in places.items()}
+    start = min(0.0, float(log.time.min()))  # MCAP has no time before 0
+    if (float(log.time.max()) - start) * 1e9 >= LATEST:
+        raise InputError(f"{log.label}: column 'time': {log.time.max():g} s is beyond what MCAP can stamp")
+    columns = {"time": log.time.tolist()} | {name: values.tolist() for name, values in log.signals.items()}
+    for row, time in enumerate(columns["time"]):
+        stamp = round((time - start) * 1e9)
+        for topic, fields in places.items():
+            message = {field: columns[name][row] for field, name in fields.items()}
+            text = json.dumps({field: value for field, value in message.items() if value == value})
+            writer.add_message(channels[topic], log_time=stamp, publish_time=stamp, data=text.encode(), sequence=row)
+    units = {"time": "s"} | log.units
+    listed = {
+        name: [name, units[name], topic, field] for topic, fields in places.items() for field, name in fields.items()
+    }
+    ordered = [listed[name] for name in columns]
+    writer.add_metadata(RECORD, {"columns": json.dumps(ordered)})
+    writer.finish()
+    return stream.getvalue()
+
+
+def _places(log: Log) -> dict[str, dict[str, str]]:
+    """topic -> field -> column."""
+    places: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}
+    for column in log.columns:
+        kind = kind_of(column)
+        topic, field = (f"/{kind}", column[len(kind) + 1 :] or BARE) if kind else (f"/{column}", BARE)
+        if field in places.get(topic, {}):
+            topic, field = f"/{column}", BARE
+        places.setdefault(topic, {})[field] = column
+    return places
+
+
+def _channel(writer: Any, topic: str, fields: Mapping[str, str], log: Log) -> int:
+    units = {"time": "s"} | log.units
+    schema = {
+        "type": "object",
+        "title": topic[1:],
+        "properties": {field: {"type": "number", "description": units[name]} for field, name in fields.items()},
+    }
+    number = writer.register_schema(name=f"exodrake{topic}", encoding="jsonschema", data=json.dumps(schema).encode())
+    return writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
+
+
+def _values(messages: list[Mapping[str, float]], field: str) -> np.ndarray:
+    return np.array([float(message.get(field, np.nan)) for message in messages])
+
+
+def _mcap(source: str) -> tuple[Any, Any]:
+    try:
+        from mcap.reader import make_reader
+        from mcap.writer import Writer
+    except ImportError:
+        raise InputError(f"{source}: MCAP needs the mcap package; install exodrake[mcap]") from None
+    return make_reader, Writer

@@ -1,0 +1,143 @@
+"""Which file format by which ending, and what every format has in common: headers with units, required columns."""
+
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes, write_bytes
+from exodrake.core.units import KINDS, check_unit, to_si
+from exodrake.data.log import Log
+
+# ending -> module with read(data: bytes, source: str) -> Log and write(log: Log) -> bytes
+FORMATS = {
+    ".csv": "exodrake.data.formats.csv",
+    ".csv.gz": "exodrake.data.formats.csv_gz",
+    ".npz": "exodrake.data.formats.npz",
+    ".parquet": "exodrake.data.formats.parquet",
+    ".mcap": "exodrake.data.formats.mcap",
+    ".mat": "exodrake.data.formats.mat",
+}
+
+
+def ending(path: str | Path) -> str | None:
+    """The known ending of a file name, longest first, or None."""
+    name = Path(path).name.lower()
+    return next((known for known in sorted(FORMATS, key=len, reverse=True) if name.endswith(known)), None)
+
+
+def stem(path: str | Path) -> str:
+    """A file's name without folder and ending: `sweeps_1` of `logs/sweeps_1.csv.gz`."""
+    name = Path(path).name
+    return name[: -len(ending(name) or "")] if ending(name) else Path(name).stem
+
+
+def read_table(path: str | Path) -> Log:
+    """A log from a file of any known format; neither required columns nor the clock are checked."""
+    return _format(path, "read")(read_bytes(path), str(path))
+
+
+def write_table(log: Log, path: str | Path) -> None:
+    """Write a log whole or not at all. InputError for what no file would give back: see `check_writable`."""
+    check_writable(log, str(path))
+    write_bytes(path, _format(path, "write")(log))
+
+
+def check_writable(log: Log, target: str) -> None:
+    """InputError for no rows, an infinite sample, a hole in the clock, and a column name that no heading can hold."""
+    if not len(log):
+        raise InputError(f"{target}: the log has no rows, it is not written")
+    for name, values in {"time": log.time, **log.signals}.items():
+        wrong = np.flatnonzero(np.isinf(values) | (np.isnan(values) if name == "time" else False))
+        if len(wrong):
+            row = int(wrong[0])
+            raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
+    for name in log.columns:
+        bare = name.isprintable() and name == name.strip() and not set(name) & set("[]") and name
+        if not bare or name == "time":
+            raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
+
+
+def heading(name: str, unit: str) -> str:
+    """`tension_AF [N]`."""
+    return f"{name} [{unit}]"
+
+
+def headings(log: Log) -> list[str]:
+    """Headings of time and all columns, in order."""
+    return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
+
+
+def split_heading(text: str, source: str) -> tuple[str, str]:
+    """(name, unit) of a heading. InputError when the brackets or the name are absent."""
+    name, bracket, rest = text.strip().partition("[")
+    unit, closing, tail = rest.partition("]")
+    if not bracket or not closing or tail.strip() or not name.strip():
+        raise InputError(
+            f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
+        )
+    return name.strip(), unit
+
+
+def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
+    """A log from (heading, values (n,)) pairs: units converted, doubled columns, no time and no rows refused."""
+    signals: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    for text, values in columns:
+        name, unit = split_heading(text, source)
+        if name in signals:
+            raise InputError(f"{source}: column {name!r} comes twice")
+        where = f"{source}, column {name!r}"
+        units[name] = check_unit(name, unit, where)
+        signals[name] = to_si(values, unit, where)
+        _refuse_infinite(signals[name], where)
+    if "time" not in signals:
+        raise InputError(
+            f"{source}: required column 'time [s]' is missing (found {', '.join(signals) or 'no columns'})"
+        )
+    time = signals.pop("time")
+    units.pop("time")
+    if not len(time):
+        raise InputError(f"{source}: no rows")
+    if np.isnan(time).any():
+        raise InputError(f"{source}: column 'time', row {int(np.flatnonzero(np.isnan(time))[0]) + 1}: empty")
+    return Log(time, signals, units, source)
+
+
+def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = ()) -> None:
+    """InputError naming a required column that is missing or empty, or a missing sample in a complete one."""
+    names = list(dict.fromkeys(name for kind in required for name in log.names(kind)))
+    wanted: list[str] = []
+    for item in required:
+        if item not in KINDS or item in log.signals or item == "time":
+            wanted.append(item)
+        else:
+            wanted += [f"{item}_{name}" for name in names] or [f"{item}_..."]
+    for column in wanted:
+        if column != "time" and column not in log.signals:
+            raise InputError(
+                f"{log.label}: required column {column!r} is missing (found time, {', '.join(log.columns)})"
+            )
+        if np.isnan(log[column]).all():
+            raise InputError(f"{log.label}: required column {column!r} is empty")
+    for item in complete:
+        for column in [item] if item in log.signals else [f"{item}_{name}" for name in log.names(item)]:
+            missing = np.flatnonzero(np.isnan(log[column]))
+            if len(missing):
+                raise InputError(
+                    f"{log.label}: column {column!r}, row {int(missing[0]) + 1}: a missing sample is not allowed here"
+                )
+
+
+def _refuse_infinite(values: np.ndarray, where: str) -> None:
+    if np.isinf(values).any():
+        raise InputError(f"{where}, row {int(np.flatnonzero(np.isinf(values))[0]) + 1}: infinite")
+
+
+def _format(path: str | Path, verb: str) -> Callable:
+    known = ending(path)
+    if known is None:
+        raise InputError(f"{path}: ending is none of {', '.join(FORMATS)}")
+    return getattr(import_module(FORMATS[known]), verb)

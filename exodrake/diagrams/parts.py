@@ -1,0 +1,161 @@
+"""The parts of the Exo-Index robot as Drake systems, each constructible on its own: `MotorDynamics(load_robot())`.
+
+Numbers are those of the robot, in SI and in the table's order, as numeric parameter 0 of the Context. The plant ticks
+every slot (2 ms); sampled tasks run once a frame (20 ms) in the middle of their slot.
+"""
+
+from __future__ import annotations
+
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine, nearest
+from exodrake.core.robot import Robot
+from exodrake.diagrams.leaf import Leaf
+from exodrake.diagrams.leaf_specs import part_plan
+from exodrake.machines.robot_file import load_robot
+
+
+class Part(Leaf):
+    """A part of a robot as a Drake system; the nominal robot if none is given. substeps: plant ticks a slot."""
+
+    part = ""
+
+    def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
+        robot = robot or load_robot()
+        blocks = {block.name: block for block in robot.machine.blocks}
+        if self.part not in blocks:
+            raise InputError(f"{robot.machine.name} has no part {self.part!r}{nearest(self.part, list(blocks))}")
+        super().__init__(part_plan(robot.machine, blocks[self.part], robot.values, substeps))
+
+
+class TendonFinger(Part):
+    """Three elastic wires on a planar finger (`systems.tendon_finger`); ticks with the plant.
+
+    .. pydrake_system::
+
+        name: TendonFinger
+        input_ports:
+        - stroke
+        - wire_speed
+        output_ports:
+        - angle
+        - rate
+        - tension_finger
+        - tension
+
+    tension [N] answers stroke [m] at once; the other outputs are state.
+    """
+
+    part = "finger"
+
+
+class MotorDynamics(Part):
+    """Rotors behind gears with current-limited speed loops (`systems.motor`); ticks with the plant.
+
+    .. pydrake_system::
+
+        name: MotorDynamics
+        input_ports:
+        - speed_applied
+        - tension
+        output_ports:
+        - stroke
+        - wire_speed
+        - spool_angle
+    """
+
+    part = "motor"
+
+
+class TensionSensor(Part):
+    """Load cells (`systems.sensor`), whose amplifiers tick with the plant and which the bus reads in slots 1, 2, 3.
+
+    .. pydrake_system::
+
+        name: TensionSensor
+        input_ports:
+        - tension
+        - wire_speed
+        - noise_tension
+        output_ports:
+        - tension_read
+        - cell
+
+    cell [N], the amplified tension, answers tension [N] at once; tension_read is state.
+    """
+
+    part = "sensor"
+
+
+class Encoder(Part):
+    """Encoders on the gears (`systems.encoder`), read over the bus in slots 1, 2, 3.
+
+    .. pydrake_system::
+
+        name: Encoder
+        input_ports:
+        - spool_angle
+        output_ports:
+        - stroke_read
+    """
+
+    part = "encoder"
+
+
+class MotionCapture(Part):
+    """Joint angles with noise (`systems.mocap`), in slot 0.
+
+    .. pydrake_system::
+
+        name: MotionCapture
+        input_ports:
+        - angle
+        - noise_angle
+        output_ports:
+        - angle_read
+        - mocap_lateness
+    """
+
+    part = "mocap"
+
+
+class AdmittanceController(Part):
+    """PD admittance from tension error to wire speed (`systems.controller`), in slot 4.
+
+    .. pydrake_system::
+
+        name: AdmittanceController
+        input_ports:
+        - tension_ref
+        - tension_read
+        output_ports:
+        - speed_cmd
+    """
+
+    part = "controller"
+
+
+class MotorBus(Part):
+    """Hands each command to its drive (`systems.bus`), in slots 5, 6, 7.
+
+    .. pydrake_system::
+
+        name: MotorBus
+        input_ports:
+        - speed_cmd
+        - lottery
+        output_ports:
+        - speed_applied
+    """
+
+    part = "bus"
+
+
+NAMED = {
+    cls.part: cls
+    for cls in (TendonFinger, MotorDynamics, TensionSensor, Encoder, MotionCapture, AdmittanceController, MotorBus)
+}
+
+
+def part_class(machine: Machine, name: str) -> type[Part]:
+    """The class of a part: the one that bears its name, else one made for it."""
+    return NAMED.get(name) or type(f"{machine.name}_{name}", (Part,), {"part": name})

@@ -1,0 +1,65 @@
+"""Compiles all entry points of the nominal machine by using each once, in processes side by side."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from subprocess import PIPE, Popen
+from time import sleep
+
+import numpy as np
+
+from exodrake.compiled.compose import compile_machine
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import NOTHING, Chance, Reference, prepared, record, state_size, wire_count
+
+SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
+
+
+def twin() -> None:
+    """`begin`, `run` and `batch` of the compiled twin."""
+    robot = load_robot()
+    machine, chance = robot.machine, Chance.draw(len(SHORT.tension), 0, robot.machine)
+    record(robot, SHORT)
+    records = np.zeros((1, len(SHORT.tension), wire_count(machine)))
+    given = (SHORT.tension, chance.tension, chance.angle, chance.lottery)
+    compile_machine(machine).batch(
+        prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
+    )
+
+
+def leaves() -> None:
+    """What the Drake leaves call, fused and part by part."""
+    from exodrake.diagrams.diagram import run_diagram
+
+    robot = load_robot()
+    chance = Chance.draw(len(SHORT.tension), 0, robot.machine)
+    for fused in (True, False):
+        run_diagram(robot, prepared(robot), SHORT, chance, 1, fused)
+
+
+JOBS = {"the compiled twin": "twin", "the Drake leaves": "leaves"}
+
+
+def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:
+    """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
+    compile_machine(load_robot().machine)  # prints the module, once for all processes
+    running = {
+        name: Popen(
+            [sys.executable, "-c", f"from exodrake.diagrams.warm_up import {job}; {job}()"], stderr=PIPE, text=True
+        )
+        for name, job in JOBS.items()
+    }
+    for name, process in ended(running):
+        if process.returncode:
+            raise RuntimeError(f"compiling {name} failed: {process.stderr.read() if process.stderr else ''}")
+        tell(name, [other for other, p in running.items() if p.poll() is None])
+
+
+def ended(running: dict[str, Popen]) -> Iterator[tuple[str, Popen]]:
+    """Processes as they end."""
+    waiting = dict(running)
+    while waiting:
+        for name in [name for name, process in waiting.items() if process.poll() is not None]:
+            yield name, waiting.pop(name)
+        sleep(0.05)

@@ -1,0 +1,54 @@
+"""Data against model: angles of sweeps held out, from the estimator, the ridge and the statics of the paper's model
+(its Fig. 11)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.estimator.dataset import Sweeps
+from exodrake.estimator.gp import POINTS, fit
+from exodrake.estimator.ridge import fit_ridge
+from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
+from exodrake.systems.finger_statics import follow, posture
+from exodrake.systems.tendon_finger import Numbers
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """RMSE (joints,) [rad] on held-out sweeps by method, in order, the stiffness fitted with constant stiffness, and
+    the share of rows for which the constant-stiffness model has an equilibrium (its RMSE is over those rows)."""
+
+    rmse: dict[str, np.ndarray]
+    stiffness: Stiffness
+    solved: float
+
+
+def compare(training: Sweeps, held_out: Sweeps, n: Numbers, points: int = POINTS) -> Comparison:
+    """Train and fit on `training`, judge on `held_out`; n: the robot's numbers, whose routers and end stops the models
+    take.
+
+    Methods: Gaussian process; quadratic ridge; constant stiffness (fitted, no end stops, Eq. 20-21: the paper's
+    model-based estimate); end stops (fitted stiffness and known stops); nominal (nothing fitted). The models see
+    tension only. InputError if wires or joints are not the three of the numbers, or differ between the two.
+    """
+    for sweeps in (training, held_out):
+        if len(sweeps.wires) != 3 or len(sweeps.joints) != 3:
+            raise InputError(
+                f"the finger's statics have 3 wires and 3 joints, not {len(sweeps.wires)} and {len(sweeps.joints)}"
+            )
+    if (training.wires, training.joints) != (held_out.wires, held_out.joints):
+        raise InputError("training and held-out sweeps differ in wires or joints")
+    process = fit(training, points).predict(held_out.tension, held_out.stroke)[0]
+    constant = fit_stiffness(training.tension, training.angle, linear(n), posture)
+    stopped = fit_stiffness(training.tension, training.angle, n)
+    guesses = {
+        "Gaussian process": process,
+        "quadratic ridge": fit_ridge(training)(held_out)[0],
+        "constant stiffness": posture(held_out.tension, constant.numbers(linear(n))),
+        "end stops": follow(held_out.tension, stopped.numbers(n)),
+        "nominal": follow(held_out.tension, n),
+    }
+    solved = np.isfinite(guesses["constant stiffness"]).all(axis=1)
+    rmse = {name: np.sqrt(np.nanmean((guess - held_out.angle) ** 2, axis=0)) for name, guess in guesses.items()}
+    return Comparison(rmse, constant, float(np.mean(solved)))

@@ -1,0 +1,157 @@
+"""Training data: rows of logs, labelled by the sweep they belong to.
+
+A sweep is one excursion of the tension references: from the end of the previous one, up, and down again. Rows of a
+sweep share what the wearer does differently each time, so a sweep is held out whole or not at all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.log import Log
+
+MIN_SWEEPS = 4  # fewer say nothing about how one sweep differs from the next
+MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
+MAX_STEP = 0.05  # of a reference's range in one frame: more is a jump, not a ramp
+MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
+
+
+@dataclass(frozen=True, eq=False)
+class Sweeps:
+    """Rows of several sweeps.
+
+    inputs: (n, 2 x wires), tensions [N] then strokes [m]. angle: (n, joints) rad. sweep: (n,) int label. time: (n,) s,
+    compared within a sweep only. logs: names of the logs, for the record.
+    """
+
+    inputs: np.ndarray
+    angle: np.ndarray
+    sweep: np.ndarray
+    time: np.ndarray
+    wires: tuple[str, ...]
+    joints: tuple[str, ...]
+    logs: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+    @property
+    def count(self) -> int:
+        """Number of sweeps."""
+        return len(np.unique(self.sweep))
+
+    @property
+    def tension(self) -> np.ndarray:
+        """(n, wires) N."""
+        return np.ascontiguousarray(self.inputs[:, : len(self.wires)])
+
+    @property
+    def stroke(self) -> np.ndarray:
+        """(n, wires) m."""
+        return np.ascontiguousarray(self.inputs[:, len(self.wires) :])
+
+    def rows(self, which: np.ndarray) -> "Sweeps":
+        """The sweeps restricted to some rows (mask or indices)."""
+        part = (self.inputs[which], self.angle[which], self.sweep[which], self.time[which])
+        return replace(self, inputs=part[0], angle=part[1], sweep=part[2], time=part[3])
+
+    def equispaced(self, count: int) -> "Sweeps":
+        """At most `count` rows, equally spaced in time."""
+        if len(self) <= count:
+            return self
+        return self.rows(np.linspace(0, len(self) - 1, count).round().astype(int))
+
+
+def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sweeps:
+    """Cut logs into sweeps and join them. Logs whose label is in `one_per_log` stay whole.
+
+    InputError for no logs, logs of other wires or joints than the first, logs without angles, missing samples (NaN)
+    and fewer than `MIN_SWEEPS` sweeps.
+    """
+    if not logs:
+        raise InputError("no logs to train the estimator on")
+    wires, joints = logs[0].names("tension"), logs[0].names("angle")
+    inputs, angles, labels, times, first = [], [], [], [], 0
+    for log in logs:
+        inputs.append(inputs_of(log, wires))
+        angles.append(angles_of(log, joints))
+        label = np.zeros(len(log), int) if log.label in one_per_log else cut(log.array("tension_ref", wires), log.dt)
+        labels.append(first + label)
+        first += int(label[-1]) + 1
+        times.append(log.time)
+    if first < MIN_SWEEPS:
+        raise InputError(
+            f"{logs[0].label}: too few sweeps: {first} in {len(logs)} log(s), at least {MIN_SWEEPS} are needed"
+        )
+    parts = (np.concatenate(part) for part in (inputs, angles, labels, times))
+    return Sweeps(*parts, wires=wires, joints=joints, logs=tuple(log.label for log in logs))
+
+
+def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
+    """Tensions [N] and strokes [m] side by side, (n, 2 x wires). InputError for other wires or missing samples."""
+    found = log.names("tension")
+    if not wires or set(found) != set(wires):
+        raise InputError(f"{log.label}: tensions of wires {_names(found)}, the estimator needs {_names(wires)}")
+    _complete(log, [f"{kind}_{wire}" for kind in ("tension", "stroke") for wire in wires])
+    return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
+
+
+def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
+    """Measured joint angles, (n, joints) rad. InputError for none, other joints or missing samples."""
+    found = log.names("angle")
+    if not found:
+        raise InputError(f"{log.label}: no joint angles, without which nothing can be trained (columns angle_...)")
+    if set(found) != set(joints):
+        raise InputError(f"{log.label}: angles of joints {_names(found)}, the estimator needs {_names(joints)}")
+    _complete(log, [f"angle_{joint}" for joint in joints])
+    return log.array("angle", joints)
+
+
+def cut(reference: np.ndarray, dt: float) -> np.ndarray:
+    """Sweep labels 0, 1, .. of each row, (n,), from the tension references (n, wires) [N] sampled every dt [s].
+
+    A ramp is a run of at least `MIN_RAMP` in which some reference moves one way, less than a jump per frame. A sweep
+    ends with the last ramp before a new rise that follows a fall, belongs to another wire, or starts lower than the
+    last rise ended; the dwell in between goes to the new sweep. A log without ramps (holds, steps) is one sweep.
+    """
+    label = np.zeros(len(reference), int)
+    span = np.ptp(reference, axis=0)
+    if len(reference) < 2 or not np.any(span > 0):
+        return label
+    step = np.diff(reference, axis=0) / np.where(span > 0, span, 1.0)
+    ramps = sorted(_runs(step, +1, dt) + _runs(step, -1, dt))
+    last, lead, height, fallen = 0, -1, 0.0, False
+    for start, end, way in ramps:
+        if way < 0:
+            fallen, last = True, end
+            continue
+        wire = int(np.argmax(reference[end] - reference[start]))
+        lower = wire == lead and reference[start, wire] < height - MAX_STEP * span[wire]
+        if lead >= 0 and (fallen or lower or wire != lead):
+            label[last + 1 :] += 1
+        last, lead, height, fallen = end, wire, reference[end, wire], False
+    return label
+
+
+def _runs(step: np.ndarray, way: int, dt: float) -> list[tuple[int, int, int]]:
+    """(first row, last row, way) of each ramp that goes `way` (+1 up, -1 down)."""
+    jump = np.any(np.abs(step) > MAX_STEP, axis=1)
+    moving = np.any(way * step > MIN_STEP, axis=1) & ~jump
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
+    return [(int(a), int(b), way) for a, b in zip(edges[::2], edges[1::2], strict=True) if (b - a) * dt >= MIN_RAMP]
+
+
+def _complete(log: Log, columns: Sequence[str]) -> None:
+    """InputError naming column and row of the first missing sample."""
+    for column in columns:
+        missing = np.flatnonzero(~np.isfinite(log[column]))
+        if len(missing):
+            raise InputError(
+                f"{log.label}: column {column!r}, row {missing[0] + 1}: sample missing ({len(missing)} in all)"
+            )
+
+
+def _names(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"

@@ -1,0 +1,117 @@
+"""An estimator as a file: arrays and one JSON record in an .npz, no pickle, written whole or not at all.
+
+The record names wires, joints, units, training logs and the robot; an estimator of another robot is refused when it
+meets a log (other wires or joints) or a robot file (another signature).
+"""
+
+import hashlib
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes, write_bytes
+from exodrake.estimator.gp import Estimator
+from exodrake.systems.gp_estimator import Weights
+
+FORMAT = "exodrake estimator 1"
+UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
+
+
+def signature(robot_file: str | Path) -> str:
+    """SHA-256 of a robot file's bytes, hexadecimal. InputError if it cannot be read."""
+    return hashlib.sha256(read_bytes(robot_file)).hexdigest()
+
+
+def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+    """Write an estimator (.npz); notes: more for the record, such as validation figures. InputError if it may not be
+    written."""
+    from exodrake import __version__
+
+    record = {
+        "format": FORMAT,
+        "exodrake": __version__,
+        "units": UNITS,
+        "wires": estimator.wires,
+        "joints": estimator.joints,
+        "robot": estimator.robot,
+        "logs": estimator.logs,
+        "sweeps": estimator.sweeps,
+        "kernel": estimator.kernel,
+        "limit": estimator.limit,
+        "notes": notes or {},
+    }
+    stream = io.BytesIO()
+    np.savez(stream, record=np.array(json.dumps(record)), **estimator.weights._asdict())
+    write_bytes(path, stream.getvalue())
+
+
+def load(path: str | Path, robot: str | None = None) -> Estimator:
+    """Read an estimator; robot: signature it must carry, or None for any.
+
+    InputError naming the file if it is no estimator, is damaged, has units this version does not know, or is another
+    robot's.
+    """
+    record, arrays = _read(path)
+    if record.get("units") != UNITS:
+        raise InputError(f"{path}: estimator in units {record.get('units')}, wanted {UNITS}")
+    if robot is not None and record.get("robot") != robot:
+        known = str(record.get("robot"))[:12] or "unknown"
+        raise InputError(
+            f"{path}: estimator trained for another robot (signature {known}, this robot's is {robot[:12]})"
+        )
+    try:
+        estimator = Estimator(
+            wires=tuple(record["wires"]),
+            joints=tuple(record["joints"]),
+            weights=Weights(*(np.ascontiguousarray(arrays[name], dtype=float) for name in Weights._fields)),
+            limit=float(record["limit"]),
+            robot=record["robot"],
+            logs=tuple(record["logs"]),
+            sweeps=int(record["sweeps"]),
+            kernel=record["kernel"],
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: damaged estimator file ({error})") from None
+    _check_shapes(estimator, path)
+    return estimator
+
+
+def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Record and arrays of the file."""
+    data = read_bytes(path)
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        record = json.loads(str(arrays.pop("record")))
+    except (ValueError, KeyError, TypeError, EOFError, OSError, AttributeError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not an estimator file ({error})") from None
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")
+    return record, arrays
+
+
+def _check_shapes(estimator: Estimator, path: str | Path) -> None:
+    """InputError unless the arrays fit each other, since the kernel does not look."""
+    inputs, joints = 2 * len(estimator.wires), len(estimator.joints)
+    points = estimator.weights.alpha.shape[0]
+    wanted: dict[str, tuple[int, ...]] = {
+        "center": (inputs,),
+        "rotation": (inputs, inputs),
+        "points": (inputs, points),
+        "shrink": (inputs,),
+        "variances": (3,),
+        "alpha": (points, joints),
+        "factor": (points * (points + 1) // 2,),
+        **dict.fromkeys(("offset", "gain", "spread"), (joints,)),
+    }
+    for name, shape in wanted.items():
+        array = getattr(estimator.weights, name)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise InputError(
+                f"{path}: damaged estimator file ({name} has shape {array.shape}, wanted {shape}, all finite)"
+            )

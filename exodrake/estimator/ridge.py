@@ -1,0 +1,51 @@
+"""The honest baselines: a quadratic ridge with a standard deviation from held-out sweeps, and the nearest neighbour.
+
+With wearer variability a Gaussian process that only ties the ridge in RMSE still earns its keep by knowing when it
+does not know. The nearest neighbour is there to expose a random split: it looks answers up and cannot know a new
+sweep.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from exodrake.estimator.dataset import Sweeps
+
+PENALTIES = tuple(10.0**power for power in range(-3, 3))
+FOLDS = 5
+
+Predictor = Callable[[Sweeps], tuple[np.ndarray, np.ndarray]]
+"""Mean and standard deviation (n, J) [rad] of the angles of sweeps, from their inputs alone."""
+
+
+def fit_ridge(sweeps: Sweeps) -> Predictor:
+    """Quadratic ridge on standardised inputs; penalty and standard deviation per joint by cross-validation over whole
+    sweeps."""
+    from sklearn.model_selection import GroupKFold, cross_val_predict
+
+    folds = GroupKFold(min(FOLDS, sweeps.count))
+    errors = []
+    for penalty in PENALTIES:
+        held_out = cross_val_predict(_quadratic(penalty), sweeps.inputs, sweeps.angle, groups=sweeps.sweep, cv=folds)
+        errors.append(np.sqrt(np.mean((held_out - sweeps.angle) ** 2, axis=0)))
+    best = int(np.argmin([error.mean() for error in errors]))
+    model = _quadratic(PENALTIES[best]).fit(sweeps.inputs, sweeps.angle)
+    return lambda new: (model.predict(new.inputs), np.broadcast_to(errors[best], (len(new), len(errors[best]))))
+
+
+def fit_nearest(sweeps: Sweeps) -> Predictor:
+    """The angles of the nearest training row in standardised inputs; no standard deviation (NaN)."""
+    from sklearn.neighbors import KNeighborsRegressor
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    model = make_pipeline(StandardScaler(), KNeighborsRegressor(1)).fit(sweeps.inputs, sweeps.angle)
+    return lambda new: (model.predict(new.inputs), np.full((len(new), sweeps.angle.shape[1]), np.nan))
+
+
+def _quadratic(penalty: float):
+    from sklearn.linear_model import Ridge
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+
+    return make_pipeline(StandardScaler(), PolynomialFeatures(2), Ridge(penalty))

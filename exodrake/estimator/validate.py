@@ -1,0 +1,115 @@
+"""Judging an estimator: the same data under a random split of the rows and with whole sweeps held out, side by side.
+
+The Gaussian process keeps the covariance parameters learnt from all rows while the folds change what it is conditioned
+on (a fit per fold would take minutes; parameters are a dozen numbers for thousands of rows). Folds are seeded.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from exodrake.core.errors import InputError
+from exodrake.data.log import Log
+from exodrake.estimator.dataset import Sweeps, inputs_of
+from exodrake.estimator.gp import NORMAL_95, POINTS, Estimator, Prior, condition
+from exodrake.estimator.ridge import Predictor, fit_nearest, fit_ridge
+
+FOLDS = 6
+RANDOM, HELD_OUT = "random rows", "held-out sweeps"
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """How predictions fare: RMSE (J,) [rad], share of rows within the 95 % interval (J,) (NaN if no interval), mean
+    negative log-likelihood a row and joint [nat]."""
+
+    method: str
+    split: str
+    rmse: np.ndarray
+    coverage: np.ndarray
+    loss: float
+
+    @property
+    def mean_rmse(self) -> float:
+        """Mean over the joints [rad]."""
+        return float(np.mean(self.rmse))
+
+
+def score(method: str, split: str, angle: np.ndarray, mean: np.ndarray, std: np.ndarray) -> Score:
+    """Score of predictions; angle, mean, std (n, J) [rad]."""
+    error = mean - angle
+    sure = np.isfinite(std).all()
+    coverage = np.mean(np.abs(error) <= NORMAL_95 * std, axis=0) if sure else np.full(angle.shape[1], np.nan)
+    loss = float(np.mean(0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi))) if sure else float("nan")
+    return Score(method, split, np.sqrt(np.mean(error**2, axis=0)), coverage, loss)
+
+
+def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) -> tuple[Score, ...]:
+    """Gaussian process, quadratic ridge and nearest neighbour under both splits: six scores, a method's two next to
+    each other."""
+    methods: dict[str, Callable[[Sweeps], Predictor]] = {
+        "Gaussian process": lambda part: _process(prior, part, points),
+        "quadratic ridge": fit_ridge,
+        "nearest row": fit_nearest,
+    }
+    splits = {RANDOM: random_folds(sweeps, seed), HELD_OUT: sweep_folds(sweeps, seed)}
+    with threadpool_limits(1):  # many small products: a second thread only waits
+        return tuple(
+            score(method, split, sweeps.angle, *out_of_fold(fit, sweeps, folds))
+            for method, fit in methods.items()
+            for split, folds in splits.items()
+        )
+
+
+def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation (n, J) [rad] of each row by a model fitted without its fold; folds (n,) int."""
+    mean, std = np.empty_like(sweeps.angle), np.empty_like(sweeps.angle)
+    for fold in np.unique(folds):
+        inside = folds == fold
+        mean[inside], std[inside] = fit(sweeps.rows(~inside))(sweeps.rows(inside))
+    return mean, std
+
+
+def random_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
+    """Fold of each row, (n,), drawn without regard to sweeps: the split that flatters."""
+    return np.random.default_rng(seed).permutation(len(sweeps)) % FOLDS
+
+
+def sweep_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
+    """Fold of each row, (n,), one for all rows of a sweep; sweeps are dealt out at random."""
+    labels, row = np.unique(sweeps.sweep, return_inverse=True)
+    folds = np.random.default_rng(seed).permutation(len(labels)) % min(FOLDS, len(labels))
+    return folds[row]
+
+
+def _process(prior: Prior, sweeps: Sweeps, points: int) -> Predictor:
+    estimator = condition(prior, sweeps, points)
+    return lambda new: estimator.predict(new.tension, new.stroke)[:2]
+
+
+def estimate(estimator: Estimator, log: Log) -> tuple[Log, float, Score | None]:
+    """The log with `angle_est` and `angle_std` columns, the share of samples flagged, and the score if it has measured
+    angles.
+
+    Rows whose measured angles are missing are not scored. InputError for other wires or joints than the estimator's
+    and for missing tensions or strokes.
+    """
+    inputs = inputs_of(log, estimator.wires)
+    measured = log.names("angle")
+    if measured and set(measured) != set(estimator.joints):
+        raise InputError(
+            f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"
+        )
+    wires = len(estimator.wires)
+    mean, std, flag = estimator.predict(inputs[:, :wires], inputs[:, wires:])
+    new = log.with_array("angle_est", estimator.joints, mean).with_array("angle_std", estimator.joints, std)
+    flagged = float(np.mean(flag))
+    if not measured:
+        return new, flagged, None
+    angle = log.array("angle", estimator.joints)
+    seen = np.isfinite(angle).all(axis=1)
+    if not seen.any():
+        return new, flagged, None
+    return new, flagged, score("estimator", log.label, angle[seen], mean[seen], std[seen])

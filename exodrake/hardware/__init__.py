@@ -1,1 +1,0 @@
-"""Four real machines, diagnosed: what `docs/real.md` says is measured here (`python -m exodrake.hardware`)."""

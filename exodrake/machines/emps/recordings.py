@@ -1,0 +1,67 @@
+"""EMPS, `DATA_EMPS.mat`: Janot, Gautier, Brunot, "Data set and reference models of EMPS", 2019.
+
+From nonlinearbenchmark.org; no licence is stated; a public benchmark that is to be cited. Columns: t s, qg reference m,
+qm position m, vir controller output V, and the scalar gtau N/V. The motion repeats every 6.24 s: the first two cycles
+are fitted, the rest is held out and repeats them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.formats.mat import column, read_variables
+from exodrake.data.log import Log
+from exodrake.machines.recording_tools import file_of, restarted
+
+FRAME, CYCLE = 1e-3, 6240  # s, rows
+NAMES = ("t", "qg", "qm", "vir", "gtau")
+
+
+def case(path: Path) -> Case:
+    """The case of the MAT file or of its folder. InputError for variables that are missing or too short."""
+    file = file_of(path, "DATA_EMPS.mat")
+    variables = read_variables(read_bytes(file), str(file))
+    for name in NAMES:
+        if name not in variables:
+            raise InputError(f"{file}: no variable {name!r}, wanted {', '.join(NAMES)}")
+    t, reference, place, volts, gain = (column(variables[name], name, str(file)) for name in NAMES)
+    if len({len(t), len(reference), len(place), len(volts)}) > 1 or len(t) < 3:
+        raise InputError(f"{file}: t, qg, qm and vir differ in length, or are too short")
+    signals = {
+        "position_ref_carriage": reference,
+        "position_start_carriage": np.full(len(place), place[0]),
+        "speed_start_carriage": np.full(len(place), speed_at_start(place)),
+        "position_carriage": place,
+        "force_carriage": gain[0] * volts,
+    }
+    kinds = {"force": "N", "speed": "m/s", "position": "m"}
+    units = {name: kinds[name.split("_")[0]] for name in signals}
+    log = Log(FRAME * np.arange(len(t)), signals, units, str(file))
+    repeats = len(log) > 3 * CYCLE and np.allclose(reference[2 * CYCLE :], reference[: len(log) - 2 * CYCLE], atol=1e-9)
+    middle = 2 * CYCLE if repeats else len(log) // 2
+    first, second = (moving(restarted(log.rows(part))) for part in (slice(0, middle), slice(middle, None)))
+    return Case(
+        "emps",
+        {},
+        (
+            CaseLog(first, "first", "fit", None, "first.csv.gz"),
+            CaseLog(second, "second", "holdout", "first.csv.gz" if repeats else None, "second.csv.gz"),
+        ),
+        FRAME,
+    )
+
+
+def speed_at_start(place: np.ndarray) -> float:
+    """Speed over the first two frames [m/s]."""
+    return float(place[2] - place[0]) / (2.0 * FRAME)
+
+
+def moving(log: Log) -> Log:
+    """A log that starts at the speed of its first rows."""
+    speed = np.full(len(log), speed_at_start(log["position_carriage"]))
+    return log.with_signals({"speed_start_carriage": speed}, {"speed_start_carriage": "m/s"})

@@ -1,0 +1,58 @@
+"""What the importers share: logs of joints from arrays, and logs cut into what is fitted and what is held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.case import CaseLog
+from exodrake.data.log import Log
+
+
+def joint_log(joints: Sequence[str], command: np.ndarray, angle: np.ndarray, frame: float, source: str) -> Log:
+    """A log of joints from commands and angles (n, joints) [rad], a row a frame [s]; it starts at the first reading."""
+    signals = {}
+    for i, joint in enumerate(joints):
+        signals[f"angle_ref_{joint}"] = command[:, i]
+        signals[f"angle_start_{joint}"] = np.full(len(angle), angle[0, i])
+        signals[f"angle_{joint}"] = angle[:, i]
+    return Log(frame * np.arange(len(angle)), signals, source=source)
+
+
+def halves(log: Log, name: str) -> list[CaseLog]:
+    """The first half to fit and the second held out, each from its own first reading on."""
+    middle = len(log) // 2
+    parts = (
+        (f"{name}_first", "fit", log.rows(slice(0, middle))),
+        (f"{name}_second", "holdout", log.rows(slice(middle, None))),
+    )
+    return [CaseLog(restarted(part), name, role, None, f"{file}.csv.gz") for file, role, part in parts]
+
+
+def restarted(log: Log) -> Log:
+    """A part of a log as one of its own: its clock from 0, and where it starts from its first readings."""
+    anew = {}
+    for column in log.columns:
+        for kind in ("angle", "position"):
+            if column.startswith(f"{kind}_start_"):
+                anew[column] = np.full(len(log), log[column.replace("_start", "", 1)][0])
+    return Log(log.time - log.time[0], log.signals | anew, log.units, log.source)
+
+
+def file_of(path: Path, name: str) -> Path:
+    """The file itself, or the one of that name in a folder. InputError if there is none."""
+    found = path / name if path.is_dir() else path
+    if not found.is_file():
+        raise InputError(f"{found}: no such file")
+    return found
+
+
+def numbers(path: Path, **options) -> np.ndarray:
+    """A NumPy file, or a text table with `options` of numpy.loadtxt. InputError for one that does not parse."""
+    try:
+        return np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(path, ndmin=2, **options)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: not a table of numbers ({error})") from None

@@ -1,0 +1,158 @@
+"""Robot files: a machine with its numbers, read and written.
+
+A file either holds all numbers (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
+
+    base: exo_index
+    numbers: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
+    effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
+    parts: [controller_as_printed]                                       # variants of parts, by page
+    scatter:                                                             # what differs from one such robot to the next
+      - {each: ["tendon.k.{w}"], how: scales, spread: 0.03, limit: 0.10}
+
+`machine` is a built-in one or `package.page`, a page with a function of its last name that returns the Machine.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_file, parse_yaml, read_bytes, write_text
+from exodrake.core.machine import Scatter
+from exodrake.core.robot import MACHINES, VARIANTS, Robot, checked, flatten, machine_of, refuse_negative
+from exodrake.core.robot_schema import check_content
+
+
+def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:
+    """The robot of a file, or a built-in one by name. Raises InputError naming file and key.
+
+    above: files whose base this one is, for the message about a ring.
+    """
+    shipped = files("exodrake.machines") / str(path) / "robot.yaml"
+    if "/" not in str(path) and is_file(str(shipped)):
+        source, data = f"{path}.yaml", shipped.read_bytes()
+    else:
+        file = Path(path)
+        if not is_file(file):
+            raise InputError(f"no robot file {str(path)!r}")
+        source, data = file.name, read_bytes(file)
+    return build(parse_yaml(data, source), source, above or (str(path),))
+
+
+def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
+    """A robot from a file's content; above: bases that led to it. InputError naming file and key."""
+    check_content(content, source)
+    base = content.get("base")
+    if base in above:
+        raise InputError(f"{source}: base {base!r} comes back to itself")
+    robot = load_robot(base, (*above, base)) if base else blank(content, source)
+    with named(source):
+        return changed_by(content, replace(robot, source=source))
+
+
+def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
+    """The robot with what a file's content says of parts, numbers, effects, limits and grasps."""
+    for page in content.get("parts") or ():
+        robot = robot.with_part(page)
+    numbers = content.get("numbers") or {}
+    robot = robot.with_numbers(numbers, robot.source)
+    robot = refuse_negative(replace(robot, **stated(numbers, robot)))
+    for identity, given in (content.get("effects") or {}).items():
+        lanes = {lane for v in given.values() if isinstance(v, Mapping) for lane in v}
+        robot = robot.splice(identity, given, [lane for lane in lanes if lane])
+    limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, robot.source)
+    return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
+
+
+@contextlib.contextmanager
+def named(source: str) -> Iterator[None]:
+    """Puts the file's name before a refusal that lacks it."""
+    try:
+        yield
+    except InputError as problem:
+        raise problem if source in str(problem) else InputError(f"{source}: {problem}") from None
+
+
+def blank(content: Mapping[str, Any], source: str) -> Robot:
+    """A machine whose effects are neutral and whose own numbers are still to come; InputError if some never do."""
+    name = str(content.get("machine"))
+    module = MACHINES.get(name, name)
+    try:
+        machine = machine_of(module, scatter_of(content.get("scatter") or ()))
+    except (ImportError, AttributeError, ValueError):
+        raise InputError(f"{source}: machine {name!r} is none of {', '.join(MACHINES)}, nor a page to import") from None
+    named = {n for n, _ in flatten(content.get("numbers") or {})}
+    for entry in machine.entries:
+        if entry.neutral is None and entry.name not in named and entry.name.rsplit(".", 1)[0] not in named:
+            raise InputError(f"{source}: number {entry.name} is missing")
+    return Robot(machine, np.array([e.neutral if e.neutral is not None else math.nan for e in machine.entries]))
+
+
+def scatter_of(entries: Iterable[Mapping[str, Any]]) -> tuple[Scatter, ...]:
+    """The `scatter` list of a robot file, whose form is checked."""
+    return tuple(Scatter(tuple(e["each"]), e["how"], float(e["spread"]), float(e["limit"])) for e in entries)
+
+
+def stated(numbers: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
+    """Sources and ranges that a file states beside its values; checks that a value lies in its range."""
+    sources, ranges = dict(robot.sources), dict(robot.ranges)
+    for group, fields in numbers.items():
+        for name, item in fields.items() if isinstance(fields, Mapping) else ():
+            if not (isinstance(item, Mapping) and "value" in item):
+                continue
+            for i in robot.places(f"{group}.{name}"):
+                entry = robot.machine.entries[i]
+                if item.get("unit", entry.unit) != entry.unit:
+                    raise InputError(f"{robot.source}: {entry.name} has unit {item['unit']!r}, wanted {entry.unit!r}")
+                sources[entry.name] = str(item.get("source", ""))
+                if "range" in item:
+                    ranges[entry.name] = (float(item["range"][0]), float(item["range"][1]))
+    return {"sources": sources, "ranges": ranges}
+
+
+def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Limits as plain values per wire."""
+    return {name: {w: float(v) for w, v in item.get("value", item).items()} for name, item in limits.items()}
+
+
+def check_limits(limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
+    """Refuses negative tension limits and a floor above its ceiling."""
+    for name, item in limits.items():
+        for wire, value in item.items():
+            if checked(f"{name}.{wire}", value, source) < 0:
+                raise InputError(f"{source}: tension limit {name}.{wire} is {value} N, below 0")
+    for wire, low in limits.get("F_min", {}).items():
+        if low > limits.get("F_max", {}).get(wire, math.inf):
+            raise InputError(f"{source}: F_min.{wire} = {low} N exceeds F_max.{wire}")
+    return limits
+
+
+def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
+    """Writes what differs from the built-in robot, effects included, as a robot file that `load_robot` takes.
+
+    InputError if it cannot be written; the file is whole or not there.
+    """
+    import yaml
+
+    base = load_robot(robot.machine.name)
+    numbers = {
+        e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
+        for e, v, b in zip(robot.machine.entries, robot.values, base.values, strict=True)
+        if e.neutral is None and v != b
+    }
+    effects = {
+        identity: {name: values.get("", values) for name, values in present.items()}
+        for identity, present in robot.effects().items()
+    }
+    parts = [p for p, (point, _, _) in VARIANTS.items() if point in robot.machine.variants]
+    content = {"base": robot.machine.name, "numbers": numbers, "effects": effects, "parts": parts, "notes": notes}
+    text = yaml.safe_dump({k: v for k, v in content.items() if v}, sort_keys=False)
+    write_text(path, text)

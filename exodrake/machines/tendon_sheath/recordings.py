@@ -1,0 +1,53 @@
+"""Bending joint of a flexible endoscope, `0.txt` ... `180.txt`: Nho et al., IEEE RA-L 2021. No licence is stated.
+
+The file's name is the total bend of the sheath [deg]. Columns: trajectory time s (rows that repeat it are dropped),
+commanded angle deg, velocity, measured angle deg (magnetic tracker), tensions and motor currents (not used). A folder's
+configurations are fitted but the middle one, which is held out; one file alone is halved.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.log import Log
+from exodrake.machines.recording_tools import halves, joint_log, numbers
+
+FRAME = 0.025  # s
+TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
+
+
+def case(path: Path) -> Case:
+    """The case of one configuration's file, or of a folder of them. InputError for a name that is no bend."""
+    files = [path] if path.is_file() else sorted(path.glob("*.txt"), key=lambda f: bend_of(f))
+    if not files:
+        raise InputError(f"{path}: no configuration, such as 60.txt")
+    logs = [(f"bend_{f.stem}", read(f)) for f in files]
+    if len(logs) < 3:
+        items = [item for name, log in logs for item in halves(log, name)]
+    else:
+        held = logs[len(logs) // 2][0]
+        items = [CaseLog(log, n, "holdout" if n == held else "fit", None, f"{n}.csv.gz") for n, log in logs]
+    return Case("tendon_sheath", {}, tuple(items), FRAME)
+
+
+def bend_of(file: Path) -> float:
+    """Total bend [rad] that a file's name says [deg]."""
+    try:
+        return float(np.radians(float(file.stem)))
+    except ValueError:
+        raise InputError(f"{file}: the name is no bend in degrees, such as 60.txt") from None
+
+
+def read(file: Path) -> Log:
+    """One configuration, a row for each time of the trajectory."""
+    rows = numbers(file, delimiter=",")
+    if rows.shape[1] != COLUMNS:
+        raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
+    rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]
+    command, angle = np.radians(rows[:, [COMMAND]]), np.radians(rows[:, [ANGLE]])
+    log = joint_log(("bending",), command, angle, FRAME, str(file))
+    return log.with_signals({"bend_bending": np.full(len(log), bend_of(file))})

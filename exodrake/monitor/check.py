@@ -1,0 +1,112 @@
+"""Whether the alarm keeps what it promises: on healthy robots that the limits were not made from, and with one effect.
+
+python -m exodrake.monitor.check healthy --seed 22 --robots 60      # how many raise an alarm in 20 minutes
+python -m exodrake.monitor.check effects --seed 23 --robots 3       # how many effects do, at typical values
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import click
+import numpy as np
+
+from exodrake.core.robot import Robot
+from exodrake.diagnosis.healthy import scattered
+from exodrake.machines.robot_file import load_robot
+from exodrake.monitor.alarm import Alarm, judge, limits
+from exodrake.monitor.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
+from exodrake.monitor.companion import channels
+from exodrake.monitor.gap import floors
+
+SOON, LATE = 1.0, 20.0  # minutes
+
+
+def first_alarm(nominal: Robot, robot: Robot, floor: np.ndarray, seed: int, duration: float) -> Alarm | None:
+    """The first alarm of a robot at work for `duration` [s]."""
+    listed, limit = channels(nominal), limits(nominal)
+    found = (judge(r, listed, limit) for r in readings(nominal, robot, floor, seed, duration))
+    return next((alarm for alarm in found if alarm), None)
+
+
+def share(hits: int, total: int) -> str:
+    """A share with its two-sided 95 % Clopper-Pearson interval."""
+    from scipy.stats import binomtest
+
+    interval = binomtest(hits, total).proportion_ci(CONFIDENCE)
+    return f"{hits}/{total} = {hits / total:.1%} (95 % interval {interval.low:.1%} to {interval.high:.1%})"
+
+
+def shown(alarm: Alarm | None) -> str:
+    """An alarm in short."""
+    if alarm is None:
+        return "no alarm"
+    return (
+        f"{alarm.second} s, {alarm.channel.segment} {alarm.channel.column}, {alarm.gap / alarm.limit:.2f} of the limit"
+    )
+
+
+@click.group()
+def main() -> None:
+    """Try the alarm on other robots than those its limits were made from."""
+
+
+@main.command()
+@click.option("--seed", default=22, show_default=True)
+@click.option("--robots", default=60, show_default=True)
+@click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
+def healthy(seed: int, robots: int, minutes: float) -> None:
+    """Count healthy robots that raise an alarm."""
+    nominal = load_robot()
+    floor, hits = floors(nominal), 0
+    for k, own in enumerate(seeds(seed, robots)):
+        alarm = first_alarm(nominal, scattered(nominal, np.random.default_rng(own)), floor, own, minutes * MINUTE)
+        hits += alarm is not None
+        if alarm or k % 10 == 9:
+            click.echo(f"robot {k}: {shown(alarm)}; {time.process_time():.0f} s of CPU")
+    click.echo(f"false alarms in {minutes:g} min: {share(hits, robots)}")
+
+
+@dataclass(frozen=True)
+class Found:
+    """Robots with one effect: how many raised an alarm soon, how many late or soon, and one first alarm."""
+
+    soon: int
+    late: int
+    alarm: Alarm | None
+
+
+def tried(nominal: Robot, floor: np.ndarray, effect: str, seed: int, robots: int) -> Found:
+    """Scattered robots with an effect of typical size on all its lanes; the long run is made only where the short one
+    raised nothing."""
+    soon, late, shown_one = 0, 0, None
+    for k in range(robots):
+        own = seed + k
+        robot = scattered(nominal, np.random.default_rng(own)).splice(effect)
+        alarm = first_alarm(nominal, robot, floor, own, SOON * MINUTE)
+        soon += alarm is not None
+        alarm = alarm or first_alarm(nominal, robot, floor, own, LATE * MINUTE)
+        late, shown_one = late + (alarm is not None), shown_one or alarm
+    return Found(soon, late, shown_one)
+
+
+@main.command()
+@click.option("--seed", default=23, show_default=True)
+@click.option("--robots", default=3, show_default=True, help="Robots for each effect.")
+def effects(seed: int, robots: int) -> None:
+    """Count robots with one effect of typical size that raise an alarm."""
+    nominal = load_robot()
+    floor, total = floors(nominal), []
+    click.echo(f"| effect | within {SOON:g} min | within {LATE:g} min | first alarm |\n|---|---|---|---|")
+    for k, effect in enumerate(nominal.machine.shelf):
+        found = tried(nominal, floor, effect.id, SPAN * seed + 100 * k, robots)
+        total.append(found)
+        click.echo(f"| `{effect.id}` | {found.soon}/{robots} | {found.late}/{robots} | {shown(found.alarm)} |")
+    runs = robots * len(total)
+    click.echo(f"\nwithin {SOON:g} min: {share(sum(f.soon for f in total), runs)}")
+    click.echo(f"within {LATE:g} min: {share(sum(f.late for f in total), runs)}; {time.process_time():.0f} s of CPU")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Work as drawn by a seed: grasps, random motion, holds and rests in turn, none of them like the last."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.core.robot import Robot
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import Reference
+
+PIECES = ("grasp", "grasp", "random", "holds", "rest")  # grasps are what the robot is for
+
+
+def session(robot: Robot, seed: int, duration: float) -> Reference:
+    """References of `duration` [s]; each piece's kind, pace and levels are drawn anew."""
+    rng = np.random.default_rng(seed)
+    frames = round(duration / robot.machine.frame)
+    parts: list[np.ndarray] = []
+    while sum(map(len, parts)) < frames:
+        parts.append(piece(robot, str(rng.choice(PIECES)), rng))
+    return Reference(np.concatenate(parts)[:frames], "session")
+
+
+def piece(robot: Robot, kind: str, rng: np.random.Generator) -> np.ndarray:
+    """References (frames, wires) [N] of one piece, 5 to 40 s long; paces and pauses [s] as a wearer's might be:
+    assumed."""
+    if kind == "grasp":
+        mode = str(rng.choice(list(robot.grasps)))
+        share = rng.uniform(0.5, 1.0)
+        targets = {wire: share * value for wire, value in robot.grasps[mode].items()}
+        pace = {"rest": rng.uniform(0.2, 2.0), "approach": rng.uniform(0.5, 2.0), "hold": rng.uniform(1.0, 6.0)}
+        return protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace).tension
+    seed = int(rng.integers(1 << 31))
+    if kind == "random":
+        return protocols.random_motion(
+            robot, seed=seed, duration=rng.uniform(15.0, 40.0), fastest=rng.uniform(0.2, 1.2)
+        ).tension
+    if kind == "holds":
+        return protocols.holds(robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).tension
+    floor = [robot.limits["F_min"][wire] for wire in robot.machine.lanes.wires]
+    return np.tile(floor, (round(rng.uniform(5.0, 15.0) / robot.machine.frame), 1))

@@ -1,0 +1,134 @@
+"""A CSV log that still grows: its whole lines as they come, across pauses, truncation and rotation.
+
+A file that does not exist yet, and a last line without its end, are waited for. A file that shrinks, is replaced by
+another of its name or repeats its heading begins a new log: its writer has started anew.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.monitor.columns import Columns, read_heading
+
+HEAD = 512  # bytes at the start of a file by which it is known again
+MOST = 1 << 20  # bytes taken at once, so that a long log shows how far it is
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Rows (n, columns) [SI] of a log in the order of `Columns`; `first` row of the file's (1 below the heading);
+    `fresh`: a log begins."""
+
+    rows: np.ndarray
+    first: int
+    fresh: bool
+
+
+class Tail:
+    """The lines of a file that have come since the last look."""
+
+    def __init__(self, path: Path, wires: tuple[str, ...], joints: tuple[str, ...]) -> None:
+        self.path, self.lanes = path, (wires, joints)
+        self.stream: io.BufferedReader | None = None
+        self.columns: Columns | None = None
+        self.begin_file()
+
+    def begin_file(self) -> None:
+        """Forgets what is known of the file."""
+        if self.stream is not None:
+            self.stream.close()
+        self.stream, self.columns, self.part, self.head, self.row, self.fresh = None, None, b"", b"", 0, True
+
+    def poll(self) -> Iterator[Piece]:
+        """What has come. InputError naming file, column and row for a heading or a row that is none of a log's."""
+        if self.stream is not None and self.rewritten():
+            self.begin_file()
+        if self.stream is None:
+            self.open()
+        while self.stream is not None:
+            data = self.stream.read(MOST)
+            if data:
+                yield from self.taken(data)
+            elif self.replaced():
+                self.begin_file()
+                self.open()
+            else:
+                return
+
+    def open(self) -> None:
+        """Opens the file if it is there; InputError if it may not be read."""
+        try:
+            self.stream = open(self.path, "rb")  # noqa: SIM115
+        except FileNotFoundError:
+            self.stream = None
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
+
+    def rewritten(self) -> bool:
+        """Whether the file that is open became shorter than what was read of it, or starts with other bytes."""
+        assert self.stream is not None
+        at = self.stream.tell()
+        if self.stream.seek(0, io.SEEK_END) < at:
+            return True
+        self.stream.seek(0)
+        same = self.stream.read(len(self.head)) == self.head
+        self.stream.seek(at)
+        return not same
+
+    def replaced(self) -> bool:
+        """Whether another file stands where the one that is open stood."""
+        import os
+
+        assert self.stream is not None
+        try:
+            there = os.stat(self.path)
+        except OSError:
+            return False
+        here = os.fstat(self.stream.fileno())
+        return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+
+    def taken(self, data: bytes) -> Iterator[Piece]:
+        """The pieces in more bytes: whole lines, cut where the heading comes again."""
+        if len(self.head) < HEAD:
+            self.head += data[: HEAD - len(self.head)]
+        whole, end, self.part = (self.part + data).rpartition(b"\n")
+        if not end:
+            return
+        found: list[np.ndarray] = []
+        first = self.row + 1
+        for cells in self.cells(whole):
+            if self.columns is None or tuple(cells) == self.columns.heading:
+                if found:
+                    yield self.piece(found, first)
+                self.columns, found, first = read_heading(cells, str(self.path), *self.lanes), [], self.row + 1
+                self.fresh = True
+                continue
+            self.row += 1
+            if cells:
+                found.append(self.columns.values(cells, self.row))
+        if found:
+            yield self.piece(found, first)
+
+    def piece(self, found: list[np.ndarray], first: int) -> Piece:
+        """Rows as a piece."""
+        fresh, self.fresh = self.fresh, False
+        return Piece(np.array(found), first, fresh)
+
+    def cells(self, lines: bytes) -> Iterator[list[str]]:
+        """Cells of whole lines; InputError for what is no text."""
+        try:
+            text = lines.decode("utf-8-sig")
+            yield from csv.reader(io.StringIO(text, newline=""), strict=True)
+        except UnicodeDecodeError:
+            raise InputError(
+                f"{self.path}: not a text file near row {self.row + 1}; a growing log must be CSV"
+            ) from None
+        except csv.Error as error:
+            raise InputError(f"{self.path}: not a CSV file near row {self.row + 1} ({error})") from None

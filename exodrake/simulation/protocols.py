@@ -1,0 +1,203 @@
+"""Protocols: what the robot is asked to do, as tension references (frames, wires) [N] of one row per 20 ms frame.
+
+    exo.simulate(robot, exo.grasp("caging"))        exo.sweeps()        exo.protocol("chirp:high=1.5", robot)
+
+Levels are shares of each wire's `F_max`; no reference ever falls below its anti-slack floor `F_min` (both in the
+robot's limits). All are reproducible: those with chance in them take a seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.machine import nearest
+from exodrake.core.robot import Robot
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import Reference
+from exodrake.simulation.tensions import above_floor, check_range, clock, generator, limits, smooth
+
+LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
+
+
+def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> np.ndarray:
+    """Target tensions (wires,) [N] of a mode, or those given; InputError naming mode, wire or value that is wrong."""
+    wires = robot.machine.lanes.wires
+    if targets is None and mode not in robot.grasps:
+        hint = nearest(mode, list(robot.grasps))
+        raise InputError(f"unknown grasp mode {mode!r}{hint}; there are {', '.join(robot.grasps)}")
+    wanted = dict(robot.grasps[mode] if targets is None else targets)
+    for wire in wanted:
+        if wire not in wires:
+            raise InputError(f"{mode}: unknown wire {wire!r}; the robot has {', '.join(wires)}")
+    for wire, (low, high) in zip(wires, np.transpose(limits(robot))):
+        if wire not in wanted:
+            raise InputError(f"{mode}: no target tension for wire {wire}")
+        if not 0.0 <= wanted[wire] <= high:
+            raise InputError(f"{mode}: target tension of {wire} is {wanted[wire]} N, wanted 0 to F_max = {high:g} N")
+        wanted[wire] = max(wanted[wire], low)
+    return np.array([wanted[w] for w in wires])
+
+
+def grasp(
+    mode: str = "caging", robot: Robot | None = None, targets: Mapping[str, float] | None = None,
+    *, rest: float = 0.5, approach: float = 1.0, hold: float = 2.5, release: float = 1.0,
+) -> Reference:  # fmt: skip
+    """One grasp: rest, minimum-jerk approach to the mode's target tensions, hold, minimum-jerk release, rest.
+
+    Args:
+        mode: one of `robot.grasps`, or any name if `targets` (wire -> N) are given. rest, approach, hold, release: [s].
+    """
+    robot = robot or load_robot()
+    peak, floor = targets_of(mode, robot, targets), limits(robot)[0]
+    time = clock(robot, rest=rest, approach=approach, hold=hold, release=release, rest_after=rest)
+    frame = robot.machine.frame
+    up = smooth((time - rest) / max(approach, frame))
+    down = smooth((time - rest - approach - hold) / max(release, frame))
+    return above_floor(robot, floor + np.outer(up - down, peak - floor), mode)
+
+
+def one_sweep(robot: Robot, wire: int, levels: Sequence[float], period: float) -> np.ndarray:
+    """One wire 0-100-0 % of F_max in `period` [s], all others at `levels` (wires,) of F_max; (frames, wires) [N]."""
+    time, ceiling = clock(robot, period=period), limits(robot)[1]
+    tension = np.tile(np.asarray(levels) * ceiling, (len(time), 1))
+    tension[:, wire] = ceiling[wire] * (1.0 - np.abs(2.0 * time / period - 1.0))
+    return tension
+
+
+def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
+    """The paper's protocol in full: each wire ramps 0-100-0 % against all pairs of levels of the others, 48 sweeps.
+
+    period: of one sweep up and down [s]; 48 of them take 240 s.
+    """
+    robot = robot or load_robot()
+    wires = len(robot.machine.lanes.wires)
+    crossed = [
+        one_sweep(robot, wire, [*levels[:wire], 0.0, *levels[wire:]], period)
+        for wire in range(wires)
+        for levels in product(LEVELS, repeat=wires - 1)
+    ]
+    return above_floor(robot, np.concatenate(crossed), "sweeps")
+
+
+def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
+    """Twelve of the sweeps in 60 s, as in the reference data: one other wire at 0, 33, 66, 100 %, the rest slack-free.
+
+    The first wire sweeps against the second, all later ones against the first. period: of one sweep [s].
+    """
+    robot = robot or load_robot()
+    wires = len(robot.machine.lanes.wires)
+    chosen = []
+    for wire, level in product(range(wires), LEVELS):
+        levels = np.zeros(wires)
+        levels[1 if wire == 0 else 0] = level
+        chosen.append(one_sweep(robot, wire, list(levels), period))
+    return above_floor(robot, np.concatenate(chosen), "short-sweeps")
+
+
+def chirp(
+    robot: Robot | None = None,
+    *,
+    low: float = 0.1,
+    high: float = 2.5,
+    span: float = 12.0,
+    base: float = 0.15,
+    top: float = 0.8,
+) -> Reference:
+    """Each wire in turn swings between 10 % and `top` of F_max, ever faster; the others stand at `base`.
+
+    Args: low, high: frequencies [Hz], exponential in time; span: duration per wire [s]; base, top: shares of F_max.
+    """
+    robot = robot or load_robot()
+    nyquist = 0.5 / robot.machine.frame
+    check_range("low", low, 1e-3, nyquist, "Hz")
+    check_range("high", high, low * (1.0 + 1e-6), nyquist, "Hz")
+    check_range("base", base, 0.0, 1.0, "of F_max")
+    check_range("top", top, 0.1, 1.0, "of F_max")
+    time, ceiling = clock(robot, span=span), limits(robot)[1]
+    growth = np.log(high / low) / span
+    phase = 2.0 * np.pi * low * np.expm1(growth * time) / growth
+    bottom = 0.1
+    swing = bottom + (top - bottom) * (1.0 - np.cos(phase)) / 2.0
+    parts = []
+    for wire in range(len(ceiling)):
+        part = np.tile(base * ceiling, (len(time), 1))
+        part[:, wire] = swing * ceiling[wire]
+        parts.append(part)
+    return above_floor(robot, np.concatenate(parts), "chirp")
+
+
+def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
+    """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
+    robot = robot or load_robot()
+    check_range("count", count, 1, 1000, "holds")
+    ceiling = limits(robot)[1]
+    levels = generator(seed).uniform(0.1, 0.9, (int(count), len(ceiling))) * ceiling
+    return above_floor(robot, np.repeat(levels, len(clock(robot, dwell=dwell)), axis=0), "holds")
+
+
+def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dwell: float = 2.0) -> Reference:
+    """Each wire in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level."""
+    robot = robot or load_robot()
+    check_range("base", base, 0.0, 1.0, "of F_max")
+    check_range("top", top, 0.0, 1.0, "of F_max")
+    ceiling = limits(robot)[1]
+    low = np.tile(base * ceiling, (len(clock(robot, dwell=dwell)), 1))
+    parts = [low]
+    for wire in range(len(ceiling)):
+        high = low.copy()
+        high[:, wire] = top * ceiling[wire]
+        parts += [high, low]
+    return above_floor(robot, np.concatenate(parts), "steps")
+
+
+def multisine(
+    robot: Robot | None = None,
+    *,
+    seed: int = 0,
+    high: float = 5.0,
+    period: float = 20.0,
+    repeats: int = 2,
+    base: float = 0.3,
+) -> Reference:
+    """All wires at once, each on its own comb of harmonics, so that one run tells their frequency responses apart.
+
+    Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about
+    which 0.2 F_max are swung.
+    """
+    robot = robot or load_robot()
+    time, ceiling, rng = clock(robot, period=period), limits(robot)[1], generator(seed)
+    check_range("high", high, len(ceiling) / period, 0.5 / robot.machine.frame, "Hz")
+    check_range("base", base, 0.0, 0.8, "of F_max")
+    check_range("repeats", repeats, 1, 1000, "periods")
+    tension, wires, swing = np.empty((len(time), len(ceiling))), len(ceiling), 0.2
+    for wire in range(wires):
+        harmonics = np.arange(wire + 1, int(high * period) + 1, wires)
+        turns = 2.0 * np.pi * (np.outer(time, harmonics) / period + rng.random(len(harmonics)))
+        course = np.cos(turns).sum(axis=1)
+        tension[:, wire] = ceiling[wire] * (base + swing * course / np.abs(course).max())
+    return above_floor(robot, np.tile(tension, (int(repeats), 1)), "multisine")
+
+
+def random_motion(
+    robot: Robot | None = None, *, seed: int = 0, duration: float = 40.0, fastest: float = 0.8
+) -> Reference:
+    """Smooth random motion of all wires at once between floor and 90 % of F_max, resembling no other protocol.
+
+    Args: duration [s]; fastest: highest frequency in it [Hz].
+    """
+    robot = robot or load_robot()
+    check_range("fastest", fastest, 0.01, 5.0, "Hz")
+    time, rng = clock(robot, duration=duration), generator(seed)
+    floor, ceiling = limits(robot)
+    tension, sines, share = np.empty((len(time), len(ceiling))), 7, 0.9
+    for wire in range(len(ceiling)):
+        frequency = rng.uniform(0.03 * fastest, fastest, sines)
+        weight = rng.standard_normal(sines) / (frequency + 0.3 * fastest)
+        turns = 2.0 * np.pi * (np.outer(time, frequency) + rng.random(sines))
+        course = np.sin(turns) @ weight / np.linalg.norm(weight)
+        tension[:, wire] = floor[wire] + (share * ceiling[wire] - floor[wire]) / (1.0 + np.exp(-2.0 * course))
+    return above_floor(robot, tension, "random-motion")

@@ -1,0 +1,183 @@
+"""A scenario: all that makes a simulated log, as a YAML file that makes the same log again.
+
+protocol: caging                  # name with options (chirp:high=1.5), or reference: log.csv, beside this file
+robot: exo_index                  # built-in, or a robot file's content
+numbers: {finger.kappa.MCP: 0.09}
+effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.0, AE: 0.0}}}
+parts: [controller_as_printed]
+seed: 0                           # of the noise; null runs without
+quantisation: true
+engine: compiled
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from exodrake import __version__
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_file, parse_yaml, read_bytes, read_yaml
+from exodrake.core.machine import nearest
+from exodrake.core.robot import Robot
+from exodrake.core.robot_schema import check_content
+from exodrake.core.units import si_unit, to_si
+from exodrake.data.log import Log
+from exodrake.machines.robot_file import build, load_robot
+from exodrake.simulation.references import from_log, protocol, split_options
+from exodrake.simulation.simulate import Reference, simulate
+
+ENGINES = ("compiled", "drake")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is asked (`protocol`, or `reference`: a log's file), of which robot, with which noise, by which engine."""
+
+    protocol: str = ""
+    reference: str = ""
+    robot: str | Mapping[str, Any] = "exo_index"
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    parts: Sequence[str] = ()
+    seed: int | None = 0
+    quantisation: bool = True
+    engine: str = "compiled"
+
+    def __post_init__(self) -> None:
+        if self.engine not in ENGINES:
+            raise InputError(
+                f"unknown engine {self.engine!r}{nearest(self.engine, list(ENGINES))}; there are compiled, drake"
+            )
+        if self.seed is not None and (isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0):
+            raise InputError(f"seed is {self.seed!r}, wanted a whole number from 0, or null for no noise")
+        if not isinstance(self.quantisation, bool):
+            raise InputError(f"quantisation is {self.quantisation!r}, wanted true or false")
+        if bool(self.protocol) == bool(self.reference):
+            both = "both a protocol and a reference" if self.protocol else "neither a protocol nor a reference"
+            raise InputError(
+                f"{both}: wanted the name of a protocol or grasp mode, or a log whose references to follow"
+            )
+
+    def build_robot(self) -> Robot:
+        """The robot with parts, numbers and effects in it. InputError naming what is unknown."""
+        robot = load_robot(self.robot) if isinstance(self.robot, str) else build(self.robot, "scenario's robot")
+        for part in self.parts:
+            robot = robot.with_part(part)
+        robot = robot.with_numbers(self.numbers)
+        for identity, given in self.effects.items():
+            robot = robot.splice(identity, given, lanes_of(given))
+        return robot
+
+    def build_reference(self, robot: Robot) -> Reference:
+        """What the robot is asked to do."""
+        return from_log(self.reference, robot) if self.reference else protocol(self.protocol, robot)
+
+    def run(self) -> tuple[Robot, Log]:
+        """The robot and the log it writes; InputError if the numbers make it diverge."""
+        robot = self.build_robot()
+        return robot, self.simulate(robot, self.build_reference(robot))
+
+    def simulate(self, robot: Robot, reference: Reference) -> Log:
+        """The log of a robot built by `build_robot` on a reference."""
+        log = simulate(robot, reference, self.seed, self.quantisation, self.engine)
+        for column, values in log.signals.items():
+            if not np.isfinite(values).all():
+                moment = log.time[int(np.argmin(np.isfinite(values)))]
+                raise InputError(
+                    f"the simulation diverges: {column} is not finite from {moment:g} s on; check the numbers set"
+                )
+        return log
+
+
+def lanes_of(given: Mapping[str, Any]) -> list[str]:
+    """Lanes named by an effect's per-lane numbers, in order."""
+    return list(dict.fromkeys(lane for value in given.values() if isinstance(value, Mapping) for lane in value))
+
+
+def read_scenario(path: str | Path) -> Scenario:
+    """A scenario from its file; InputError naming file and key. Files it names are looked up beside it."""
+    name = Path(path).name
+    page = parse_yaml(read_bytes(path), name)
+    if not isinstance(page, Mapping):
+        raise InputError(f"{name}: wanted a mapping of keys")
+    content: dict[str, Any] = {k: v for k, v in page.items() if k != "exodrake"}
+    known = [f.name for f in fields(Scenario)]
+    for key in content:
+        if key not in known:
+            raise InputError(f"{name}: unknown key {key!r}{nearest(str(key), known)}")
+    check_content({key: content[key] for key in ("numbers", "effects", "parts") if key in content}, name)
+    for key in ("protocol", "reference", "engine"):
+        if not isinstance(content.get(key, ""), str):
+            raise InputError(f"{name}: {key} is {content[key]!r}, wanted text")
+    if content.get("reference"):
+        content["reference"] = str(Path(path).parent / content["reference"])
+    given: dict[str, Any] = {k: v for k, v in content.items() if v is not None or k == "seed"}
+    try:
+        return Scenario(**given)
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from None
+
+
+def scenario_text(scenario: Scenario) -> str:
+    """The scenario as YAML."""
+    import yaml
+
+    content = asdict(scenario) | {"parts": list(scenario.parts)}
+    kept = {k: v for k, v in content.items() if k in ("seed", "quantisation", "engine") or v}
+    return yaml.safe_dump({"exodrake": __version__, **kept}, sort_keys=False)
+
+
+def embedded(robot: str) -> str | Mapping[str, Any]:
+    """A built-in robot's name as it is; a robot file's content, so that the scenario stands alone."""
+    if not is_file(robot):
+        return robot
+    load_robot(robot)
+    return read_yaml(robot)
+
+
+def parse_number(text: str, robot: Robot) -> tuple[str, float]:
+    """`finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm` as name and value [SI]; InputError naming name, value or unit."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    number, _, unit = value.partition(" ")
+    try:
+        if not equals:
+            raise ValueError
+        found = float(number)
+    except ValueError:
+        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI") from None
+    wanted = robot.machine.entries[robot.places(name)[0]].unit
+    if unit:
+        if si_unit(unit, name) != wanted:
+            raise InputError(f"{name} is in [{wanted}], not in [{unit.strip()}]")
+        found = float(to_si(np.array([found]), unit)[0])
+    if found != found:
+        raise InputError(f"{name} is not a number (NaN)")
+    return name, found
+
+
+def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
+    """`id:parameter=value,...@AF,MF` as the id and all its numbers, typical where left out, beside what the robot has.
+
+    InputError naming the effect, parameter, value or lane that is wrong.
+    """
+    head, at, lanes = text.partition("@")
+    identity, given = split_options(head)
+    chosen = [lane.strip() for lane in lanes.split(",") if lane.strip()]
+    if at and not chosen:
+        raise InputError(f"{text!r}: no wire or joint after @")
+    effect = robot.machine.effect(identity)
+    there = robot.splice(identity, given, chosen)
+    return identity, {
+        n.name: one_or_lanes({lane: float(there.values[i]) for lane, i in there.lane_places(effect.id, n.name, n.over)})
+        for n in effect.numbers
+    }
+
+
+def one_or_lanes(values: dict[str, float]) -> dict[str, float] | float:
+    """Values per lane, or the one value of a number without lanes."""
+    return values.get("", values)

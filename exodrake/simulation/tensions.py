@@ -1,0 +1,53 @@
+"""What all protocols share: the wires' limits, the clock of frames, the floor, checked numbers and seeded chance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.simulation.simulate import Reference
+
+
+def limits(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Floor F_min and ceiling F_max of the wires (wires,) [N]; InputError if the robot states no F_max for a wire."""
+    wires, ceiling, floor = robot.machine.lanes.wires, robot.limits.get("F_max", {}), robot.limits.get("F_min", {})
+    for wire in wires:
+        if wire not in ceiling:
+            raise InputError(f"{robot.source or robot.machine.name}: no tension limit F_max.{wire}")
+    return np.array([floor.get(w, 0.0) for w in wires]), np.array([ceiling[w] for w in wires])
+
+
+def smooth(share: np.ndarray) -> np.ndarray:
+    """Minimum-jerk step from 0 to 1 while `share` goes from 0 to 1; same shape."""
+    x = np.clip(share, 0.0, 1.0)
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+
+
+def clock(robot: Robot, **durations: float) -> np.ndarray:
+    """Starts of the frames (frames,) [s] in the sum of these durations [s]; InputError naming a bad or too long one."""
+    for name, value in durations.items():
+        if not 0.0 <= value <= 86400.0:
+            raise InputError(f"{name} is {value} s, wanted 0 to a day")
+    frames = round(sum(durations.values()) / robot.machine.frame)
+    if frames < 1:
+        raise InputError(f"{' + '.join(durations)} is {sum(durations.values())} s, shorter than a frame")
+    return robot.machine.frame * np.arange(frames)
+
+
+def check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
+    """InputError naming a number outside low .. high, or not a number."""
+    if not low <= value <= high:
+        raise InputError(f"{name} is {value} {unit}, wanted {low:g} to {high:g}")
+
+
+def above_floor(robot: Robot, tension: np.ndarray, name: str) -> Reference:
+    """The reference of these tensions (frames, wires) [N], raised to the floor where they are below."""
+    return Reference(np.maximum(tension, limits(robot)[0]), name)
+
+
+def generator(seed: int) -> np.random.Generator:
+    """Seeded chance; InputError for a seed that is no whole number from 0."""
+    if seed != int(seed) or seed < 0:
+        raise InputError(f"seed is {seed}, wanted a whole number from 0")
+    return np.random.default_rng(int(seed))

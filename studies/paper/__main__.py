@@ -1,0 +1,73 @@
+"""`python -m studies.paper`: the paper's figures, tables and claims beside ours, as one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from studies.paper.reproduce import Reproduction
+
+
+@click.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("paper"), show_default=True, help="Folder for the results."
+)
+@click.option("--quick", is_flag=True, help="Fewer points: for a first look and for tests; numbers are rougher.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Of noise, markers and the held-out sweeps.")
+def command(out: Path, quick: bool, seed: int) -> None:
+    """Every figure and table of the paper that has data behind it, from simulation, beside the printed numbers.
+
+    Writes paper.html, one page that needs nothing from outside, and claims.csv: printed, ours, verdict, reason.
+    """
+    from rich.console import Console
+
+    from exodrake.core.files import write_text
+    from studies.paper.claim import FULL, QUICK
+    from studies.paper.page import claims_csv, page
+    from studies.paper.reproduce import reproduce
+
+    make_folder(out)
+    with Console(stderr=True).status("simulating the paper: a minute, and one more where kernels must be compiled"):
+        found = reproduce(QUICK if quick else FULL, seed)
+        contents = {out / "paper.html": page(found), out / "claims.csv": claims_csv(found.claims)}
+    for path, text in contents.items():
+        write_text(path, text)
+    show(found)
+    click.echo("wrote " + ", ".join(str(path) for path in contents))
+
+
+def make_folder(out: Path) -> None:
+    """Makes the folder of the results. InputError if that cannot be."""
+    from exodrake.core.errors import InputError
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be made ({error.strerror})") from None
+
+
+def show(found: Reproduction) -> None:
+    """The claims by verdict, and the line that matters."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from studies.paper.claim import count
+    from studies.paper.study import DATA, MODEL
+
+    table = Table("", "claim", "verdict", title="The paper's claims; paper.html has the numbers and the reasons")
+    for claim in found.claims:
+        table.add_row(claim.where, claim.what, claim.verdict)
+    Console().print(table)
+    click.echo(", ".join(f"{number} {verdict}" for verdict, number in count(found.claims).items()))
+    data, model = found.study.error(DATA), found.study.error(MODEL)
+    click.echo(
+        f"Fig. 11, simulated, whole sweeps held out: data-driven {data:.3f} rad, constant stiffness {model:.3f} rad,"
+        f" {found.study.ratio:.1f} times"
+    )
+
+
+if __name__ == "__main__":
+    command()

@@ -1,0 +1,118 @@
+"""The protocol of section 2.3 on a simulated robot, and the estimator against the model on sweeps held out.
+
+    48 sweeps -> 36 to learn from, 12 held out whole -> Gaussian process | constant stiffness (Eq. 1, 20-21)
+
+The worn robot has what the nominal one leaves out and no model below knows: friction in the sheaths and creep of the
+wires. The same is done on the nominal robot, to tell what of the model's error those two make.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.robot import Robot
+from exodrake.estimator.compare import Comparison, compare
+from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
+from exodrake.estimator.validate import Score, validate
+from studies.paper.claim import Effort
+
+MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
+CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the shelf's usual values
+HELD_OUT = 12  # sweeps of the 48
+FAST = 99.9  # percentile of the joint rates that counts as fastest
+DATA, MODEL = "Gaussian process", "constant stiffness"
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Results on the worn robot, and the comparison on the clean one.
+
+    held: rows of the held-out sweeps; mean, std, model: (n, 3) [rad] predicted by the estimator and by constant
+    stiffness; rate: fastest joint rate [rad/s]; seconds: length of the protocol; sweeps: in all; points: trained on.
+    """
+
+    held: Sweeps
+    mean: np.ndarray
+    std: np.ndarray
+    model: np.ndarray
+    worn: Comparison
+    clean: Comparison
+    scores: tuple[Score, ...]
+    rate: float
+    seconds: float
+    sweeps: int
+    points: int
+
+    def error(self, method: str) -> float:
+        """RMSE [rad] on held-out sweeps, mean over the joints, worn robot."""
+        return float(self.worn.rmse[method].mean())
+
+    @property
+    def ratio(self) -> float:
+        """How many times the model's error is the estimator's."""
+        return self.error(MODEL) / self.error(DATA)
+
+    def split(self, name: str, method: str = DATA) -> Score:
+        """Score of a method under a split (`validate.RANDOM`, `validate.HELD_OUT`)."""
+        return next(score for score in self.scores if (score.split, score.method) == (name, method))
+
+
+def worn_robot(robot: Robot) -> Robot:
+    """The robot with sheath friction and creeping wires."""
+    rubbing = robot.splice("tendon.capstan_friction", {"mu_phi": MU_PHI})
+    return rubbing.splice("tendon.creep", {"stiffness": CREEP_STIFFNESS, "time_constant": CREEP_TIME})
+
+
+def numbers_of(robot: Robot):
+    """The finger's `tendon_finger.Numbers` as plain floats."""
+    from exodrake.core.part import fields_of
+    from exodrake.systems.tendon_finger import Numbers
+
+    lanes = [robot.lanes(f"{field.group}.{field.name}").tolist() for field in fields_of(Numbers, "finger")]
+    plain: list[Any] = [tuple(lane) if len(lane) > 1 else lane[0] for lane in lanes]
+    return Numbers(*plain)
+
+
+def thinned(sweeps: Sweeps, every: int) -> Sweeps:
+    """One in so many rows."""
+    return sweeps.rows(np.arange(0, len(sweeps), every))
+
+
+def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
+    """Sweeps to learn from and whole sweeps held out, dealt by seed."""
+    held = np.random.default_rng(seed).permutation(np.unique(sweeps.sweep))[:HELD_OUT]
+    chosen = np.isin(sweeps.sweep, held)
+    return sweeps.rows(~chosen), sweeps.rows(chosen)
+
+
+def study(robot: Robot, effort: Effort, seed: int) -> Study:
+    """Simulate, learn, judge. robot: the nominal one."""
+    from exodrake.estimator.gp import condition, learn
+    from exodrake.identification.stiffness import linear
+    from exodrake.simulation.protocols import sweeps as protocol
+    from exodrake.simulation.simulate import log_of, record
+    from exodrake.systems.finger_statics import posture
+
+    numbers, reference = numbers_of(robot), protocol(robot)
+    recording = record(worn_robot(robot), reference, seed)
+    rows = thinned(sweeps_from_logs([log_of(recording)]), effort.every)
+    training, held = parted(rows, seed)
+    prior = learn(training, effort.points)
+    mean, std, _ = condition(prior, training, effort.points).predict(held.tension, held.stroke)
+    worn = compare(training, held, numbers, effort.points)
+    return Study(
+        held, mean, std, posture(held.tension, worn.stiffness.numbers(linear(numbers))), worn,
+        clean_comparison(robot, reference, effort, seed), validate(prior, rows, effort.points, seed),
+        float(np.percentile(np.abs(recording.wires["rate"]), FAST)), float(recording.time[-1] + robot.machine.frame),
+        rows.count, effort.points,
+    )  # fmt: skip
+
+
+def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
+    """The same sweeps and the same split without friction and creep."""
+    from exodrake.simulation.simulate import simulate
+
+    rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
+    training, held = parted(rows, seed)
+    return compare(training, held, numbers_of(robot), effort.clean_points)
