@@ -13,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
@@ -22,7 +23,7 @@ from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import random_motion
-from exodrake.simulation.simulate import Reference, record, simulate
+from exodrake.simulation.simulate import record, simulate
 
 EFFECT, COEFFICIENT = "tendon.capstan_friction", "mu_phi"
 PLANTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}

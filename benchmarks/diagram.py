@@ -15,9 +15,10 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 from pydrake.systems.primitives import TrajectorySource, VectorLogSink
 from pydrake.trajectories import PiecewisePolynomial
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.diagrams.diagram import build_diagram
-from exodrake.simulation.simulate import Reference, record
+from exodrake.simulation.simulate import record
 from exodrake.systems.finger import end_stop
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 

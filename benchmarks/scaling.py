@@ -62,9 +62,10 @@ def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
 
 def faultless() -> Case:
     """A case of the model itself with its nominal numbers, which is diagnosed at once."""
+    from exodrake.compiled.inputs import Reference
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.protocols import random_motion
-    from exodrake.simulation.simulate import Reference, simulate
+    from exodrake.simulation.simulate import simulate
 
     robot, logs = load_robot(), []
     for seed, role in enumerate(("fit", "holdout")):

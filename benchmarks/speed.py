@@ -15,9 +15,10 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, Chance, Reference, prepared
+from exodrake.core.machine import state_size, wire_count
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import NOTHING, Chance, Reference, prepared, state_size, wire_count
 
 SPEED = "simulated s / s"
 ELSEWHERE = ("benchmarks.estimator", "benchmarks.diagnosis")

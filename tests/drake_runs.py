@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.data.log import read_log
+from exodrake.compiled.inputs import Chance, Reference, prepared
+from exodrake.compiled.run import run_compiled
+from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import Chance, Reference, prepared, run_compiled
 
 
 @cache

@@ -5,9 +5,10 @@ from functools import cache
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, Chance, prepared
+from exodrake.core.machine import offsets, state_size, wire_count
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 
 FRAMES = 400  # 8 s
 SEED = 20

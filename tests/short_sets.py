@@ -5,7 +5,8 @@ from functools import cache
 
 import exodrake as exo
 from exodrake.blind.commitment import write_sealed
-from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.case_folder import write_case
 
 FRAMES = 150  # 3 s
 RUSTY = {"mu_phi": 0.3}

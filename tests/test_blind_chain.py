@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from exodrake.blind.parameters import draw_numbers
-from exodrake.blind.simulator import RealitySpec, assemble
+from exodrake.blind.robot_spec import RealitySpec
+from exodrake.blind.simulator import assemble
 
 OPERATORS = {"add": "+", "mul": "*", "div": "/", "pow": "**"}
 HEADER = '''"""Rigid-body terms of the finger, read off MultibodyPlant by tests/test_blind_chain.py. Do not edit."""

@@ -3,7 +3,8 @@
 import numpy as np
 
 from exodrake.blind.records import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.blind.simulator import Planted, RealitySpec, assemble, initial_state
+from exodrake.blind.robot_spec import Planted, RealitySpec
+from exodrake.blind.simulator import assemble, initial_state
 
 
 def test_integrator_agrees_with_radau():

@@ -12,7 +12,8 @@ from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect
 from exodrake.blind.make import gap_in_floors
 from exodrake.blind.parameters import draw_numbers
 from exodrake.blind.protocols import grasps, protocols_of
-from exodrake.blind.simulator import FRAME, Planted, Protocol, RealitySpec, simulate
+from exodrake.blind.robot_spec import FRAME, Planted, Protocol, RealitySpec
+from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from exodrake import __version__
 from exodrake.cli.main import COMMANDS, cli
-from exodrake.data.log import Log, read_log, write_log
+from exodrake.data.log import Log
+from exodrake.data.log_file import read_log, write_log
 
 
 def run(*arguments):
@@ -67,7 +68,7 @@ def test_interrupt_is_status_130(monkeypatch, log_file):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("exodrake.data.log.read_log", interrupt)
+    monkeypatch.setattr("exodrake.data.log_file.read_log", interrupt)
     result = run("export", log_file, "--out", "x.npz")
     assert result.exit_code == 130 and result.stderr == "interrupted\n"
 

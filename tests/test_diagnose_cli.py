@@ -10,7 +10,8 @@ from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 import exodrake.diagnosis.pipeline as pipeline
 from exodrake.cli.diagnose import STEPS, advance, robot_text
 from exodrake.cli.main import cli
-from exodrake.data.log import Log, write_log
+from exodrake.data.log import Log
+from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
 from exodrake.machines.robot_file import load_robot
 

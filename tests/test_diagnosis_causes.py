@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import signals
 from exodrake.diagnosis.candidates import Hypothesis
@@ -16,7 +17,7 @@ from exodrake.diagnosis.search import LOSING, Fitted
 from exodrake.diagnosis.seconds import by_far, once, worth
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 PERIOD = 0.02
 SAMPLES = 20_000

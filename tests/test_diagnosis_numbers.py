@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.candidates import Hypothesis, hypothesis
 from exodrake.diagnosis.decide import thresholds
@@ -18,7 +19,7 @@ from exodrake.diagnosis.retune import CLOSE
 from exodrake.diagnosis.search import Fitted, Ranking
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import drops, line, replay, signals
 from exodrake.diagnosis.candidates import NOTHING, hypothesis
@@ -20,7 +21,7 @@ from exodrake.diagnosis.search import Fitted, Search
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.delayed_samples import cubic
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 
 @pytest.fixture(scope="module")

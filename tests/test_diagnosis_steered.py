@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 FRAMES = 750  # 15 s a log
 

@@ -7,12 +7,13 @@ real exam, in a reality that shares no equation with the model; this one keeps t
 import numpy as np
 import pytest
 
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import diagnose
 from exodrake.diagnosis.healthy import scattered
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 FRAMES = 900  # 18 s a log
 PLANTED = {

@@ -12,11 +12,12 @@ from pydrake.systems.analysis import Simulator
 
 from benchmarks.diagram import multibody_speed
 from benchmarks.speed import Row, as_row
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import FINE_LOG, assemble, build_diagram, logged, set_numbers
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.parts import NAMED, MotorDynamics, part_class
-from exodrake.simulation.simulate import Reference, record
+from exodrake.simulation.simulate import record
 from exodrake.systems.gp_estimator import Weights, predict_rows
 
 THROUGH = {"finger": {("stroke", "tension")}, "sensor": {("tension", "cell")}}  # every other output is state

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from drake_runs import both, nominal, reference_log, wavy
 
+from exodrake.compiled.inputs import Reference
 from exodrake.effects import SHELF
-from exodrake.simulation.simulate import Reference, record
+from exodrake.simulation.simulate import record
 
 FORMS = pytest.mark.parametrize("fused", [True, False], ids=["fused", "leaf per part"])
 TIGHT = {"tension_read": 1e-3, "stroke_read": 0.5e-6, "angle_read": 5e-5}  # RMS [N], [m], [rad]

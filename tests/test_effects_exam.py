@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from effects_motion import motion, nominal, place, row_of, run_rows
 
-from exodrake.core.part import Effect
+from exodrake.core.effect import Effect
 from exodrake.effects import SHELF
 
 PERIOD = 0.02

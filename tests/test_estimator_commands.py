@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from estimator_sweeps import as_log, worn_sweeps
 
 from exodrake.cli.main import cli
-from exodrake.data.log import read_log, write_log
+from exodrake.data.log_file import read_log, write_log
 
 
 def run(*arguments):

@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from exodrake.core.errors import InputError
-from exodrake.data.case import read_case, write_case
+from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.machines.recordings import SETS, reader
 from exodrake.machines.robot_file import load_robot

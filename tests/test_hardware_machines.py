@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
+from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
@@ -27,7 +28,7 @@ from exodrake.effects import (
     joint_sheath_play,
 )
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import Reference, record, simulate
+from exodrake.simulation.simulate import record, simulate
 from studies.real_machines.ladder import ladder
 
 MACHINES = ("emps", "tendon_sheath", "so101", "dvrk_wrist")

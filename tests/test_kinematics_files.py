@@ -10,7 +10,8 @@ from exodrake.identification.kinematics.c3d import c3d_bytes
 from exodrake.identification.kinematics.identify import Settings, identify
 from exodrake.identification.kinematics.labels import Swap, check_labels, relabelled
 from exodrake.identification.kinematics.layout import Layout, read_layout
-from exodrake.identification.kinematics.markers import Recording, csv_bytes, parse_csv, read_markers
+from exodrake.identification.kinematics.marker_file import read_markers
+from exodrake.identification.kinematics.markers import Recording, csv_bytes, parse_csv
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 
 FAST = Settings(cutoff=None)

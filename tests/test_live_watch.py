@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.data.formats.csv import write
-from exodrake.data.log import write_log
+from exodrake.data.log_file import write_log
 from exodrake.diagnosis.healthy import scattered
 from exodrake.monitor.calibrate import limits_of, share_at_most
 from exodrake.monitor.check import first_alarm

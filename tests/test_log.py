@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from exodrake.core.errors import InputError
 from exodrake.data.clock import regularise
-from exodrake.data.log import Log, read_log, write_log
+from exodrake.data.log import Log
+from exodrake.data.log_file import read_log, write_log
 
 ENDINGS = (".csv", ".csv.gz", ".npz", ".parquet", ".mcap", ".mat")
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from exodrake.core.errors import InputError
 from exodrake.core.units import KINDS, UNITS
 from exodrake.data.formats.table import FORMATS
-from exodrake.data.log import Log, read_log, write_log
+from exodrake.data.log import Log
+from exodrake.data.log_file import read_log, write_log
 
 SI = sorted({unit for unit, *_ in UNITS.values()})
 WIRES = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])

@@ -15,10 +15,10 @@ from types import ModuleType
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, Chance, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, offsets, state_size, wire_count
 from exodrake.core.robot import Robot
-from exodrake.simulation.simulate import NOTHING, Chance, offsets, prepared, state_size, wire_count
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import FrameModel
 from exodrake.analysis.operating import OperatingPoint
-from exodrake.simulation.simulate import prepared
+from exodrake.compiled.inputs import prepared
 
 PERIOD = 500  # frames
 DRAWS = 4

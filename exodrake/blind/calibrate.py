@@ -40,7 +40,7 @@ def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], li
     """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot; and
     how well its numbers are known.
     """
-    from exodrake.data.case import read_case
+    from exodrake.data.case_folder import read_case
 
     drawn = plan(seed, robots, HEALTHY)[number]
     with tempfile.TemporaryDirectory() as folder:

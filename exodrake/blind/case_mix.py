@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.blind.catalogue import LIBRARY, OUTSIDE, block_of, draw_effect
 from exodrake.blind.parameters import draw_numbers
 from exodrake.blind.protocols import protocols_of
-from exodrake.blind.simulator import RealitySpec
+from exodrake.blind.robot_spec import RealitySpec
 
 MASKED = (
     {"tendon.capstan_friction", "tendon.coulomb_friction"}, {"tendon.coulomb_friction", "tendon.stribeck_friction"},

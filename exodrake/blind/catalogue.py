@@ -12,7 +12,7 @@ import numpy as np
 from exodrake.blind.injectors import LIBRARY_PLANTERS
 from exodrake.blind.outside import OUTSIDE_PLANTERS
 from exodrake.blind.records import JOINTS, WIRES
-from exodrake.blind.simulator import Planted
+from exodrake.blind.robot_spec import Planted
 
 PLANTERS = LIBRARY_PLANTERS | OUTSIDE_PLANTERS
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint

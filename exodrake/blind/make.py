@@ -17,7 +17,8 @@ from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
-from exodrake.data.case import FILE, Case, CaseLog, write_case
+from exodrake.data.case import FILE, Case, CaseLog
+from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
 
 Progress = Callable[[int, int, int], None]

@@ -8,7 +8,7 @@ resembles nothing in the fit.
 import numpy as np
 
 from exodrake.blind.parameters import TENSION_MAX, TENSION_MIN
-from exodrake.blind.simulator import FRAME, Protocol
+from exodrake.blind.robot_spec import FRAME, Protocol
 
 SEGMENT = 5.0  # s, one sweep up and down (physics.md claim 13)
 SWEEPS, CHIRP, HOLDS, GRASPS = 60.0, 36.0, 40.0, 40.0  # s

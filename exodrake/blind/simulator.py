@@ -7,7 +7,7 @@
 No equation of exodrake's main model is used here: only the page `model.md` is common to both.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,42 +17,11 @@ from exodrake.blind.parameters import (
     NOISE_FORCE,
     QUANTUM_THETA,
     SPOOL_CONFIGURED,
-    draw_numbers,
     robot_record,
 )
 from exodrake.blind.records import ANGLE, INPUT_SIZE, JOINTS, MARKER_SHIFT, STATE_SIZE, THETA, WIRES, tolerance_vector
+from exodrake.blind.robot_spec import FRAME, Protocol, RealitySpec
 from exodrake.core.errors import InputError
-
-FRAME = 0.02
-
-
-@dataclass(frozen=True)
-class Planted:
-    """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty:
-    all or none).
-    """
-
-    id: str
-    wires: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
-    parameters: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Protocol:
-    """A motion: name and tension references (n, 3) N, one row per 20 ms frame."""
-
-    name: str
-    reference: np.ndarray
-
-
-@dataclass(frozen=True)
-class RealitySpec:
-    """A robot: its numbers (see `draw_numbers`), planted effects, and whether sensors are noisy and quantised."""
-
-    numbers: dict[str, Any] = field(default_factory=draw_numbers)
-    effects: tuple[Planted, ...] = ()
-    noisy: bool = True
 
 
 @dataclass

@@ -106,7 +106,7 @@ def planned(seed: int) -> Any:
 def diagnose(out: Path) -> Diagnosis:
     """Diagnoses the case, prints the summary and writes report, answer and robot."""
     from exodrake.cli.diagnose import contents_of, progress_bar, write_all
-    from exodrake.data.case import read_case
+    from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.summary import print_summary

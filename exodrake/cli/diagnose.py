@@ -64,7 +64,7 @@ def diagnose_case(
     case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None
 ) -> None:
     """One case: summary and files."""
-    from exodrake.data.case import read_case
+    from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.summary import print_summary

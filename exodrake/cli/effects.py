@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from exodrake.core.effect import Effect, Number
     from exodrake.core.machine import Machine
-    from exodrake.core.part import Effect, Number
 
 
 @click.command()

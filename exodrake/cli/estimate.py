@@ -17,7 +17,7 @@ def command(log: Path, estimator: Path, out: Path | None, robot: Path | None) ->
 
     Where LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
-    from exodrake.data.log import read_log, write_log
+    from exodrake.data.log_file import read_log, write_log
     from exodrake.estimator.file import load, signature
     from exodrake.estimator.validate import estimate
 

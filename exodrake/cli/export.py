@@ -16,7 +16,7 @@ def command(log: Path, out: Path, start: float | None, end: float | None) -> Non
     Every format holds the same columns in SI, and reads back to the same bits.
     """
     from exodrake.core.errors import InputError
-    from exodrake.data.log import read_log, write_log
+    from exodrake.data.log_file import read_log, write_log
 
     table = read_log(log, required=())
     first, last = float(table.time[0]), float(table.time[-1])

@@ -33,7 +33,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     from exodrake.identification.kinematics.identify import Settings, identify
     from exodrake.identification.kinematics.labels import check_labels, relabelled
     from exodrake.identification.kinematics.layout import Layout, read_layout
-    from exodrake.identification.kinematics.markers import read_markers
+    from exodrake.identification.kinematics.marker_file import read_markers
     from exodrake.identification.kinematics.report import print_table, write_report
 
     recording = read_markers(file)

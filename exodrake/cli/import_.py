@@ -40,13 +40,13 @@ def command(recording: Path, map_file: Path | None, known: str | None, out: Path
         raise InputError("import wants either --map FILE or --from SET")
     if map_file is not None:
         from exodrake.data.formats.foreign import import_log
-        from exodrake.data.log import write_log
+        from exodrake.data.log_file import write_log
 
         log = import_log(recording, map_file)
         write_log(log, out)
         click.echo(f"{out}: {len(log)} rows, {len(log.columns)} columns: {', '.join(log.columns)}")
         return
-    from exodrake.data.case import write_case
+    from exodrake.data.case_folder import write_case
     from exodrake.machines.recordings import reader
 
     case = reader(str(known))(recording)

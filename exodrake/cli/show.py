@@ -19,7 +19,7 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
     `#t=1.5` behind the page's address stops it at that time.
     """
     from exodrake.core.files import write_text
-    from exodrake.data.log import read_log
+    from exodrake.data.log_file import read_log
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.machines.robot_file import load_robot
 

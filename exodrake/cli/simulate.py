@@ -136,7 +136,7 @@ def check_folder(folder: Path) -> None:
 def write_folder(folder: Path, log: Log, contents: dict[str, bytes]) -> None:
     """All files or none: written into a neighbour first, then moved."""
     from exodrake.core.errors import InputError
-    from exodrake.data.log import write_log
+    from exodrake.data.log_file import write_log
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -33,7 +33,7 @@ def command(
 
     from rich.console import Console
 
-    from exodrake.data.log import read_log
+    from exodrake.data.log_file import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.file import save, signature
     from exodrake.estimator.gp import condition, learn

@@ -9,7 +9,8 @@ from __future__ import annotations
 import ast
 
 from exodrake.core.machine import Machine
-from exodrake.core.part import ONE, Block
+from exodrake.core.part import Block
+from exodrake.core.signal import ONE
 
 NUMBERS = "n"  # the argument by which pages know their numbers
 

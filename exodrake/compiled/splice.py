@@ -11,8 +11,10 @@ import ast
 import math
 import sys
 
+from exodrake.core.effect import Effect, Number
 from exodrake.core.machine import Machine, page_name
-from exodrake.core.part import ONE, Block, Effect, Number, Point
+from exodrake.core.part import Block, Point
+from exodrake.core.signal import ONE
 
 
 def print_effects(machine: Machine, block: Block) -> str:

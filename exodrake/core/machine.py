@@ -6,8 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from exodrake.core.errors import InputError
-from exodrake.core.part import Block, Effect, Field, Lanes, Task, Wire
+from exodrake.core.effect import Effect
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.parameter import Entry, Scatter
+from exodrake.core.part import Block, Field, Task
+from exodrake.core.signal import Lanes, Wire
 
 
 @dataclass(frozen=True)
@@ -17,31 +20,6 @@ class Column:
     kind: str
     wire: str
     required: bool = True
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One number of a machine: full name, unit, block that owns it, and its neutral value if it is an effect's."""
-
-    name: str
-    unit: str
-    block: str
-    neutral: float | None = None
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """Numbers that differ a little from one machine to the next of its kind.
-
-    each: patterns, each naming one number, or several that err together; {w} and {j} stand for every wire and joint.
-    how: "scales" (times 1 + x), "adds" (plus x) or "stretches" (times exp x). spread: standard deviation of x.
-    limit: of x; beyond it a number is not the nominal one any more.
-    """
-
-    each: tuple[str, ...]
-    how: str
-    spread: float
-    limit: float
 
 
 @dataclass(frozen=True)
@@ -172,14 +150,6 @@ class Machine:
         return own, sum(self.width(s.over) * s.width for e in self.effects_on(block) for s in e.states)
 
 
-def nearest(word: str, words: list[str]) -> str:
-    """A hint at names that resemble `word`."""
-    import difflib
-
-    close = difflib.get_close_matches(word, words, 3, 0.5)
-    return f"; did you mean {' or '.join(close)}?" if close else ""
-
-
 def page_name(page) -> str:
     """A page's short name."""
     return page.__name__.rsplit(".", 1)[-1]
@@ -238,3 +208,22 @@ def check_schedule(machine: Machine) -> None:
                 other = taken.setdefault(slot, (block.name, task))
                 if other[1] is not task and not (other[1].lanes and task.lanes and other[1].slots == task.slots):
                     raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {own}")
+
+
+def offsets(machine: Machine) -> dict[str, slice]:
+    """Where each wire lies in the flat vector of wires."""
+    found, at = {}, 0
+    for wire in machine.wires:
+        width = machine.width(wire.over)
+        found[wire.name], at = slice(at, at + width), at + width
+    return found
+
+
+def state_size(machine: Machine) -> int:
+    """Length of the flat state."""
+    return sum(sum(machine.part_size(block)) for block in machine.blocks)
+
+
+def wire_count(machine: Machine) -> int:
+    """Length of the flat vector of wires."""
+    return sum(machine.width(w.over) for w in machine.wires)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, Scatter, nearest
-from exodrake.core.part import Effect
+from exodrake.core.effect import Effect
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
+from exodrake.core.parameter import Scatter
 
 BUILT_IN = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")
 MACHINES = {name: f"exodrake.machines.{name}.machine" for name in BUILT_IN}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import nearest
+from exodrake.core.errors import InputError, nearest
 
 Check = Callable[[Any, str], None]
 STATED = ("unit", "range", "source")  # beside `value`

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_bytes
-from exodrake.data.log import Log
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from exodrake.data.log import Log
 
 # kind -> (label, unit shown, factor from SI); `tension` shows its reference too, `angle` its estimate
 PANELS = {

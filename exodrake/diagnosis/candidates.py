@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from exodrake.core.effect import Effect, Number
 from exodrake.core.machine import Machine
-from exodrake.core.part import Effect, Number
 
 REACH = 2.0  # a fit may go this far beyond the plausible range [factor]: assumed
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.signals import mismatch
-from exodrake.simulation.simulate import Recording, Reference, record
+from exodrake.simulation.simulate import Recording, record
 
 BLOCK = 2.0  # s, longer than the loop's memory
 DRAWS = 400

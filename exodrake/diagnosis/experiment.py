@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference
 from exodrake.systems import tendon_finger
 
 DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds

@@ -11,13 +11,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.log import Log
 from exodrake.diagnosis.signals import Bands, filled, without
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
 

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 SCATTER, SCATTER_ANGLE, CLIP = 0.03, 0.01, 2.5  # relative; rad, for angles near 0; standard deviations
 EXACT = (

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.part import ONE, WIRES
+from exodrake.core.signal import ONE, WIRES
 from exodrake.diagnosis.candidates import Knob
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.result import Interval, NamedEffect

@@ -18,7 +18,8 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.provenance import configuration, told
-from exodrake.data.case import Case, read_case
+from exodrake.data.case import Case
+from exodrake.data.case_folder import read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"

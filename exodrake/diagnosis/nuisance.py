@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, nearest
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
 
 SCALES, ADDS = "scales", "adds"
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from exodrake.core.parallel import one_blas_thread
 from exodrake.core.robot import Robot
-from exodrake.data.case import Case, read_case
+from exodrake.data.case import Case
+from exodrake.data.case_folder import read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.decide import Decision, left_over, misfit, thresholds

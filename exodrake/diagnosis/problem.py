@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, Chance, given_rows, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, offsets, state_size, wire_count
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
@@ -18,7 +19,6 @@ from exodrake.diagnosis.drops import Drops, decode
 from exodrake.diagnosis.floor import asked_rows, noise_floor
 from exodrake.diagnosis.signals import Bands, filled_columns, without
 from exodrake.simulation.delayed_samples import seen_late
-from exodrake.simulation.simulate import NOTHING, Chance, given_rows, offsets, prepared, state_size, wire_count
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,11 @@ from math import factorial
 
 import numpy as np
 
+from exodrake.compiled.inputs import Chance, Reference, given_rows
 from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.signals import filled_columns
-from exodrake.simulation.simulate import Chance, Reference, given_rows, record
+from exodrake.simulation.simulate import record
 from exodrake.systems import tendon_finger
 
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.part import Effect
+from exodrake.core.effect import Effect
 from exodrake.diagnosis.candidates import Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
 from exodrake.diagnosis.line import TREMOR

@@ -19,13 +19,13 @@ from pydrake.systems.primitives import Demultiplexer, Multiplexer, TrajectorySou
 from pydrake.trajectories import PiecewisePolynomial
 
 from exodrake.compiled.fused import GROUP, plant_machine, state_size
+from exodrake.compiled.inputs import Chance, Reference, given_rows, prepared
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.diagrams.gp_estimator import GPEstimator
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.leaf_specs import fusible, part_plan, plant_plan
 from exodrake.diagrams.parts import part_class
-from exodrake.simulation.simulate import Chance, Reference, given_rows, prepared
 from exodrake.systems.gp_estimator import Weights
 
 OUTSIDE = "outside"

@@ -6,8 +6,8 @@ every slot (2 ms); sampled tasks run once a frame (20 ms) in the middle of their
 
 from __future__ import annotations
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, nearest
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.leaf_specs import part_plan

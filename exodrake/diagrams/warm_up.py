@@ -10,8 +10,10 @@ from time import sleep
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, Chance, Reference, prepared
+from exodrake.core.machine import state_size, wire_count
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import NOTHING, Chance, Reference, prepared, record, state_size, wire_count
+from exodrake.simulation.simulate import record
 
 SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
 

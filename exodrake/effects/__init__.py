@@ -1,6 +1,6 @@
 """The shelf: one line per effect, by block and, at one point, in the order in which they act."""
 
-from exodrake.core.part import Effect
+from exodrake.core.effect import Effect
 from exodrake.effects import (
     encoder_homing_offset,
     finger_co_activation,

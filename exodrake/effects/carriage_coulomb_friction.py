@@ -3,7 +3,7 @@
 v after the tick = v - sgn(v) min(|v|, force dt / M)
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def braked(speed, mobility, force):

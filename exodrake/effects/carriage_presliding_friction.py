@@ -3,7 +3,9 @@
 F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
 """
 
-from exodrake.core.part import ONE, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import ONE
 from exodrake.effects.bristle import clipped
 
 

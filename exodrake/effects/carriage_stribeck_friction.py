@@ -5,7 +5,7 @@ level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))          v after the tick =
 
 from math import exp
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def level(speed, force, ratio, stribeck_speed):

@@ -3,7 +3,7 @@
 F_net = F - coefficient v
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def pushed(force, speed, coefficient):

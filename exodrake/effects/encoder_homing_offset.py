@@ -5,7 +5,8 @@
 A robot that starts where its encoder says that the wire is just taut starts `offset` further in.
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def wound(stroke, offset):

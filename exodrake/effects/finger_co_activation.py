@@ -5,7 +5,8 @@ tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops
 
 from math import cos, pi
 
-from exodrake.core.part import JOINTS, ONE, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS, ONE
 
 
 def passive(torque, bend, rate, elastic, clock, gain, frequency):

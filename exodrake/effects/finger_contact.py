@@ -7,7 +7,7 @@ The pulp of the finger rounds the force's onset off over a depth of ONSET.
 
 from math import cos, inf, sin
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 ONSET = 5e-5  # depth over which the force sets in [m]; assumed
 

@@ -3,7 +3,7 @@
 E = stiffness (q_DIP - ratio q_PIP)^2 / 2          tau = -dE/dq
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def external(torque, angle, rate, bones, clock, stiffness, ratio):

@@ -5,7 +5,7 @@ Q_i = acceleration moment_i cos(phi_i + pitch)          tau_i = Q_i + .. + Q_3  
 
 from math import cos, pi
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def external(torque, angle, rate, bones, clock, acceleration, pitch):

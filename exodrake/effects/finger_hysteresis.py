@@ -3,7 +3,9 @@
 tau_p = elastic + torque z + end stops          dz/dq = (1 - z sgn(q')) / width
 """
 
-from exodrake.core.part import JOINTS, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import JOINTS
 from exodrake.effects.bristle import bent
 
 

@@ -3,7 +3,8 @@
 h = h_drawn + height
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def router_height(drawn, height):

@@ -5,7 +5,9 @@
 An instant h(T) would close an algebraic loop of gain above 1 (more tension, more height, less tension).
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.relaxation import relaxed
 
 SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed

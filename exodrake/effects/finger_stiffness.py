@@ -3,7 +3,8 @@
 tau_p = factor kappa (q - q0) + end stops
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def passive(torque, bend, rate, elastic, clock, factor):

@@ -5,7 +5,8 @@ tau_i = torque_i sin(2 pi frequency t)
 
 from math import pi, sin
 
-from exodrake.core.part import JOINTS, ONE, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS, ONE
 
 
 def external(outside, angle, rate, bones, clock, torque, frequency):

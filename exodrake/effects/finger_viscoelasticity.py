@@ -4,7 +4,9 @@ tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' =
 elastic = kappa (q - q0)
 """
 
-from exodrake.core.part import JOINTS, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import JOINTS
 from exodrake.effects.relaxation import relaxed
 
 

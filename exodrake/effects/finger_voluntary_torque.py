@@ -3,7 +3,8 @@
 tau_i = torque_i (1 + growth_i t)
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def external(outside, angle, rate, bones, clock, torque, growth):

@@ -5,7 +5,8 @@ aim = command exp(-loss bend)
 
 from math import exp
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def aimed(aim, ahead, behind, bend, loss):

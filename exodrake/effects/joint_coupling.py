@@ -3,7 +3,8 @@
 aim_j = command_j + share command_k          k: the next joint along the chain, or the previous one
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def aimed_by_next(aim, ahead, behind, setting, share):

@@ -3,7 +3,9 @@
 shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
 """
 
-from exodrake.core.part import JOINTS, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import JOINTS
 
 
 def shown(angle, share, reach, deflection):

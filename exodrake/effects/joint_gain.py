@@ -3,7 +3,8 @@
 aim = (1 + gain) command
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def aimed(aim, ahead, behind, setting, gain):

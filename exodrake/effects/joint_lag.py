@@ -5,7 +5,8 @@ time_constant angle' = aim - angle
 
 from math import exp
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def followed(aim, before, dt, setting, time_constant):

@@ -3,7 +3,8 @@
 angle <- min(max(angle, aim - half_width), aim + half_width)
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def followed(aim, before, dt, setting, half_width):

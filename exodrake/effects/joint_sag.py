@@ -5,7 +5,8 @@ aim = command + sag cos(command)          sag: weight's torque of the level link
 
 from math import cos
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def aimed(aim, ahead, behind, setting, sag):

@@ -9,7 +9,9 @@ Capstan: the tension that friction can hold grows by exp(mu bend). With no sprea
 
 from math import exp
 
-from exodrake.core.part import JOINTS, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import JOINTS
 from exodrake.effects.bristle import clipped
 
 STRANDS = 3.0

@@ -3,7 +3,8 @@
 q as seen = (1 + gain) q
 """
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def seen(angle, gain):

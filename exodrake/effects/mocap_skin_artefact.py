@@ -5,7 +5,8 @@ q as seen = q + slip sin(2 q)
 
 from math import sin
 
-from exodrake.core.part import JOINTS, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import JOINTS
 
 
 def seen(angle, slip):

@@ -5,7 +5,8 @@ i = clip(Kp e + z, -limit, +limit)
 
 from math import inf
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def current_limit(nominal, limit):

@@ -3,7 +3,8 @@
 v = 0 where |v_ref| < width, else v_ref
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def command(speed, tension, width):

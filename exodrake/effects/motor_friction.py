@@ -3,7 +3,9 @@
 torque on the rotor = r T_c / N + torque z          z: bristle over WIDTH of rotor angle
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.bristle import bent
 
 WIDTH = 1.0  # rotor angle over which the friction turns round [rad]; assumed

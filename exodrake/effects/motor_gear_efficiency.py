@@ -5,7 +5,9 @@ felt = T_c efficiency^(-z)          z: bristle over WIDTH of rotor angle, +1 whi
 
 from math import exp, log
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.bristle import bent
 
 WIDTH = 2.0  # rotor angle over which the losses turn round [rad]; assumed

@@ -6,7 +6,9 @@ T v' = v_ref - v          T = share (1 / factor - 1) T0          T0 = J / (Kp kM
 The closed loop's bandwidth is about factor / T0 either way. order 1: both gains fall alike; 2: the damping stays.
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 
 LOOP_TIME = 9.74e-3  # s, J / (Kp kM) of the nominal drive: model.md, Numbers
 

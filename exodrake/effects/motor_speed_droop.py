@@ -5,7 +5,8 @@
 
 from math import inf
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def command(speed, tension, limit, coefficient):

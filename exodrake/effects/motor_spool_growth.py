@@ -3,7 +3,8 @@
 r(s) = r (1 + growth s)          s = spool (1 + growth spool / 2)          torque = r(s) T
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def wound(spool, growth):

@@ -5,7 +5,8 @@ r = r0 (1 + growth m)          s = spool + growth (m spool - pitch m (m + 1) / 2
 
 from math import floor
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def layers(spool, pitch):

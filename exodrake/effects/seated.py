@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def seated(effect: Effect, identity: str, points: Mapping[str, str] | None = None, **numbers: Number) -> Effect:

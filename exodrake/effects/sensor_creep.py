@@ -3,7 +3,9 @@
 F = T + y          time_constant y' = fraction T - y
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.relaxation import relaxed
 
 

@@ -3,7 +3,8 @@
 F_j = T_j + coefficient T_(j+1)          the last wire is followed by the first
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def mixed(load, following, coefficient):

@@ -3,7 +3,8 @@
 F = T + rate t          t from the start of the log
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def reading(tension, clock, rate):

@@ -3,7 +3,8 @@
 F = (1 + gain) T
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def reading(tension, clock, gain):

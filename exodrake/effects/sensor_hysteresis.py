@@ -3,7 +3,9 @@
 F = T + error z          z: bristle over a width of load
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.bristle import bent
 
 

@@ -3,7 +3,8 @@
 time_constant F' = T - F
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def lag(nominal, time_constant):

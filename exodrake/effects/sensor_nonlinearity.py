@@ -3,7 +3,8 @@
 F = T + error T (T_s - T) / (T_s / 2)^2          T_s = 20 N full scale of tension
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
 

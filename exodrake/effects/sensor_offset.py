@@ -3,7 +3,8 @@
 F = T + offset
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def reading(tension, clock, offset):

@@ -5,7 +5,8 @@ F = T (1 + exp(-mu pi slide)) / 2        slide -> +1 while the spool takes wire 
 
 from math import exp, pi
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def felt(tension, slide, mu):

@@ -7,7 +7,9 @@ z is advanced exactly over a change of stretch x.
 
 from math import exp
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 
 
 def yielded(z, change, width):

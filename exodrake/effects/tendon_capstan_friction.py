@@ -5,7 +5,8 @@ T_d = T_c exp(-mu_phi slide)        slide -> +1 while the finger takes wire in, 
 
 from math import exp
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def transmit(tension, slide, travel, speed, mu_phi):

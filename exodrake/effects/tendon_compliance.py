@@ -5,7 +5,8 @@ T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness
 
 from math import inf
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def elastic(tension, stretch, wire_stiffness, stiffness):

@@ -3,7 +3,8 @@
 T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 while it gives wire back
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 from exodrake.effects.grip import gripped
 
 

@@ -5,7 +5,9 @@ T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
 
 from math import inf
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.relaxation import relaxed
 
 

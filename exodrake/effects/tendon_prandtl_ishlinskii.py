@@ -3,7 +3,9 @@
 T_d = T_c - force (z_1 + z_2 + z_3) / 3          z_i: stop operator of range i distance
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.bristle import clipped
 from exodrake.effects.grip import gripped
 

@@ -3,7 +3,9 @@
 T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
 """
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.bristle import bent
 from exodrake.effects.grip import gripped
 

@@ -3,7 +3,8 @@
 T_c = max(0, k (s - l - length))
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 
 def stretch(extension, tension_finger, length):

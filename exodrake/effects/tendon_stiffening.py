@@ -9,7 +9,8 @@ exponent of LIMIT the curve goes on straight.
 
 from math import expm1, inf
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 
 LIMIT = 3.0  # exponent from which the curve is straight [-]
 FADES = 4.0  # it fades once k / soft - 1 is below 1 / FADES [-]: assumed

@@ -8,7 +8,9 @@ The level follows the speed with a short frictional memory (frictional lag: Arms
 
 from math import exp
 
-from exodrake.core.part import WIRES, Effect, Number, State
+from exodrake.core.effect import Effect, Number
+from exodrake.core.part import State
+from exodrake.core.signal import WIRES
 from exodrake.effects.grip import gripped
 from exodrake.effects.relaxation import relaxed
 

@@ -3,7 +3,8 @@
 T_d = T_c - coefficient v          v > 0 while the finger takes wire in
 """
 
-from exodrake.core.part import WIRES, Effect, Number
+from exodrake.core.effect import Effect, Number
+from exodrake.core.signal import WIRES
 from exodrake.effects.grip import gripped
 
 

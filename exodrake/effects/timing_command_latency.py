@@ -3,7 +3,7 @@
 v(n) = v_cmd(n - frames)          between whole frames the two neighbours are mixed, so that a fit can move through them
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 REMEMBERED = 12  # commands that the bus remembers [-]
 

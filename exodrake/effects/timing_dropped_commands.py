@@ -3,7 +3,7 @@
 v(n) = v(n - 1) where lottery < probability, else v_cmd(n)
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def sent(command, history, first, applied, lottery, probability):

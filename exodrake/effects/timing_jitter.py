@@ -3,7 +3,7 @@
 v = (1 - spread u) v_cmd(n) + spread u v_cmd(n - 1)          u: uniform in 0 .. 1, one per frame
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def sent(command, history, first, applied, lottery, spread):

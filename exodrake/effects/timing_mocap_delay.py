@@ -3,7 +3,7 @@
 angle(t) as logged = angle at t - delay
 """
 
-from exodrake.core.part import Effect, Number
+from exodrake.core.effect import Effect, Number
 
 
 def late(lateness, clock, delay):

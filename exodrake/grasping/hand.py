@@ -11,8 +11,7 @@ from math import isfinite
 
 import numpy as np
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import nearest
+from exodrake.core.errors import InputError, nearest
 from exodrake.systems.tendon_finger import Numbers
 
 FREE = 9.0  # rad, no limit

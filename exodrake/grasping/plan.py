@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
@@ -18,7 +19,6 @@ from exodrake.grasping.inverse import holdable, numbers_of, project, ramped, rea
 from exodrake.grasping.trial import confirmed, nominal
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import grasp
-from exodrake.simulation.simulate import Reference
 from exodrake.simulation.tensions import limits
 from exodrake.systems.tendon_finger import Numbers
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.machine import offsets
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.estimator.gp import Estimator
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import nominal
-from exodrake.simulation.simulate import Recording, log_of, offsets, simulate
+from exodrake.simulation.simulate import Recording, log_of, simulate
 
 POINTS = 250  # of the quick estimator: seconds of training
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
-from exodrake.core.part import JOINTS, ONE, Effect, Lanes, Wire
+from exodrake.core.signal import JOINTS, ONE, Lanes, Wire
 from exodrake.systems import angle_reading, joint, joint_command
 
 ASKED = (Wire("angle_ref", "rad", JOINTS), Wire("angle_start", "rad", JOINTS))

@@ -26,7 +26,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, parse_yaml, read_bytes, write_text
-from exodrake.core.machine import Scatter
+from exodrake.core.parameter import Scatter
 from exodrake.core.robot import MACHINES, VARIANTS, Robot, checked, flatten, machine_of, refuse_negative
 from exodrake.core.robot_schema import check_content
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference
 
 PIECES = ("grasp", "grasp", "random", "holds", "rest")  # grasps are what the robot is for
 

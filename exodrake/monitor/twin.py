@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, prepared
+from exodrake.core.machine import offsets, state_size, wire_count
 from exodrake.core.robot import Robot
 from exodrake.simulation.delayed_samples import cubic
-from exodrake.simulation.simulate import NOTHING, offsets, prepared, state_size, wire_count
 
 MEMORY = 1000  # frames that late pictures may look back
 KINDS = ("tension", "stroke", "speed_cmd", "angle")

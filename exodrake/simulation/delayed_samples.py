@@ -20,7 +20,7 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def seen_late(machine: Machine, records: np.ndarray, places: list[int]) -> np.ndarray:
     """The wires `places` of noise-free records (rows, n, wires), angles taken at t - lateness: (rows, n, places)."""
-    from exodrake.simulation.simulate import offsets
+    from exodrake.core.machine import offsets
 
     at = offsets(machine)
     chosen = records[:, :, places]

@@ -13,11 +13,10 @@ from itertools import product
 
 import numpy as np
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import nearest
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import Reference
 from exodrake.simulation.tensions import above_floor, check_range, clock, generator, limits, smooth
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %

@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.errors import InputError
-from exodrake.core.machine import nearest
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
-from exodrake.data.log import read_log
+from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import Reference
 
 ALIKE = 1e-6  # [s] two clocks closer than this are the same
 

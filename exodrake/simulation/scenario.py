@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
-from exodrake.core.errors import InputError
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, parse_yaml, read_bytes, read_yaml
-from exodrake.core.machine import nearest
 from exodrake.core.robot import Robot
 from exodrake.core.robot_schema import check_content
 from exodrake.core.units import si_unit, to_si
 from exodrake.data.log import Log
 from exodrake.machines.robot_file import build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options
-from exodrake.simulation.simulate import Reference, simulate
+from exodrake.simulation.simulate import simulate
 
 ENGINES = ("compiled", "drake")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-from exodrake.simulation.simulate import Reference
 
 
 def limits(robot: Robot) -> tuple[np.ndarray, np.ndarray]:

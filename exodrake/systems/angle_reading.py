@@ -3,7 +3,8 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS
 from exodrake.systems.rounding import rounded
 
 

@@ -3,7 +3,8 @@
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import WIRES, Block, Output, Point, State, Task
+from exodrake.core.part import Block, Output, Point, State, Task
+from exodrake.core.signal import WIRES
 
 
 class Numbers(NamedTuple):

@@ -9,7 +9,8 @@ speed away after the push, at most all of it, so that a fixed step never turns a
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import ONE, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import ONE
 
 
 class Numbers(NamedTuple):

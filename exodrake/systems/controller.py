@@ -9,7 +9,8 @@ dF/dt is a backward difference over one frame, 0 in the first. This is the paper
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import ONE, WIRES, Block, Output, State, Task, Unit
+from exodrake.core.part import Block, Output, State, Task, Unit
+from exodrake.core.signal import ONE, WIRES
 
 
 class Numbers(NamedTuple):

@@ -8,7 +8,8 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, ONE, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, ONE
 
 
 class Numbers(NamedTuple):

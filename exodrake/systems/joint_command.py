@@ -7,7 +7,8 @@ import sys
 from dataclasses import replace
 from typing import NamedTuple
 
-from exodrake.core.part import JOINTS, ONE, Block, Output, Point, State, Task
+from exodrake.core.part import Block, Output, Point, State, Task
+from exodrake.core.signal import JOINTS, ONE
 
 
 class Numbers(NamedTuple):

@@ -3,7 +3,8 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import ONE, Block, Output, State, Task, Unit
+from exodrake.core.part import Block, Output, State, Task, Unit
+from exodrake.core.signal import ONE
 from exodrake.systems.rounding import rounded
 
 

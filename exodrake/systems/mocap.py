@@ -6,7 +6,8 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, ONE, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, ONE
 
 
 class Numbers(NamedTuple):

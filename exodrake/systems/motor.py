@@ -10,7 +10,8 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import WIRES
 
 
 class Numbers(NamedTuple):

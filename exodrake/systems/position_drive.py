@@ -10,7 +10,8 @@ with one frame to 3.3 %.
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import ONE, Block, Output, State, Task, Unit
+from exodrake.core.part import Block, Output, State, Task, Unit
+from exodrake.core.signal import ONE
 
 
 class Numbers(NamedTuple):

@@ -9,7 +9,8 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import ONE, WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import ONE, WIRES
 from exodrake.systems.rounding import rounded
 
 

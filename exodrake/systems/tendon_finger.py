@@ -11,7 +11,8 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import JOINTS, ONE, WIRES, Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, ONE, WIRES
 from exodrake.systems import finger, tendon, wire_paths
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
 from exodrake.systems.routers import applied_arm

@@ -30,7 +30,8 @@ class Staircase:
 
 def staircase(robot, resolution: float, encoder: float) -> Staircase:
     """A slow ramp of all wires, read with a tension resolution [N] and an encoder resolution [rad]."""
-    from exodrake.simulation.simulate import Reference, simulate
+    from exodrake.compiled.inputs import Reference
+    from exodrake.simulation.simulate import simulate
 
     changed = robot.with_numbers({"sensor.q_F": resolution, "encoder.q_theta": encoder})
     rest, frames = round(1.0 / robot.machine.frame), round(SECONDS / robot.machine.frame)

@@ -12,8 +12,8 @@ Exo-Index: the same search, the same thresholds. The recordings are not in this 
 
     python -m studies.real_machines --data DIR --out docs
 
-A machine is a robot file (`exodrake/machines/NAME/robot.yaml`: numbers with sources, and which of them scatter) and a table of
-its parts and effects (`exodrake/machines/NAME/machine.py`). To diagnose one by hand:
+A machine is a robot file (`exodrake/machines/NAME/robot.yaml`: numbers with sources, and which of them scatter) and a
+table of its parts and effects (`exodrake/machines/NAME/machine.py`). To diagnose one by hand:
 
     exodrake import DIR/emps --from emps --out my_case
     exodrake diagnose my_case --robot emps --report report.html

@@ -1,6 +1,5 @@
 """A foreign recording as a log, by a mapping file: CSV and other text, MAT, NPY, NPZ, Parquet, ROS 2 bags in MCAP."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +10,8 @@ from exodrake.core.units import to_si
 from exodrake.data.formats.foreign_tables import read_columns
 from exodrake.data.formats.mapping import Mapped, read_mapping
 from exodrake.data.formats.table import check_columns, heading, log_from_columns
+from exodrake.data.formats.track import Track
 from exodrake.data.log import Log, check_clock
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """A foreign column with a clock of its own: time (n,) s, values (n,) in the foreign unit."""
-
-    time: np.ndarray
-    values: np.ndarray
 
 
 def import_log(file: str | Path, map_file: str | Path) -> Log:

@@ -11,12 +11,10 @@ cell is a missing sample. Other columns are left alone. Places are in the labora
 import io
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes
 
 HEADING = re.compile(r"^(?P<marker>.+)_(?P<axis>[xyz])\s*\[(?P<unit>[^\]]*)\]$")
 TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
@@ -39,15 +37,6 @@ class Recording:
             have = ", ".join(self.names) or "none"
             raise InputError(f"{self.source}: no marker {', '.join(lost)} (the recording has {have})")
         return self.positions[:, [self.names.index(name) for name in names]]
-
-
-def read_markers(path: str | Path) -> Recording:
-    """Read `.c3d`, or CSV under any other name. InputError names the file, and column and row where it can."""
-    if Path(path).suffix.lower() == ".c3d":
-        from exodrake.identification.kinematics.c3d import read_c3d
-
-        return read_c3d(path)
-    return parse_csv(read_bytes(path), str(path))
 
 
 def parse_csv(data: bytes, source: str) -> Recording:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from exodrake.core.machine import Column, Machine
-from exodrake.core.part import JOINTS, Lanes, Wire
+from exodrake.core.signal import JOINTS, Lanes, Wire
 from exodrake.effects import (
     carriage_coulomb_friction,
     carriage_direction,

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.machine import Column, Machine, Steered
-from exodrake.core.part import JOINTS, ONE, WIRES, Lanes, Wire
+from exodrake.core.signal import JOINTS, ONE, WIRES, Lanes, Wire
 from exodrake.effects import SHELF
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 
 from exodrake.core.machine import Machine
-from exodrake.core.part import JOINTS
+from exodrake.core.signal import JOINTS
 from exodrake.effects import joint_gain, joint_lag, joint_play, joint_sag, timing_command_latency
 from exodrake.effects.seated import seated
 from exodrake.machines.position_servos import joint_machine

@@ -1,0 +1,43 @@
+"""One robot of the reference simulator: parameters, injected faults and a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from exodrake.blind.parameters import (
+    draw_numbers,
+)
+
+FRAME = 0.02
+
+
+@dataclass(frozen=True)
+class Planted:
+    """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty:
+    all or none).
+    """
+
+    id: str
+    wires: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A motion: name and tension references (n, 3) N, one row per 20 ms frame."""
+
+    name: str
+    reference: np.ndarray
+
+
+@dataclass(frozen=True)
+class RealitySpec:
+    """A robot: its numbers (see `draw_numbers`), planted effects, and whether sensors are noisy and quantised."""
+
+    numbers: dict[str, Any] = field(default_factory=draw_numbers)
+    effects: tuple[Planted, ...] = ()
+    noisy: bool = True
