@@ -4,8 +4,10 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.main import OneLineErrors
 
-@click.command()
+
+@click.command(cls=OneLineErrors)
 @click.option(
     "--json", "out", default=None, type=click.Path(path_type=Path, dir_okay=False), help="Also write the rows."
 )
@@ -14,7 +16,7 @@ import click
 )
 @click.option("--engines-only", is_flag=True, help="Leave out the figures of other modules.")
 def command(out: Path | None, seconds: float, engines_only: bool) -> None:
-    """Measure simulated seconds per second of the Drake Diagram, the compiled twin and a MultibodyPlant finger."""
+    """Measure simulated seconds per second of the Drake Diagram, the compiled simulator and a MultibodyPlant finger."""
     import json
     from dataclasses import asdict
 

@@ -1,4 +1,4 @@
-"""For the bench: one fit, the same by scipy on the compiled twin and on the Drake Diagram, and one diagnosis.
+"""For the bench: one fit, the same by scipy on the compiled simulator and on the Drake Diagram, and one diagnosis.
 
 The robot has friction in its sheaths, planted; its logs are 10 s of random motion. All three fits look for the three
 coefficients; ours fits the errors of the nominal numbers along with them, as a diagnosis does, the others hold those.
@@ -68,7 +68,7 @@ def by_scipy(residual: Callable[[np.ndarray], np.ndarray], wanted: Hypothesis) -
 
 
 def compiled_residual(problem: Problem, wanted: Hypothesis, u: np.ndarray) -> np.ndarray:
-    """Residual (samples,) [floors] by the compiled twin."""
+    """Residual (samples,) [floors] by the compiled simulator."""
     return problem.residual(wanted.apply(problem.silent(), u)[None], problem.fit)[0]
 
 
@@ -88,7 +88,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     wanted = hypothesis(nominal.machine, nominal.machine.effect(EFFECT), tuple(PLANTED))
     fits = {
         "ours, errors of the nominal numbers along with it": partial(ours, problem, wanted),
-        "scipy least squares on the compiled twin": partial(
+        "scipy least squares on the compiled simulator": partial(
             by_scipy, partial(compiled_residual, problem, wanted), wanted
         ),
         "scipy least squares on the Drake Diagram": partial(
@@ -97,15 +97,15 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     }
     compiled_residual(problem, wanted, wanted.start)  # loads the compiled code
     found = {name: timed(fit) for name, fit in fits.items()}
-    truth = np.array([knob.at(PLANTED[knob.lanes[0]]) for knob in wanted.knobs])
+    truth = np.array([knob.at(PLANTED[knob.channels[0]]) for knob in wanted.knobs])
     table: list[Row] = []
     for name, (time, u) in found.items():
         table += [(f"fit of {len(truth)} coefficients to {seconds:g} s: {name}", time, "s")]
         table += [("  its largest error", float(np.max(np.abs(u - truth) / np.abs(truth))), "-")]
-    mine, twin, diagram = (time for time, _ in found.values())
+    mine, simulator, diagram = (time for time, _ in found.values())
     table += [
         ("scipy on the Diagram / ours", diagram / mine, "-"),
-        ("scipy: Diagram / compiled twin", diagram / twin, "-"),
+        ("scipy: Diagram / compiled simulator", diagram / simulator, "-"),
     ]
     begun = perf_counter()
     verdict = diagnose(case, nominal).verdict

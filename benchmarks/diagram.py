@@ -72,19 +72,24 @@ def torque_law(robot: Robot) -> Callable[[np.ndarray, np.ndarray, np.ndarray], N
     """A compiled function (state, stroke, torque to fill) of the nominal wires and joints."""
     from numba import njit
 
-    flexor = np.array([robot.lanes(f"router.{name}") for name in ("a_f", "b_f", "m_f", "n_f")])
-    extensor = np.array([robot.lanes(f"router.{name}") for name in ("a_e", "b_e", "m_e", "n_e")])
-    stiffness, kappa, q0 = robot.lanes("tendon.k"), robot.lanes("finger.kappa"), robot.lanes("finger.q0")
-    q_f, q_e, beta, a = robot.lanes("finger.q_f"), robot.lanes("finger.q_e"), robot["finger.beta"], robot["finger.A"]
-    over, stop = njit(path), njit(end_stop)
+    flexor = np.array([robot.channels(f"router.{name}") for name in ("a_f", "b_f", "m_f", "n_f")])
+    extensor = np.array([robot.channels(f"router.{name}") for name in ("a_e", "b_e", "m_e", "n_e")])
+    stiffness, kappa, q0 = robot.channels("tendon.k"), robot.channels("finger.kappa"), robot.channels("finger.q0")
+    q_f, q_e, beta, a = (
+        robot.channels("finger.q_f"),
+        robot.channels("finger.q_e"),
+        robot["finger.beta"],
+        robot["finger.A"],
+    )
+    axis, stop = njit(path), njit(end_stop)
 
     @njit
     def law(state, stroke, torque):
         arms, taken = np.zeros((3, 3)), np.zeros(3)
         for i in range(3):
             c, s = math.cos(state[i]), math.sin(state[i])
-            f = over(c, s, flexor[0, i], flexor[1, i], flexor[2, i], flexor[3, i], FLEXOR)
-            x = over(c, s, extensor[0, i], extensor[1, i], extensor[2, i], extensor[3, i], EXTENSOR)
+            f = axis(c, s, flexor[0, i], flexor[1, i], flexor[2, i], flexor[3, i], FLEXOR)
+            x = axis(c, s, extensor[0, i], extensor[1, i], extensor[2, i], extensor[3, i], EXTENSOR)
             taken[0] += f[0]
             taken[1] += f[0] if i == 0 else 0.0
             taken[2] += x[0]
@@ -103,7 +108,7 @@ def multibody_finger(robot: Robot, step: float) -> MultibodyPlant:
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     along, about = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
     parent, offset = plant.world_frame(), 0.0
-    for i, joint in enumerate(robot.machine.lanes.joints):
+    for i, joint in enumerate(robot.machine.axes.joints):
         length, mass = robot[f"finger.length.{joint}"], robot[f"finger.mass.{joint}"]
         centred = SpatialInertia.SolidCylinderWithMass(mass, robot[f"finger.radius.{joint}"], length, along)
         body = plant.AddRigidBody(joint, centred.Shift(-0.5 * length * along))
@@ -128,7 +133,7 @@ def multibody_speed(
     Returns: simulated seconds per wall second; and the RMS difference of its angles from ours [rad].
     """
     machine, builder = robot.machine, DiagramBuilder()
-    run = record(robot, reference, seed=None, quantisation=False).wires
+    run = record(robot, reference, seed=None, quantisation=False).signals
     breaks = machine.frame * np.arange(1, len(run["stroke"]) + 1)
     held = PiecewisePolynomial.FirstOrderHold(breaks, run["stroke"].T)  # pyright: ignore
     plant, wires = multibody_finger(robot, step), WireTorques(robot)

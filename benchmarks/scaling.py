@@ -85,13 +85,13 @@ def shortened(log: Log, seconds: float) -> Log:
     return replace(log, time=log.time[kept], signals={name: values[kept] for name, values in log.signals.items()})
 
 
-def cost(case: Case, shelf: int | None = None) -> Cost:
-    """Cost of one diagnosis; `shelf`: how many effects it may try, all of the shelf for None."""
+def cost(case: Case, library: int | None = None) -> Cost:
+    """Cost of one diagnosis; `effect library`: how many effects it may try, all of the effect library for None."""
     from exodrake.diagnosis import diagnose
 
     load_everything(case)
     begun = process_time()
-    with trying(shelf):
+    with trying(library):
         verdict = diagnose(case).verdict
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
@@ -108,11 +108,11 @@ def load_everything(case: Case) -> None:
     measure(problem, nominal, nominal, nominal)
 
 
-def trying(shelf: int | None) -> Any:
+def trying(library: int | None) -> Any:
     """Context in which only some effects are tried, the true one among them: a diagnosis itself has no such choice."""
     from exodrake.diagnosis import screen
 
-    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:shelf]
+    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:library]
     return patch.object(screen, "COMMON", frozenset(tried))
 
 
@@ -121,7 +121,7 @@ def common() -> list[str]:
     from exodrake.diagnosis.vocabulary import COMMON
     from exodrake.machines.robot_file import load_robot
 
-    return [effect.id for effect in load_robot().machine.shelf if effect.id in COMMON]
+    return [effect.id for effect in load_robot().machine.effects if effect.id in COMMON]
 
 
 def costs(tasks: list[tuple]) -> Iterator[Cost]:
@@ -188,7 +188,7 @@ def by_kind(_: Case) -> None:
         row(name, found.verdict, found.seconds, round(found.memory))
 
 
-def by_shelf(friction: Case) -> None:
+def by_library(friction: Case) -> None:
     """Cost over the number of effects that may be tried."""
     table(f"effects tried, logs of {SHORT:g} s", "verdict", "processor seconds")
     for many, found in zip(SHELVES, costs([(cut(friction, SHORT), many) for many in SHELVES])):
@@ -205,7 +205,7 @@ def by_number(_: Case) -> None:
         row(many, alone, together, alone / many)
 
 
-TABLES = {"length": by_length, "kind": by_kind, "shelf": by_shelf, "number": by_number}
+TABLES = {"length": by_length, "kind": by_kind, "effect library": by_library, "number": by_number}
 
 
 @click.command()

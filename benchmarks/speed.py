@@ -15,8 +15,8 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, Reference, prepared
-from exodrake.core.machine import state_size, wire_count
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
 
@@ -66,21 +66,23 @@ def wavy(seconds: float) -> Reference:
 
 
 def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -> float:
-    """Simulated seconds per wall second of the compiled twin: rows of numbers one after another, or on all cores."""
+    """Simulated seconds per wall second of the compiled simulator: rows of numbers one after another, or on all
+    cores.
+    """
     machine, module = robot.machine, compile_machine(robot.machine)
-    chance = Chance.draw(len(reference.tension), 1, machine)
-    given = (reference.tension, chance.tension, chance.angle, chance.lottery)
-    numbers = np.tile(prepared(robot), (rows, 1))
-    records = np.zeros((rows, len(reference.tension), wire_count(machine)))
+    noise_inputs = NoiseInputs.draw(len(reference.tension), 1, machine)
+    given = (reference.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
+    parameters = np.tile(prepared(robot), (rows, 1))
+    records = np.zeros((rows, len(reference.tension), signal_count(machine)))
 
     def one_after_another() -> None:
-        for row, recording in zip(numbers, records, strict=True):
-            state, wires = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
+        for row, recording in zip(parameters, records, strict=True):
+            state, wires = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
             module.begin(row, state)
             module.run(row, state, wires, *given, machine.slot, 1, recording, NOTHING, NOTHING)
 
     def at_once() -> None:
-        module.batch(numbers, state_size(machine), *given, machine.slot, 1, records, NOTHING)
+        module.batch(parameters, state_size(machine), *given, machine.slot, 1, records, NOTHING)
 
     return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
 
@@ -99,8 +101,8 @@ def engine_rows(robot: Robot, seconds: float) -> list[Row]:
     return [
         Row("Diagram, parts before the bus in one leaf", fused, SPEED, least=100),
         Row("Diagram, a leaf per part", parts, SPEED),
-        Row("compiled twin, one core", compiled, SPEED),
-        Row(f"compiled twin, batch on {os.cpu_count()} cores", batch, SPEED),
+        Row("compiled simulator, one core", compiled, SPEED),
+        Row(f"compiled simulator, batch on {os.cpu_count()} cores", batch, SPEED),
         Row("MultibodyPlant finger alone, wires in a Python leaf, 2 ms", discrete, SPEED),
         Row("  RMS of its angles from ours", discrete_apart, "rad"),
         Row("MultibodyPlant finger alone, wires in a Python leaf, continuous", continuous, SPEED),

@@ -75,18 +75,18 @@ def command_page(command: click.Command, name: str, parent: click.Context, level
 
 
 def effects_page() -> str:
-    """All shelves: what each effect is, its equation, parameters, signature and source."""
+    """All effect libraries: what each effect is, its equation, parameters, signature and source."""
     text = (
-        "# The effects\n\nWhat the nominal models leave out, made from the shelves when this site was built;"
+        "# The effects\n\nWhat the nominal models leave out, made from the effect libraries when this site was built;"
         " `exodrake effects` prints the same.\nAn effect is absent, bit for bit, where its first parameter has the"
         " value under *absent at*. Keys such as [S:Stillsuit]\nare listed with"
         " [the physics](../explain/physics.md#sources).\n"
     )
     for name in MACHINES:
         machine = load_robot(name).machine
-        if machine.shelf:
+        if machine.effects:
             text += f"\n## {name}\n"
-            text += "".join(effect_entry(describe(machine, effect), effect, name) for effect in machine.shelf)
+            text += "".join(effect_entry(describe(machine, effect), effect, name) for effect in machine.effects)
     return text
 
 
@@ -100,10 +100,10 @@ def effect_entry(page: dict, effect, machine: str) -> str:
     lines = [f"\n### `{effect.id}` {{ #{anchor.replace('.', '-')} }}", "", title[:1].upper() + title[1:], ""]
     lines += ["```{.text .wrap}", rest, "```", ""] if rest else []
     lines += ["| parameter | plausible | usual | absent at | one per |", "|---|---|---|---|---|"]
-    for number, row in zip(effect.numbers, page["parameters"], strict=True):
-        absent = f"{number.neutral:g}" if number is effect.numbers[0] else ""
-        per = ", ".join(row["lanes"]) or "robot"
-        lines.append(f"| `{number.name}` | {reach(number)} | {number.typical:.4g} | {absent} | {per} |")
+    for number, row in zip(effect.parameters, page["parameters"], strict=True):
+        absent = f"{number.null:g}" if number is effect.parameters[0] else ""
+        per = ", ".join(row["channels"]) or "robot"
+        lines.append(f"| `{number.name}` | {reach(number)} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"*Shows as* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
     return "\n".join(lines)
 

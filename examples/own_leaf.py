@@ -12,7 +12,7 @@ import exodrake as exo
 from exodrake.data.plot import save_png
 from exodrake.diagrams.diagram import build_diagram
 
-WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
+TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 
 
 class Limiter(LeafSystem):
@@ -40,7 +40,11 @@ def run(robot, wanted, limit):
     plant, limiter = builder.AddSystem(build_diagram(robot)), builder.AddSystem(Limiter(wanted, limit))
     builder.Connect(plant.GetOutputPort("mocap.angle_read"), limiter.get_input_port())
     builder.Connect(limiter.get_output_port(), plant.GetInputPort("tension_ref"))
-    for name, value in (("noise_tension", 0.0), ("noise_angle", 0.0), ("lottery", 1.0)):  # no noise, no lost message
+    for name, value in {
+        "noise_tension": 0.0,
+        "noise_angle": 0.0,
+        "packet_arrival": 1.0,
+    }.items():  # no packet is lost
         still = builder.AddSystem(ConstantVectorSource([value] * 3))
         builder.Connect(still.get_output_port(), plant.GetInputPort(name))
     ports = {"tension_ref": limiter.get_output_port(), "tension": plant.GetOutputPort("sensor.tension_read")}
@@ -50,7 +54,7 @@ def run(robot, wanted, limit):
     simulator.AdvanceTo(0.02 * (len(wanted) - 1))
     rows = {kind: sink.FindLog(simulator.get_context()).data().T for kind, sink in sinks.items()}
     log = exo.Log(0.02 * np.arange(len(wanted)), {}).with_array("angle", JOINTS, rows["angle"])
-    return log.with_array("tension", WIRES, rows["tension"]).with_array("tension_ref", WIRES, rows["tension_ref"])
+    return log.with_array("tension", TENDONS, rows["tension"]).with_array("tension_ref", TENDONS, rows["tension_ref"])
 
 
 robot, reference = exo.load_robot(), exo.grasp("caging", hold=4.0)

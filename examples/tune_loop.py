@@ -33,7 +33,7 @@ def tune(robot):
         for kd in (0.0, 0.5e-4, 1e-4, 1.5e-4):
             trial = loop.with_values({"controller.kp": kp, "controller.kd": kd})
             model = linearise(trial, point.state, point.references)
-            if model.spectral_radius < best[0] and acceptable(model, robot.machine.lanes.wires):
+            if model.spectral_radius < best[0] and acceptable(model, robot.machine.axes.tendons):
                 best = (model.spectral_radius, kp, kd)
     return best
 
@@ -42,7 +42,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "tuned")
 folder.mkdir(parents=True, exist_ok=True)
 robot = exo.load_robot()
 radius, kp, kd = tune(robot)
-tuned = exo.analyse(robot.with_numbers({"controller.kp": kp, "controller.kd": kd}))
+tuned = exo.analyse(robot.with_parameters({"controller.kp": kp, "controller.kd": kd}))
 print(f"kp {1e3 * kp:g} mm/(s N), kd {1e3 * kd:g} mm/N: spectral radius {radius:.4f}")
 for step, margin in zip(tuned.steps, tuned.margins):
     print(f"{step.wire}: settles in {step.settling:.2f} s, gain margin {margin.gain_margin:.2f}")

@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, prepared
-from exodrake.core.machine import offsets, state_size, wire_count
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepared
+from exodrake.core.machine import offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
 
@@ -32,16 +32,18 @@ def motion() -> np.ndarray:
 
 
 def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
-    """Records (rows, FRAMES, wires) of all wires of noise-free runs; the lottery of lost frames is drawn."""
+    """Records (rows, FRAMES, wires) of all wires of noise-free runs; the packet_arrival of lost frames is drawn."""
     machine = nominal().machine
     module = compile_machine(machine)
-    still, lottery = np.zeros((FRAMES, 3)), Chance.draw(FRAMES, seed, machine).lottery
-    records = np.zeros((len(rows), FRAMES, wire_count(machine)))
+    still, packet_arrival = np.zeros((FRAMES, 3)), NoiseInputs.draw(FRAMES, seed, machine).packet_arrival
+    records = np.zeros((len(rows), FRAMES, signal_count(machine)))
     reference = np.ascontiguousarray(motion())
     for i, row in enumerate(rows):
-        state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
+        state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
         module.begin(row, state)
-        module.run(row, state, w, reference, still, still, lottery, machine.slot, 1, records[i], NOTHING, NOTHING)
+        module.run(
+            row, state, w, reference, still, still, packet_arrival, machine.slot, 1, records[i], NOTHING, NOTHING
+        )
     return records
 
 

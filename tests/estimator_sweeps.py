@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
+TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 AXIAL, HEIGHT = 5e-3, np.array([3e-3, 3e-3, 5e-3])
 KAPPA, REST = np.array([0.080, 0.060, 0.035]), np.array([0.20, 0.30, 0.15])
 FLEX_STOP, EXTEND_STOP = np.array([1.30, 1.50, 0.95]), np.array([-0.30, 0.0, 0.0])
@@ -53,8 +53,8 @@ def arms(q):
 
 def passive(q, kappa, rest):
     """Passive torque, (..., 3) rad -> (..., 3) N m."""
-    over, under = np.maximum(q - FLEX_STOP, 0), np.maximum(EXTEND_STOP - q, 0)
-    return kappa * (q - rest) + STOP * (np.expm1(BETA * over) - np.expm1(BETA * under))
+    axis, under = np.maximum(q - FLEX_STOP, 0), np.maximum(EXTEND_STOP - q, 0)
+    return kappa * (q - rest) + STOP * (np.expm1(BETA * axis) - np.expm1(BETA * under))
 
 
 def posture(tension, kappa=KAPPA, rest=REST, start=None, steps=300):
@@ -126,7 +126,7 @@ def as_sweeps(data):
     from exodrake.estimator.dataset import Sweeps
 
     inputs = np.hstack([data["tension"], data["stroke"]])
-    return Sweeps(inputs, data["angle"], data["sweep"], data["time"], WIRES, JOINTS, ("worn",))
+    return Sweeps(inputs, data["angle"], data["sweep"], data["time"], TENDONS, JOINTS, ("worn",))
 
 
 def as_log(data, source="worn.csv"):
@@ -135,7 +135,7 @@ def as_log(data, source="worn.csv"):
 
     log = Log(data["time"], {}, source=source)
     for kind in ("tension_ref", "tension", "stroke"):
-        log = log.with_array(kind, WIRES, data[kind])
+        log = log.with_array(kind, TENDONS, data[kind])
     return log.with_array("angle", JOINTS, data["angle"])
 
 

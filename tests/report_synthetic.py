@@ -25,9 +25,9 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.report.evidence import Evidence
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
-WIRES, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
+TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 KINDS = {"tension": ("N", 0.01, 3.0), "stroke": ("m", 12e-6, 8e-3), "speed_cmd": ("m/s", 4e-4, 0.02)}
-COLUMNS = (*(f"{kind}_{w}" for kind in KINDS for w in WIRES), *(f"angle_{j}" for j in JOINTS))
+COLUMNS = (*(f"{kind}_{w}" for kind in KINDS for w in TENDONS), *(f"angle_{j}" for j in JOINTS))
 SHARES = {"tendon": 0.83, "finger": 0.11, "sensor": 0.04, "motor": 0.015, "encoder": 0.005}
 REGIME = {"direction of motion": 0.61, "load": 0.22, "time since reversal": 0.12, "frequency below 1 Hz": 0.7}
 IDS = ("tendon.capstan_friction", "tendon.coulomb_friction", "finger.hysteresis", "finger.stiffness + sensor.gain")
@@ -69,9 +69,9 @@ def closure(healthy=False):
 
 def effect():
     """Capstan friction on two wires."""
-    lanes = {"AF": Interval(0.31, 0.28, 0.34), "MF": Interval(0.29, 0.25, 0.33)}
+    channels = {"AF": Interval(0.31, 0.28, 0.34), "MF": Interval(0.29, 0.25, 0.33)}
     return NamedEffect(
-        "tendon.capstan_friction", ("AF", "MF"), (), {"mu_phi": Interval(0.30, 0.27, 0.33)}, {"mu_phi": lanes}, 0.97
+        "tendon.capstan_friction", ("AF", "MF"), (), {"mu_phi": Interval(0.30, 0.27, 0.33)}, {"mu_phi": channels}, 0.97
     )
 
 
@@ -85,7 +85,7 @@ def diagnosis(verdict=NAMED):
     retuned = (
         robot
         if healthy
-        else robot.with_numbers({"finger.kappa.MCP": 0.0712, "tendon.k": 2600.0}, source="fitted to case")
+        else robot.with_parameters({"finger.kappa.MCP": 0.0712, "tendon.k": 2600.0}, source="fitted to case")
     )
     improved = retuned.splice(IDS[0], {"mu_phi": 0.3}, ("AF", "MF")) if found else retuned
     next_step = {

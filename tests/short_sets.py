@@ -16,7 +16,7 @@ RUSTY = {"mu_phi": 0.3}
 def short_case(name, seed, rusty):
     """A case with a log to fit and one held out."""
     robot = exo.load_robot()
-    ill = robot.splice("tendon.capstan_friction", RUSTY, lanes=["AF"]) if rusty else robot
+    ill = robot.splice("tendon.capstan_friction", RUSTY, channels=["AF"]) if rusty else robot
     logs = []
     for place, role in enumerate(("fit", "holdout")):
         reference = exo.Reference(exo.random_motion(robot, seed=10 * seed + place).tension[:FRAMES], role)

@@ -20,10 +20,10 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
     names = {path.name for path in (tmp_path / "a").iterdir()}
     assert names == {"steps.png", "poles.png", "stability.png", "bode.png", "margins.png", "analysis.json"}
     assert (tmp_path / "a" / "bode.png").read_bytes().startswith(b"\x89PNG")
-    numbers = json.loads((tmp_path / "b.json").read_text())
-    assert numbers["stable"] and numbers["margins"]["MF"]["gain_margin"] > 2.0
-    assert numbers["steps"]["AF"]["overshoot"] < 0.02 and abs(numbers["steps"]["AF"]["steady_error [N]"]) < 1e-3
-    limit = dict(zip(numbers["stability_map"]["kd [m/N]"], numbers["stability_map"]["kp_limit [m/(s N)]"]))
+    parameters = json.loads((tmp_path / "b.json").read_text())
+    assert parameters["stable"] and parameters["margins"]["MF"]["gain_margin"] > 2.0
+    assert parameters["steps"]["AF"]["overshoot"] < 0.02 and abs(parameters["steps"]["AF"]["steady_error [N]"]) < 1e-3
+    limit = dict(zip(parameters["stability_map"]["kd [m/N]"], parameters["stability_map"]["kp_limit [m/(s N)]"]))
     assert max(v for v in limit.values() if v) == pytest.approx(0.0209, abs=0.001)
     with np.load(tmp_path / "m.npz") as model:
         assert float(model["dt"]) == 0.02 and model["A"].shape[0] == len(model["states"])

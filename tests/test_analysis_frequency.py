@@ -11,7 +11,7 @@ from exodrake.analysis.frequency import bandwidth, frequency_response, multisine
 from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import delayed_loop, gain_margin, grows, margins, open_loop, phase_margin
 
-WIRES = ("AF", "MF", "AE")
+TENDONS = ("AF", "MF", "AE")
 
 
 def integrator(gain):
@@ -60,7 +60,7 @@ def test_noise_spreads_the_measured_response(loop, point, model):
 
 @pytest.mark.parametrize("wire", range(3))
 def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
-    found = margins(model, WIRES[wire])
+    found = margins(model, TENDONS[wire])
     assert found.gain_margin == pytest.approx(found.gain_limit, rel=1e-3)
     assert found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
     assert not grows(loop, point, wire, 0.97 * found.gain_limit)
@@ -70,12 +70,12 @@ def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
 @pytest.mark.parametrize("frames", [1.0, 2.5, 6.0])
 def test_the_delayed_loop_is_the_loop_with_command_latency(loop, point, model, frames):
     late = model
-    for wire in WIRES:
+    for wire in TENDONS:
         a = delayed_loop(late, wire, frames)
         extra = len(a) - len(late.A)
         b, c = np.vstack([late.B, np.zeros((extra, 3))]), np.hstack([late.C, np.zeros((len(late.C), extra))])
         b[len(late.A)] = late.D[late.outputs.index(f"speed_cmd_{wire}")]
-        j = WIRES.index(wire)
+        j = TENDONS.index(wire)
         b[: len(late.A), j] = max(0.0, 1.0 - frames) * late.B[:, j]
         late = replace(late, A=a, B=b, C=c)
     there = loop.with_values({"timing.command_latency.frames": frames})

@@ -121,7 +121,7 @@ def test_latency_ends_stability(loop, point):
 
 
 def test_an_unstable_loop_is_linearised_where_it_would_rest():
-    loop = FrameMap.of(exo.load_robot().with_numbers({"controller.kp": 0.03}))
+    loop = FrameMap.of(exo.load_robot().with_parameters({"controller.kp": 0.03}))
     point = operating_point(loop)
     assert not point.steady
     assert linearise(loop, point.state, point.references).spectral_radius > 1.0

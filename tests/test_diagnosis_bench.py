@@ -28,7 +28,7 @@ def test_diagram_and_twin_leave_the_same_residual(asked):
 
 def test_own_fit_and_scipy_find_what_was_planted(asked):
     problem, wanted = asked
-    truth = [bench.PLANTED[knob.lanes[0]] for knob in wanted.knobs]
+    truth = [bench.PLANTED[knob.channels[0]] for knob in wanted.knobs]
     for u in (
         bench.ours(problem, wanted),
         bench.by_scipy(lambda u: bench.compiled_residual(problem, wanted, u), wanted),
@@ -58,10 +58,10 @@ def test_scaling_has_a_diagnosis_try_fewer_effects():
     from benchmarks.scaling import FRICTION, trying
     from exodrake.diagnosis.candidates import NOTHING
     from exodrake.diagnosis.fit import Fitter
-    from exodrake.diagnosis.screen import shelf
+    from exodrake.diagnosis.screen import library
 
     fitter = Fitter(make_problem(bench.rubbing(load_robot(), 3.0), load_robot()))
     start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
     with trying(5):
-        assert len(found := shelf(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
-    assert len(shelf(fitter, start)) > 20
+        assert len(found := library(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
+    assert len(library(fitter, start)) > 20

@@ -124,8 +124,8 @@ def test_a_pair_counts_once_in_whatever_order():
 
 
 def test_the_cause_beside_a_tremor_is_named(robot):
-    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, lanes=["MCP"])
-    found = diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, lanes=["PIP"])), robot)
+    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
+    found = diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"])), robot)
     named = {effect.id: effect for effect in found.effects}
     assert found.verdict == "NAMED" and set(named) == {"finger.tremor", "mocap.gain"}
     assert named["finger.tremor"].parameters["frequency"].value == pytest.approx(7.3, abs=0.1)
@@ -133,6 +133,6 @@ def test_the_cause_beside_a_tremor_is_named(robot):
 
 
 def test_a_tremor_alone_is_named_alone(robot):
-    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 5.1}, lanes=["PIP"])
+    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": 5.1}, channels=["PIP"])
     found = diagnose(case_of(shaken), robot)
     assert [effect.id for effect in found.effects] == ["finger.tremor"]

@@ -65,7 +65,7 @@ def test_a_polished_fit_is_where_the_cost_stands_still(robot, problem):
 
 def test_retuned_numbers_near_the_floor_are_settled(robot):
     """What a fit that stopped early leaves would pass for an effect."""
-    softer = robot.with_numbers({"finger.kappa.PIP": 1.06 * robot["finger.kappa.PIP"]})
+    softer = robot.with_parameters({"finger.kappa.PIP": 1.06 * robot["finger.kappa.PIP"]})
     log = simulate(softer, Reference(protocols.holds(robot, seed=3).tension[:400], "holds"), seed=1)
     problem = make_problem(Case("softer", {}, (CaseLog(log, "holds", "fit", None, "holds"),)), robot)
     point = Ranking(problem).retuned().point
@@ -125,7 +125,7 @@ def test_a_pitch_is_told_near_palm_down_or_palm_up(robot):
 
 def test_an_undetermined_number_ends_at_its_range(robot):
     knob = next(k for k in hypothesis(robot.machine, robot.machine.effect("tendon.creep")).knobs if not k.first)
-    assert knob.number.scale == "log"
+    assert knob.number.transform == "log"
     known = interval(knob, knob.start, 0.01)
     lost = interval(knob, knob.start, 1e4)
     assert known.low < knob.value(knob.start) < known.high
@@ -153,5 +153,5 @@ def test_a_further_cause_counts_where_it_predicts_a_signal_better(robot, problem
 
 def test_a_machine_without_wires_has_no_wire_to_blame(problem):
     so101 = replace(problem, robot=load_robot("so101"), columns=("angle_Pitch",))
-    assert traced(so101, {"log": np.ones((5, 1))}, "wires") == ()
+    assert traced(so101, {"log": np.ones((5, 1))}, "tendons") == ()
     assert traced(so101, {"log": np.ones((5, 1))}, "joints") == ("Pitch",)

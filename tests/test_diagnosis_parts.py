@@ -117,18 +117,18 @@ def test_lost_commands_are_decoded(robot):
 def test_commands_lost_in_bursts_are_decoded(robot):
     """A held command repeats in the log what the drive was last told: losses of two and three frames in a row."""
     reference = np.concatenate([protocols.random_motion(robot, seed=seed).tension for seed in range(3)])
-    rng, lottery = np.random.default_rng(5), np.ones((len(reference), 3))
+    rng, packet_arrival = np.random.default_rng(5), np.ones((len(reference), 3))
     for frame in rng.choice(len(reference) - 3, len(reference) // 12, replace=False):
-        lottery[frame : frame + rng.integers(2, 4)] = 0.0
+        packet_arrival[frame : frame + rng.integers(2, 4)] = 0.0
     deaf = robot.splice("timing.dropped_commands", {"probability": 0.5})
     problem = make_problem(short_case(robot), robot)
-    trial = replace(problem.fit[0], reference=reference, drops=drops.Drops(lottery, 0, 0, 0))
+    trial = replace(problem.fit[0], reference=reference, drops=drops.Drops(packet_arrival, 0, 0, 0))
     log = problem.predict(problem.silent(deaf)[None], trial)[0]
     kinds = problem.kinds
     arrays = (log[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension"))
     found = drops.decode(robot.machine, problem.silent(), *arrays)
-    lost = found.lottery == 0.0
-    assert found.certain >= 5 and np.mean(lottery[lost] == 0.0) > 0.9
+    lost = found.packet_arrival == 0.0
+    assert found.certain >= 5 and np.mean(packet_arrival[lost] == 0.0) > 0.9
 
 
 def test_a_slow_drive_loses_no_command(robot):
@@ -140,7 +140,7 @@ def test_a_slow_drive_loses_no_command(robot):
 
 
 @pytest.mark.parametrize(
-    "identity, numbers, lanes",
+    "identity, parameters, channels",
     [
         ("sensor.gain", {"gain": 0.08}, ("AF",)),
         ("tendon.compliance", {"stiffness": 3000.0}, ()),
@@ -149,14 +149,14 @@ def test_a_slow_drive_loses_no_command(robot):
         ("timing.command_latency", {"frames": 2.0}, ()),
     ],
 )
-def test_a_planted_effect_is_recovered(robot, identity, numbers, lanes):
+def test_a_planted_effect_is_recovered(robot, identity, parameters, channels):
     effect = robot.machine.effect(identity)
-    problem = make_problem(short_case(robot.splice(identity, numbers, lanes)), robot)
-    fitter, h = Fitter(problem), hypothesis(robot.machine, effect, lanes)
+    problem = make_problem(short_case(robot.splice(identity, parameters, channels)), robot)
+    fitter, h = Fitter(problem), hypothesis(robot.machine, effect, channels)
     start = fitter.at(h, 0.5 * h.start, np.zeros(len(fitter.knobs)))
     responses = np.zeros((len(start.residual), len(fitter.knobs)))
     found = fitter.fit(start, responses, steps=15)
-    value = next(iter(numbers.values()))
+    value = next(iter(parameters.values()))
     assert [k.value(u) for k, u in zip(h.knobs, found.u, strict=True)] == pytest.approx(
         [value] * len(h.knobs), rel=0.06
     )
@@ -175,7 +175,7 @@ def test_the_nominal_robot_shows_no_gap(robot):
 def test_healthy_robots_scatter_every_number_and_no_effect(robot):
     assert [item.role for item in healthy_case(robot, 5).logs] == ["fit", "fit", "fit", "holdout"]
     drawn = scattered(robot, np.random.default_rng(5)).values
-    present = np.array([entry.neutral is not None for entry in robot.machine.entries])
+    present = np.array([entry.null is not None for entry in robot.machine.parameters])
     assert np.array_equal(drawn[present], robot.values[present])
     stiffness = robot.machine.index["finger.kappa.PIP"]
     assert 0.0 < abs(drawn[stiffness] / robot.values[stiffness] - 1.0) < 0.08
@@ -184,7 +184,7 @@ def test_healthy_robots_scatter_every_number_and_no_effect(robot):
 def test_an_end_stop_on_the_other_side_is_found(robot):
     """A fit that starts before a stop which no motion meets learns nothing of it: it has to leap."""
     stop = "finger.q_f.MCP"
-    truth = robot.with_numbers({stop: 0.93 * robot[stop]}, source="planted")
+    truth = robot.with_parameters({stop: 0.93 * robot[stop]}, source="planted")
     logs = [
         CaseLog(simulate(truth, Reference(ask.tension[:1000], name), seed=k), name, role, None, f"{name}.csv")
         for k, (name, role, ask) in enumerate(

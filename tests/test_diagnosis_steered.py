@@ -60,11 +60,11 @@ def test_a_log_without_commands_cannot_steer(nominal):
 
 
 @pytest.mark.parametrize(
-    ("identity", "numbers"),
+    ("identity", "parameters"),
     [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3})],
 )
-def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, numbers):
-    robot = nominal.splice(identity, numbers)
+def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, parameters):
+    robot = nominal.splice(identity, parameters)
     problem = make_problem(case_of(robot, 5), nominal)
     steered = problem.steered()
     assert misfit(steered, robot) < 1.6 < 0.25 * misfit(problem, robot)

@@ -46,8 +46,8 @@ def nominal():
 
 def test_planted_effects_are_named(nominal):
     right = 0
-    for seed, (identity, numbers) in enumerate(PLANTED.items()):
-        robot = scattered(nominal, np.random.default_rng(seed)).splice(identity, numbers)
+    for seed, (identity, parameters) in enumerate(PLANTED.items()):
+        robot = scattered(nominal, np.random.default_rng(seed)).splice(identity, parameters)
         answer = diagnose(case_of(robot, seed), nominal)
         right += identity in {effect.id for effect in answer.effects} | set(answer.equivalents)
     assert right >= len(PLANTED) - 1  # at 90 % right each, as wanted, fewer are right in 5 % of such quartets

@@ -89,7 +89,7 @@ def test_the_effect_to_add_is_one():
     space: dict = {}
     exec(blocks(ROOT / "docs" / "howto" / "effect.md", "python")[0], space)
     law, effect = space["EFFECT"].at["tendon.transmit"], space["EFFECT"]
-    assert law(5.0, 1.0, 0.0, 0.05, effect.numbers[0].neutral) == 5.0
+    assert law(5.0, 1.0, 0.0, 0.05, effect.parameters[0].null) == 5.0
     assert law(5.0, 1.0, 0.0, 0.05, 100.0) == pytest.approx(5.0 - 100.0 * 0.05**2)
 
 
@@ -139,7 +139,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=900)
     assert run.returncode == 0, run.stderr[-2000:]
     effects = (tmp_path / "site" / "reference" / "effects.html").read_text()
-    assert all(f'id="{effect.id.replace(".", "-")}"' in effects for effect in exo.load_robot().machine.shelf)
+    assert all(f'id="{effect.id.replace(".", "-")}"' in effects for effect in exo.load_robot().machine.effects)
     python = (tmp_path / "site" / "reference" / "python.html").read_text()
     assert all(f">{name}<" in python or f".{name}" in python for name in exo.PUBLIC)
 

@@ -1,4 +1,4 @@
-"""The exam of every effect on the shelf: absent at neutral, finite over its range and in pairs, visible as usual."""
+"""The exam of every effect in the library: absent at neutral, finite over its range and in pairs, visible as usual."""
 
 from functools import cache
 
@@ -7,14 +7,14 @@ import pytest
 from effects_motion import motion, nominal, place, row_of, run_rows
 
 from exodrake.core.effect import Effect
-from exodrake.effects import SHELF
+from exodrake.effects import EFFECTS
 
 PERIOD = 0.02
-FLOORS = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_lateness": 0.005}
+FLOORS = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_delay": 0.005}
 BOUNDS = {"tension": 500.0, "tension_finger": 500.0, "stroke": 0.5, "angle": 6.0, "rate": 1e3, "tension_read": 500.0}
 DRAWS = 20
 
-on_the_shelf = pytest.mark.parametrize("effect", SHELF, ids=lambda e: e.id)
+in_the_library = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 
 
 @cache
@@ -25,8 +25,8 @@ def plain() -> np.ndarray:
 
 def drawn(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
     """Numbers drawn from the whole of their ranges, ends included."""
-    where = rng.choice((0.0, 1.0, rng.random()), size=len(effect.numbers))
-    return {n.name: float(n.low + x * (n.high - n.low)) for n, x in zip(effect.numbers, where)}
+    where = rng.choice((0.0, 1.0, rng.random()), size=len(effect.parameters))
+    return {n.name: float(n.low + x * (n.high - n.low)) for n, x in zip(effect.parameters, where)}
 
 
 def check(record: np.ndarray) -> None:
@@ -36,21 +36,21 @@ def check(record: np.ndarray) -> None:
         assert np.abs(record[:, place(name)]).max() < bound, name
 
 
-@on_the_shelf
+@in_the_library
 def test_absent_at_neutral(effect: Effect) -> None:
     """At the first number's neutral value the record is the plain robot's to the last bit, whatever the others are."""
-    first, rng = effect.numbers[0], np.random.default_rng(1)
-    rows = [row_of(nominal().splice(effect.id, {**drawn(effect, rng), first.name: first.neutral})) for _ in range(2)]
+    first, rng = effect.parameters[0], np.random.default_rng(1)
+    rows = [row_of(nominal().splice(effect.id, {**drawn(effect, rng), first.name: first.null})) for _ in range(2)]
     for record in run_rows(rows):
         assert np.array_equal(record, plain())
 
 
-@on_the_shelf
+@in_the_library
 def test_finite_over_its_range(effect: Effect) -> None:
-    """Draws from the whole range, on all lanes and on one, stay finite and bounded in an aggressive motion."""
+    """Draws from the whole range, on all channels and on one, stay finite and bounded in an aggressive motion."""
     rng = np.random.default_rng(list(effect.id.encode()))
-    lanes = nominal().machine.lanes.of(effect.over)
-    some = [lanes if k % 2 else (lanes[k % len(lanes)],) for k in range(DRAWS)]
+    channels = nominal().machine.axes.of(effect.axis)
+    some = [channels if k % 2 else (channels[k % len(channels)],) for k in range(DRAWS)]
     rows = [row_of(nominal().splice(effect.id, drawn(effect, rng), [s for s in own if s])) for own in some]
     for record in run_rows(rows):
         check(record)
@@ -59,12 +59,12 @@ def test_finite_over_its_range(effect: Effect) -> None:
 def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
     """What a log would show of a record: late pictures count by the angle that they miss."""
     shown = {name: record[:, place(name)] for name in FLOORS}
-    late = shown.pop("mocap_lateness")
+    late = shown.pop("mocap_delay")
     rate = np.gradient(shown["angle_read"], PERIOD, axis=0)
     return {**shown, "angle_read": shown["angle_read"] - rate * late}
 
 
-@on_the_shelf
+@in_the_library
 def test_visible(effect: Effect) -> None:
     """At its usual values the effect moves some column of the log by more than half its noise floor (RMS)."""
     record = run_rows([row_of(nominal().splice(effect.id))])[0]
@@ -78,17 +78,17 @@ def test_visible(effect: Effect) -> None:
 def test_pairs_are_finite(draw: int) -> None:
     """Two effects at once, drawn from their ranges."""
     rng = np.random.default_rng(1000 + draw)
-    one, other = rng.choice(len(SHELF), size=2, replace=False)
+    one, other = rng.choice(len(EFFECTS), size=2, replace=False)
     robot = nominal()
     for k in (one, other):
-        robot = robot.splice(SHELF[k].id, drawn(SHELF[k], rng))
+        robot = robot.splice(EFFECTS[k].id, drawn(EFFECTS[k], rng))
     check(run_rows([row_of(robot)])[0])
 
 
 def test_all_at_once_is_finite() -> None:
     """Every effect at its usual values."""
     robot = nominal()
-    for effect in SHELF:
+    for effect in EFFECTS:
         robot = robot.splice(effect.id)
     check(run_rows([row_of(robot)])[0])
 
@@ -96,9 +96,9 @@ def test_all_at_once_is_finite() -> None:
 def test_shelf_is_well_formed() -> None:
     """Ids are unique, points exist, functions are described, states are advanced, typical values lie in range."""
     machine = nominal().machine
-    points = {f"{(p.page or b.page).__name__.rsplit('.', 1)[-1]}.{p.name}" for b in machine.blocks for p in b.points}
-    assert len({e.id for e in SHELF}) == len(SHELF)
-    for effect in SHELF:
+    points = {f"{(p.module or b.module).__name__.rsplit('.', 1)[-1]}.{p.name}" for b in machine.parts for p in b.points}
+    assert len({e.id for e in EFFECTS}) == len(EFFECTS)
+    for effect in EFFECTS:
         assert set(effect.at) <= points, effect.id
         assert set(effect.advances) <= set(effect.at)
         assert bool(effect.states) == bool(effect.advances), effect.id
@@ -106,8 +106,8 @@ def test_shelf_is_well_formed() -> None:
             assert text
         for function in effect.at.values():
             assert function.__doc__
-        for number in effect.numbers:
-            assert number.low <= number.typical <= number.high, (effect.id, number.name)
+        for number in effect.parameters:
+            assert number.low <= number.initial <= number.high, (effect.id, number.name)
 
 
 def test_motion_moves() -> None:

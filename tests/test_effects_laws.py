@@ -90,13 +90,13 @@ def test_gear_loop_is_the_square_of_efficiency() -> None:
     assert unwinding / winding == pytest.approx(0.65**2)
 
 
-@pytest.mark.parametrize("page, numbers", [(motor_spool_growth, (2.0,)), (motor_spool_layers, (0.06, 0.008))])
-def test_spool_winds_without_loss_of_power(page, numbers) -> None:
+@pytest.mark.parametrize("page, parameters", [(motor_spool_growth, (2.0,)), (motor_spool_layers, (0.06, 0.008))])
+def test_spool_winds_without_loss_of_power(page, parameters) -> None:
     """Speed is the derivative of the wire wound, and load times nominal speed is tension times wire speed."""
     for spool in (-0.004, 0.003, 0.0125, 0.031):
-        slope = (page.wound(spool + 1e-7, *numbers) - page.wound(spool - 1e-7, *numbers)) / 2e-7
-        assert page.winding(1.0, spool, *numbers) == pytest.approx(slope, rel=1e-6)
-        assert page.load(5.0, spool, *numbers) == pytest.approx(5.0 * slope, rel=1e-6)
+        slope = (page.wound(spool + 1e-7, *parameters) - page.wound(spool - 1e-7, *parameters)) / 2e-7
+        assert page.winding(1.0, spool, *parameters) == pytest.approx(slope, rel=1e-6)
+        assert page.load(5.0, spool, *parameters) == pytest.approx(5.0 * slope, rel=1e-6)
 
 
 def test_capstan_ratio_in_a_slow_pull() -> None:

@@ -19,11 +19,11 @@ from exodrake.core.errors import InputError
 from exodrake.estimator.compare import compare
 from exodrake.identification import stiffness
 from exodrake.systems import finger_statics as statics
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)
-N = Numbers(
+N = Parameters(
     k=(2700.0,) * 3, presliding=5e-5, a_f=TRIPLE, b_f=TRIPLE, m_f=(3e-3,) * 3, n_f=(3e-3,) * 3, a_e=TRIPLE, b_e=TRIPLE,
     m_e=TRIPLE, n_e=TRIPLE, kappa=(0.080, 0.060, 0.035), q0=(0.20, 0.30, 0.15), B=(0.004, 0.002, 0.001),
     q_f=(1.30, 1.50, 0.95), q_e=(-0.30, 0.0, 0.0), beta=(12.0,) * 3, A=(0.002,) * 3, length=(0.04264, 0.02014, 0.01872),

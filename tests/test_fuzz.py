@@ -97,11 +97,11 @@ CASE = {
     "logs": [{"file": "a.csv", "role": "fit"}, {"file": "b.csv", "role": "holdout", "protocol": "x"}],
 }  # fmt: skip
 SCENARIO = {
-    "protocol": "caging:hold=0.2", "numbers": {"tendon.k": 2500.0}, "parts": [], "seed": 1,
+    "protocol": "caging:hold=0.2", "parameters": {"tendon.k": 2500.0}, "parts": [], "seed": 1,
     "effects": {"tendon.slack": {"length": {"AF": 0.001}}}, "quantisation": True, "engine": "compiled",
 }  # fmt: skip
 CHANGED = {
-    "base": "exo_index", "numbers": {"tendon": {"k": {"value": 2600, "unit": "N/m", "range": [1000, 14000]}}},
+    "base": "exo_index", "parameters": {"tendon": {"k": {"value": 2600, "unit": "N/m", "range": [1000, 14000]}}},
     "effects": {"tendon.slack": {"length": {"AF": 0.001}}}, "parts": [],
     "limits": {"F_max": {"AF": 12}}, "grasps": {"caging": {"AF": 7.0, "MF": 0.3, "AE": 0.3}}, "notes": "x",
 }  # fmt: skip

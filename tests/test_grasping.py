@@ -12,7 +12,7 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.grasping.contact import candidates
 from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
-from exodrake.grasping.inverse import numbers_of, tensions_for
+from exodrake.grasping.inverse import parameters_of, tensions_for
 from exodrake.grasping.trial import at_hold, nominal
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
@@ -81,7 +81,7 @@ def test_wanted_posture_touches_the_object(mode):
 
 
 def test_modes_look_as_the_paper_says():
-    rest = robot().lanes("finger.q0")
+    rest = robot().channels("finger.q0")
     for mode, sizes in FEASIBLE.items():
         for size in sizes:
             bend = np.array(plan(mode, size / 1e3).wanted) - rest
@@ -99,7 +99,7 @@ def test_larger_objects_open_the_hand():
 
 
 def test_tensions_balance_the_passive_torque():
-    q, n = np.array([[0.5, 0.7, 0.4]]), numbers_of(robot())
+    q, n = np.array([[0.5, 0.7, 0.4]]), parameters_of(robot())
     tension = tensions_for(q, n)[0]
     flex, extend = 5.0 * np.sin(q[0] / 2) + 3.0 * np.cos(q[0] / 2), 5.0 * np.cos(q[0] / 2) - 5.0 * np.sin(q[0] / 2)
     wires = 1e-3 * np.array([flex[0], flex[1], flex[2]]) * tension[0] - 1e-3 * extend * tension[2]
@@ -110,7 +110,7 @@ def test_tensions_balance_the_passive_torque():
 
 def test_cages_are_closed_and_candidates_finite():
     for size in (1e-4, 0.02, 0.06, 0.15):
-        found = candidates(CAGING, size, Hand(), numbers_of(robot()))
+        found = candidates(CAGING, size, Hand(), parameters_of(robot()))
         assert np.isfinite(found.angles).all() and np.isfinite(found.miss).all()
     made = plan("caging", 0.06)
     tip = np.array(made.target) - made.hand.thumb
@@ -121,7 +121,7 @@ def test_effects_do_not_change_the_plan_and_plans_repeat():
     rough = robot().splice("tendon.capstan_friction")
     assert exo.plan_grasp("caging", 0.06, rough) == plan("caging", 0.06)
     assert not nominal(rough).effects()
-    stiffer = robot().with_numbers({"finger.kappa": 0.12})
+    stiffer = robot().with_parameters({"finger.kappa": 0.12})
     assert exo.plan_grasp("caging", 0.06, stiffer).tensions != plan("caging", 0.06).tensions
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
 from exodrake.report import words
-from exodrake.report.evidence import binned, changed_numbers, spectra, top_condition
+from exodrake.report.evidence import binned, changed_parameters, spectra, top_condition
 from exodrake.report.html import page
 from exodrake.report.summary import print_summary
 
@@ -138,7 +138,7 @@ def test_spectrum_of_white_noise_lies_on_the_line_of_the_floor():
 
 
 def test_changed_numbers_come_largest_first():
-    names = [row[0] for row in changed_numbers(diagnosis())]
+    names = [row[0] for row in changed_parameters(diagnosis())]
     assert names == ["finger.kappa.MCP", "tendon.k.AF", "tendon.k.MF", "tendon.k.AE"]
 
 

@@ -19,7 +19,7 @@ def refusal(path, content) -> str:
 
 def test_round_trip(tmp_path):
     """0.1 + 0.2 and a third have no short decimal; an infinite stiffness is an absent one."""
-    robot = exo.load_robot().with_numbers({"tendon.k.MF": 0.1 + 0.2, "finger.kappa": 1 / 3})
+    robot = exo.load_robot().with_parameters({"tendon.k.MF": 0.1 + 0.2, "finger.kappa": 1 / 3})
     robot = robot.splice("tendon.capstan_friction", {"mu_phi": 0.1}, ["AE"]).with_part("controller_as_printed")
     exo.write_robot(robot, tmp_path / "robot.yaml")
     back = exo.load_robot(tmp_path / "robot.yaml")
@@ -34,7 +34,7 @@ def test_no_folder_is_refused_and_nothing_written(tmp_path):
 
 
 def test_a_number_that_yaml_reads_as_text(tmp_path):
-    (tmp_path / "robot.yaml").write_text("base: exo_index\nnumbers: {controller.kd: 1e-5}\n")
+    (tmp_path / "robot.yaml").write_text("base: exo_index\nparameters: {controller.kd: 1e-5}\n")
     assert exo.load_robot(tmp_path / "robot.yaml")["controller.kd"] == 1e-5
 
 
@@ -47,13 +47,13 @@ def test_a_number_that_yaml_reads_as_text(tmp_path):
         ("", ["nothing"]),
         ("5", ["5"]),
         ({"base": 5}, ["base", "5"]),
-        ({"base": "exo_index", "nummers": {}}, ["'nummers'", "numbers"]),
-        ({"base": "exo_index", "numbers": [1]}, ["numbers", "[1]"]),
-        ({"base": "exo_index", "numbers": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),
-        ({"base": "exo_index", "numbers": {"tendon": {"k": 10**400}}}, ["tendon.k", "too large"]),
-        ({"base": "exo_index", "numbers": {"tendon": {"q": 1}}}, ["tendon.q", "tendon.k"]),
-        ({"base": "exo_index", "numbers": {"tendon": {"k": {"value": 1, "unit": "N"}}}}, ["'N'", "'N/m'"]),
-        ({"base": "exo_index", "numbers": {"tendon": {"k": {"value": 1, "range": 3}}}}, ["tendon.k.range", "3"]),
+        ({"base": "exo_index", "paramters": {}}, ["'paramters'", "parameters"]),
+        ({"base": "exo_index", "parameters": [1]}, ["parameters", "[1]"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"k": 10**400}}}, ["tendon.k", "too large"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"q": 1}}}, ["tendon.q", "tendon.k"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"k": {"value": 1, "unit": "N"}}}}, ["'N'", "'N/m'"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"k": {"value": 1, "range": 3}}}}, ["tendon.k.range", "3"]),
         ({"base": "exo_index", "effects": {"tendon.slack": 0.1}}, ["tendon.slack", "0.1"]),
         ({"base": "exo_index", "effects": {"tendon.slick": {}}}, ["tendon.slick", "tendon.slack"]),
         ({"base": "exo_index", "parts": "controller_as_printed"}, ["parts", "list"]),

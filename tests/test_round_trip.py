@@ -12,9 +12,9 @@ from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
 
 SI = sorted({unit for unit, *_ in UNITS.values()})
-WIRES = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])
+TENDONS = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])
 COLUMN = st.one_of(
-    st.builds(lambda kind, wire: f"{kind}_{wire}".rstrip("_"), st.sampled_from(sorted(set(KINDS) - {"time"})), WIRES),
+    st.builds(lambda kind, wire: f"{kind}_{wire}".rstrip("_"), st.sampled_from(sorted(set(KINDS) - {"time"})), TENDONS),
     st.text(min_size=1, max_size=8),  # brackets, commas, quotes, line breaks, letters of any script
 )
 SAMPLE = st.one_of(

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.cli.main import cli
-from exodrake.effects import SHELF
+from exodrake.effects import EFFECTS
 from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
 
 SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
@@ -36,7 +36,7 @@ def test_files_and_summary(made):
 
 
 def test_the_log_is_lossless(made):
-    robot = exo.load_robot().with_numbers({"finger.kappa.MCP": 0.09})
+    robot = exo.load_robot().with_parameters({"finger.kappa.MCP": 0.09})
     robot = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3}, ["AF", "AE"])
     assert exo.read_log(made[0] / "log.csv").equals(exo.simulate(robot, exo.protocol(SHORT), seed=3))
 
@@ -56,7 +56,7 @@ def test_references_of_a_log_and_options_over_a_scenario(made, tmp_path):
 
 
 def test_a_robot_file_is_embedded(tmp_path):
-    exo.write_robot(exo.load_robot().with_numbers({"tendon.k": 2000.0}), tmp_path / "soft.yaml")
+    exo.write_robot(exo.load_robot().with_parameters({"tendon.k": 2000.0}), tmp_path / "soft.yaml")
     assert run("simulate", SHORT, "--robot", tmp_path / "soft.yaml", "--out", tmp_path / "out").exit_code == 0
     (tmp_path / "soft.yaml").unlink()
     robot, log = read_scenario(tmp_path / "out" / "scenario.yaml").run()
@@ -111,26 +111,26 @@ def test_wrong_scenarios(text, tmp_path):
 
 
 def test_scenario_text_reads_back(tmp_path):
-    scenario = Scenario("chirp:high=1.5", numbers={"tendon.k": 1 / 3}, parts=["controller_as_printed"], seed=None)
+    scenario = Scenario("chirp:high=1.5", parameters={"tendon.k": 1 / 3}, parts=["controller_as_printed"], seed=None)
     (tmp_path / "s.yaml").write_text(scenario_text(scenario))
     assert read_scenario(tmp_path / "s.yaml") == scenario
 
 
 def test_the_shelf_is_printed():
     output = run("effects").output
-    assert all(effect.id in output for effect in SHELF)
+    assert all(effect.id in output for effect in EFFECTS)
     described = json.loads(run("effects", "--json").output)
-    assert [item["id"] for item in described] == [effect.id for effect in SHELF]
+    assert [item["id"] for item in described] == [effect.id for effect in EFFECTS]
 
 
-@pytest.mark.parametrize("effect", SHELF, ids=lambda effect: effect.id)
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.id)
 def test_each_effect_has_a_page_and_an_example_that_parses(effect):
     from exodrake.simulation.scenario import parse_effect
 
     page = json.loads(run("effects", effect.id, "--json").output)
     assert page["equation"] and page["parameters"] and page["signature"] and page["source"]
     identity, given = parse_effect(page["example"].split("--effect ")[1], exo.load_robot())
-    assert identity == effect.id and np.size(list(given)) == len(effect.numbers)
+    assert identity == effect.id and np.size(list(given)) == len(effect.parameters)
     assert effect.id in run("effects", effect.id).output
 
 

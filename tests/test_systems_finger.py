@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from drake_runs import nominal
+from diagram_runs import nominal
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.systems.finger import coriolis, inertia, mass_matrix
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
-from exodrake.systems.tendon_finger import BLOCK, Numbers
+from exodrake.systems.tendon_finger import PART, Parameters
 from exodrake.systems.wire_paths import heights, paths
 
 RNG = np.random.default_rng(7)
@@ -21,16 +21,16 @@ SAMPLES = [(RNG.uniform(-0.3, 1.5, 3), RNG.uniform(-15, 15, 3)) for _ in range(4
 def finger_numbers():
     """The nominal finger block's own numbers as its NamedTuple."""
     robot = nominal()
-    groups = {field.name: robot.lanes(f"{field.group}.{field.name}") for field in BLOCK.fields}
-    return Numbers(**{name: tuple(v) if len(v) > 1 else float(v[0]) for name, v in groups.items()})
+    groups = {field.name: robot.channels(f"{field.group}.{field.name}") for field in PART.fields}
+    return Parameters(**{name: tuple(v) if len(v) > 1 else float(v[0]) for name, v in groups.items()})
 
 
 def chain():
     """The finger as bodies and joints of a MultibodyPlant, without gravity."""
-    numbers, plant = finger_numbers(), MultibodyPlant(0.0)
+    parameters, plant = finger_numbers(), MultibodyPlant(0.0)
     plant.mutable_gravity_field().set_gravity_vector([0, 0, 0])
     parent, offset = plant.world_frame(), 0.0
-    for i, (length, mass, radius) in enumerate(zip(numbers.length, numbers.mass, numbers.radius)):
+    for i, (length, mass, radius) in enumerate(zip(parameters.length, parameters.mass, parameters.radius)):
         centred = SpatialInertia.SolidCylinderWithMass(mass, radius, length, [1, 0, 0])
         body = plant.AddRigidBody(f"bone_{i}", centred.Shift([-length / 2, 0, 0]))
         hinge = plant.AddFrame(fixed_frame(parent, i, offset))
@@ -47,9 +47,9 @@ def fixed_frame(parent, i, offset):
 
 
 def test_mass_matrix_and_coriolis_terms_against_multibody_plant():
-    numbers, plant = finger_numbers(), chain()
+    parameters, plant = finger_numbers(), chain()
     context = plant.CreateDefaultContext()
-    diagonal, coupling, _ = inertia(numbers.length, numbers.mass, numbers.radius)
+    diagonal, coupling, _ = inertia(parameters.length, parameters.mass, parameters.radius)
     for q, rate in SAMPLES:
         plant.SetPositions(context, q)
         plant.SetVelocities(context, rate)
@@ -101,15 +101,15 @@ def test_general_routers_keep_arm_and_slope_consistent():
 
 def test_power_balance():
     """T dl/dt = (P^T T) q': what the wires do is what the joints get."""
-    numbers, step = finger_numbers(), 1e-5
-    high = heights(None, None, numbers, (0.0, 0.0, 0.0))
+    parameters, step = finger_numbers(), 1e-5
+    high = heights(None, None, parameters, (0.0, 0.0, 0.0))
 
     def taken(q):
-        return np.array(paths(numbers, tuple(np.cos(q)), tuple(np.sin(q)), high)[0])
+        return np.array(paths(parameters, tuple(np.cos(q)), tuple(np.sin(q)), high)[0])
 
     for q, rate in SAMPLES:
         tension = RNG.uniform(0, 10, 3)
-        wires = paths(numbers, tuple(np.cos(q)), tuple(np.sin(q)), high)
+        wires = paths(parameters, tuple(np.cos(q)), tuple(np.sin(q)), high)
         unit = rate / np.linalg.norm(rate)
         flow = tension @ (taken(q + step * unit) - taken(q - step * unit)) / (2 * step)
         assert (np.array(wires[1]).T @ tension) @ unit == pytest.approx(flow, rel=1e-7)

@@ -16,11 +16,11 @@ from exodrake.machines.exo_index.machine import exo_index
 def with_block(name, **changes):
     """The Exo-Index machine with one part's declaration changed."""
     machine = exo_index()
-    return replace(machine, blocks=tuple(replace(b, **changes) if b.name == name else b for b in machine.blocks))
+    return replace(machine, parts=tuple(replace(b, **changes) if b.name == name else b for b in machine.parts))
 
 
 def block(name):
-    return next(b for b in exo_index().blocks if b.name == name)
+    return next(b for b in exo_index().parts if b.name == name)
 
 
 def test_unknown_wire_written():
@@ -62,7 +62,7 @@ def texts(svg):
 def test_the_drawing_shows_every_part_and_task():
     machine = exo_index()
     found = texts(wiring_svg(machine))
-    for part in machine.blocks:
+    for part in machine.parts:
         assert part.name in found
     assert {"speed_applied m/s", "stroke_read m", "bus write AE", "controller control"} <= set(found)
     assert sum(text.startswith("slot ") for text in found) >= machine.slots

@@ -113,7 +113,7 @@ def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
     pulled = flexor * t[..., :1] - extensor * t[..., 2:]
     pulled[..., 0] += (flexor * t[..., 1:2])[..., 0]
     inside = (q > [-0.3, 0, 0]) & (q < [1.3, 1.5, 0.95])
-    passive = robot.lanes("finger.kappa") * (q - robot.lanes("finger.q0"))
+    passive = robot.channels("finger.kappa") * (q - robot.channels("finger.q0"))
     np.testing.assert_allclose(pulled[inside], passive[inside], atol=1e-9)
     for (low, high), (least, most) in zip(wired.ranges, SPONTANEOUS, strict=True):
         assert least - 0.4 < low < high < most + 0.4

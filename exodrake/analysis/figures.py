@@ -28,10 +28,10 @@ def plot_steps(result: ClosedLoop) -> Figure:
     """Tension of all wires when each reference steps, one panel per wire that is stepped."""
     figure = new_figure(7.0, 2.7)
     panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
-    lanes = result.robot.machine.lanes.wires
+    channels = result.robot.machine.axes.tendons
     for axes, step in zip(panels, result.steps):
         change = (step.tension - result.point.tension) / step.size
-        for j, wire in enumerate(lanes):
+        for j, wire in enumerate(channels):
             look = {"lw": 1.5} if wire == step.wire else {"lw": 0.9, "alpha": 0.75}
             axes.plot(step.time, change[:, j], color=colour_of(wire, j), label=wire, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
@@ -39,7 +39,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
         axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.wire}")
         axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
     panels[0].set(ylabel="Change of tension / step [-]", ylim=panel_limits(result))
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(lanes))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
     return figure
 
 

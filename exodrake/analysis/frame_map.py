@@ -1,7 +1,7 @@
 """The whole sampled-data loop as one map over a 20 ms frame: x_{n+1} = f(x_n, r_n), w_n = g(x_n, r_n).
 
 x holds the states of all parts at the frame's start, r the tension references [N], w all wires at the frame's end.
-The map is the compiled twin, run for one frame without noise and without rounding. Drake's `Linearize` refuses
+The map is the compiled simulator, run for one frame without noise and without rounding. Drake's `Linearize` refuses
 multi-rate diagrams; this map has one rate.
 """
 
@@ -15,15 +15,15 @@ from types import ModuleType
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, offsets, state_size, wire_count
+from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 
 
 @dataclass(frozen=True)
 class StateName:
-    """One entry of the flat state: `owner.state` it belongs to, its full name with lane and place, and its unit."""
+    """One entry of the flat state: `owner.state` it belongs to, its full name with channel and place, and its unit."""
 
     group: str
     name: str
@@ -33,13 +33,13 @@ class StateName:
 def state_names(machine: Machine) -> tuple[StateName, ...]:
     """Names of all states in the order of the flat state: each part's own, then those of the effects on it."""
     found: list[StateName] = []
-    for block in machine.blocks:
+    for block in machine.parts:
         owners = [(block.name, block.states), *((e.id, e.states) for e in machine.effects_on(block))]
         for owner, states in owners:
             for state in states:
-                for lane in machine.lanes.of(state.over):
+                for channel in machine.axes.of(state.axis):
                     for k in range(state.width):
-                        parts = (owner, state.name, lane, str(k) if state.width > 1 else "")
+                        parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
                         found.append(StateName(f"{owner}.{state.name}", ".".join(p for p in parts if p), state.unit))
     return tuple(found)
 
@@ -49,11 +49,11 @@ class FrameMap:
     """The frame map of a robot, unquantised and free of noise.
 
     Attributes:
-        robot: whose machine this is. numbers: (n,) the flat vector in use [SI]. module: the compiled twin.
+        robot: whose machine this is. numbers: (n,) the flat vector in use [SI]. module: the compiled simulator.
     """
 
     robot: Robot
-    numbers: np.ndarray
+    parameters: np.ndarray
     module: ModuleType
 
     @staticmethod
@@ -69,7 +69,7 @@ class FrameMap:
     def start(self) -> np.ndarray:
         """State at the start of a run, (states,)."""
         x = np.zeros(state_size(self.robot.machine))
-        self.module.begin(self.numbers, x)
+        self.module.begin(self.parameters, x)
         return x
 
     def run(self, state: np.ndarray, references: np.ndarray, seed: int | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -84,39 +84,52 @@ class FrameMap:
     def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
         """All wires at the end of each 2 ms slot, (10 frames, w); arguments as in `run`."""
         machine = self.robot.machine
-        fine = np.zeros((len(references) * machine.slots, wire_count(machine)))
+        fine = np.zeros((len(references) * machine.slots, signal_count(machine)))
         return self._run(state, references, None, fine)[2]
 
     def _run(self, state: np.ndarray, references: np.ndarray, seed: int | None, fine: np.ndarray):
         machine, frames = self.robot.machine, len(references)
-        x, w, rows = state.copy(), np.zeros(wire_count(machine)), np.zeros((frames, wire_count(machine)))
-        chance = Chance.draw(frames, seed, machine)
+        x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
+        noise_inputs = NoiseInputs.draw(frames, seed, machine)
         self.module.run(
-            self.numbers, x, w, np.ascontiguousarray(references, dtype=float),
-            chance.tension, chance.angle, chance.lottery, machine.slot, 1, rows, fine, NOTHING,
+            self.parameters, x, w, np.ascontiguousarray(references, dtype=float),
+            noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival, machine.slot, 1, rows, fine, NOTHING,
         )  # fmt: skip
         return x, rows, fine
 
     def stepper(self):
         """A function (x, r) -> (x', w) of one frame, with its buffers made once; x and r are left as they are."""
         machine = self.robot.machine
-        calm, row = Chance.draw(1, None, machine), np.zeros((1, wire_count(machine)))
-        run, numbers, slot = self.module.run, self.numbers, machine.slot
-        w = np.zeros(wire_count(machine))
+        calm, row = NoiseInputs.draw(1, None, machine), np.zeros((1, signal_count(machine)))
+        run, parameters, slot = self.module.run, self.parameters, machine.slot
+        w = np.zeros(signal_count(machine))
 
         def step(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             x = x.copy()
-            run(numbers, x, w, r[None, :], calm.tension, calm.angle, calm.lottery, slot, 1, row, NOTHING, NOTHING)
+            run(
+                parameters,
+                x,
+                w,
+                r[None, :],
+                calm.tension,
+                calm.angle,
+                calm.packet_arrival,
+                slot,
+                1,
+                row,
+                NOTHING,
+                NOTHING,
+            )
             return x, row[0].copy()
 
         return step
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
-        """The same loop with numbers changed: full name -> value [SI]; a name without its lane sets all lanes."""
-        numbers = self.numbers.copy()
+        """The same loop with numbers changed: full name -> value [SI]; a name without its channel sets all channels."""
+        parameters = self.parameters.copy()
         for name, value in values.items():
-            numbers[self.robot.places(name)] = value
-        return replace(self, numbers=numbers)
+            parameters[self.robot.places(name)] = value
+        return replace(self, parameters=parameters)
 
 
 def references_of(robot: Robot, at: Mapping[str, float] | None) -> np.ndarray:
@@ -124,7 +137,7 @@ def references_of(robot: Robot, at: Mapping[str, float] | None) -> np.ndarray:
 
     InputError for an unknown wire, a missing one, or a tension outside 0 .. F_max.
     """
-    wires = robot.machine.lanes.wires
+    wires = robot.machine.axes.tendons
     if at is None:
         return np.array([DEFAULT_AT.get(wire, 1.0) for wire in wires])
     for wire in at:

@@ -70,7 +70,7 @@ def frequency_response(
     machine = loop.robot.machine
     lines, rng = odd_lines(PERIOD), np.random.default_rng(PHASES)
     if seed is not None:
-        loop = replace(loop, numbers=prepared(loop.robot))
+        loop = replace(loop, parameters=prepared(loop.robot))
     asked, got = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
     for draw in range(DRAWS):
         rows = np.tile(point.references, (2 * PERIOD, 1))
@@ -81,7 +81,7 @@ def frequency_response(
     frequency = lines / (PERIOD * machine.frame)
     ratio = got / asked
     cross, power = (got * asked.conj()).mean(0), (np.abs(asked) ** 2).mean(0) * (np.abs(got) ** 2).mean(0)
-    name = machine.lanes.wires[wire]
+    name = machine.axes.tendons[wire]
     fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
     static = float(abs(reference_to_tension(model, name, fine[:1])[0]))
     return FrequencyResponse(

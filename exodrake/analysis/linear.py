@@ -25,7 +25,7 @@ FRACTION = 0.05  # where one will do
 
 
 def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """How far each state moves when a reference steps by 0.02 N, (states,); lanes of one state share the largest."""
+    """How far each state moves when a reference steps by 0.02 N, (states,); channels of one state share the largest."""
     names = state_names(loop.robot.machine)
     size = np.zeros(len(state))
     for wire in range(len(references)):
@@ -186,9 +186,9 @@ def best_slopes(
 def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
     """Places in w of the log's columns, references excepted, and their names."""
     machine = loop.robot.machine
-    columns = [c for c in machine.columns if c.wire not in machine.given]
-    rows = np.concatenate([np.arange(loop.wires[c.wire].start, loop.wires[c.wire].stop) for c in columns])
-    names = tuple(f"{c.kind}_{lane}" for c in columns for lane in machine.lanes.of(machine.wire[c.wire].over))
+    columns = [c for c in machine.columns if c.signal not in machine.inputs]
+    rows = np.concatenate([np.arange(loop.wires[c.signal].start, loop.wires[c.signal].stop) for c in columns])
+    names = tuple(f"{c.kind}_{channel}" for c in columns for channel in machine.axes.of(machine.signal[c.signal].axis))
     return rows, names
 
 
@@ -206,6 +206,6 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
     names = tuple(state_names(machine)[i].name for i in keep)
     return FrameModel(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, names,
-        tuple(f"tension_ref_{w}" for w in machine.lanes.wires), outputs,
+        tuple(f"tension_ref_{w}" for w in machine.axes.tendons), outputs,
         fraction, gap, float(bends.max()), names[int(bends.argmax())],
     )  # fmt: skip

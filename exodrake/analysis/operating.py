@@ -77,7 +77,7 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> Op
             )
     _, wires = loop.run(state, references[None, :])
     tension, angle = wires[0, loop.wires["tension"]], wires[0, loop.wires["angle"]]
-    slack = tuple(n for n, t in zip(loop.robot.machine.lanes.wires, tension) if not t > 0.0)
+    slack = tuple(n for n, t in zip(loop.robot.machine.axes.tendons, tension) if not t > 0.0)
     return OperatingPoint(references, state, tension, angle, frames, residual, steady, slack)
 
 
@@ -88,4 +88,4 @@ def gentle(loop: FrameMap) -> FrameMap:
 
 def said(loop: FrameMap, references: np.ndarray) -> str:
     """References in words."""
-    return ", ".join(f"{wire} = {r:g} N" for wire, r in zip(loop.robot.machine.lanes.wires, references))
+    return ", ".join(f"{wire} = {r:g} N" for wire, r in zip(loop.robot.machine.axes.tendons, references))

@@ -67,6 +67,6 @@ def step_response(loop: FrameMap, point: OperatingPoint, wire: int, size: float 
     others = np.delete(np.abs(tension - point.tension), wire, axis=1)
     error = float(rows[-1, wire] - tension[-1, wire])
     return StepResponse(
-        machine.lanes.wires[wire], size, time, tension, rise, overshoot, settling, error,
+        machine.axes.tendons[wire], size, time, tension, rise, overshoot, settling, error,
         float(others.max(initial=0.0) / abs(size)),
     )  # fmt: skip

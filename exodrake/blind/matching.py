@@ -56,8 +56,8 @@ def covered(truth, diagnosis, exact):
 def intervals_of(name, truth, stated):
     """Intervals of one parameter: per lane if given, else the overall one."""
     seat = (*truth["wires"], *truth["joints"])
-    lanes = (stated.get("lanes") or {}).get(name) or {}
-    if lanes:
-        return [interval for lane, interval in lanes.items() if not seat or lane in seat]
+    channels = (stated.get("lanes") or {}).get(name) or {}
+    if channels:
+        return [interval for lane, interval in channels.items() if not seat or lane in seat]
     overall = (stated.get("parameters") or {}).get(name)
     return [overall] if overall else []

@@ -21,7 +21,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 @click.command()
 @click.option("--robot", "file", default="exo_index", metavar="FILE", help="Robot file, or name of a built-in robot.")
-@click.option("--set", "numbers", **MANY, help="A number: controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
+@click.option("--set", "parameters", **MANY, help="controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
 @click.option("--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]. Repeatable.")
 @click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: tension references [N].")
@@ -35,7 +35,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     default=None,
     help="NPZ with A, B, C, D, dt and names for python-control.",
 )
-def command(file, numbers, effects, parts, at, seed, out, target, model) -> None:
+def command(file, parameters, effects, parts, at, seed, out, target, model) -> None:
     """How stable and how fast the tension loop of a robot is, seen once a 20 ms frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
@@ -44,10 +44,10 @@ def command(file, numbers, effects, parts, at, seed, out, target, model) -> None
 
     from exodrake.analysis.closed_loop import analyse
     from exodrake.analysis.figures import figures_of
-    from exodrake.analysis.numbers import closed_loop_numbers, model_bytes
+    from exodrake.analysis.results import closed_loop_numbers, model_bytes
     from exodrake.core.files import write_bytes
 
-    robot, point = robot_of(file, numbers, effects, parts), point_of(at)
+    robot, point = robot_of(file, parameters, effects, parts), point_of(at)
     with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
         result = analyse(robot, point, seed)
         text = (json.dumps(closed_loop_numbers(result), indent=1, allow_nan=False) + "\n").encode()
@@ -63,18 +63,18 @@ def command(file, numbers, effects, parts, at, seed, out, target, model) -> None
         click.echo("wrote " + ", ".join(str(path) for path in contents))
 
 
-def robot_of(file: str, numbers: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
+def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
     """The robot that the options ask for: parts, then numbers, then effects."""
     from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.scenario import lanes_of, parse_effect, parse_number
+    from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
 
     robot = load_robot(file)
     for part in parts:
         robot = robot.with_part(part)
-    robot = robot.with_numbers(dict(parse_number(text, robot) for text in numbers))
+    robot = robot.with_parameters(dict(parse_number(text, robot) for text in parameters))
     for text in effects:
         identity, given = parse_effect(text, robot)
-        robot = robot.splice(identity, given, lanes_of(given))
+        robot = robot.splice(identity, given, channels_of(given))
     return robot
 
 

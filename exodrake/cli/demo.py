@@ -74,7 +74,7 @@ def grasp(console: Console, folder: Path) -> None:
         contents = files_of(asked, robot, log, GRASP, status.update)
         write_folder(folder, log, contents)
     angles = log.array("angle")
-    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.lanes.joints, angles.max(axis=0)))
+    reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
     console.print(f"   {GRASP} for {log.duration:.0f} s: {reached}")
 
 
@@ -129,8 +129,8 @@ def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     label = read_sealed(out / LABELS, out / SEAL)[CASE]
     for truth in label["effects"]:
         seat = " and ".join((*truth["wires"], *truth["joints"]))
-        numbers = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
-        console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({numbers}, SI)")
+        parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
+        console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({parameters}, SI)")
         right = bool(accepted_ids(truth) & found_ids(found.to_json()))
         said = f"the verdict was {found.verdict}"
         missed = f"[red]not named[/red]: {said}; among the candidates it is {place_of(truth['id'], found)}"

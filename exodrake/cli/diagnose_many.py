@@ -41,9 +41,9 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
         if not case.exists():
             raise InputError(f"{name}: no such folder")
         place = out / (case.resolve().name if case.is_dir() else stem(name))
-        twin = next((other for other, taken in places.items() if taken == place), None)
-        if twin is not None:
-            raise InputError(f"{name}: has the same name as {twin}, and so would its answer")
+        simulator = next((other for other, taken in places.items() if taken == place), None)
+        if simulator is not None:
+            raise InputError(f"{name}: has the same name as {simulator}, and so would its answer")
         places[case] = place
     return places
 

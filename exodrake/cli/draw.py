@@ -19,4 +19,4 @@ def command(robot: str, out: Path) -> None:
     if out.suffix.lower() != ".svg":
         raise InputError(f"{out}: the drawing is an SVG; name it {out.with_suffix('.svg')}")
     write_text(out, wiring_svg(machine))
-    click.echo(f"{out}: {len(machine.blocks)} parts, {len(machine.wires)} wires")
+    click.echo(f"{out}: {len(machine.parts)} parts, {len(machine.signals)} wires")

@@ -16,7 +16,7 @@ COMMANDS = {
     "demo": ("exodrake.cli.demo", "From a robot with a hidden fault to its name."),
     "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
     "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
-    "effects": ("exodrake.cli.effects", "The shelf: what the nominal robot leaves out."),
+    "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its wires and slots."),
     "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, stability map."),
     "identify": ("exodrake.cli.identify", "Find the finger's kinematics in a marker recording."),
@@ -43,7 +43,21 @@ class InputProblem(click.ClickException):
         click.secho("error: " + " ".join(self.format_message().split()), fg="red", err=True)
 
 
-class LazyGroup(click.Group):
+class OneLineErrors(click.Command):
+    """A command whose bad input and Ctrl-C end in one line, not in a traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command."""
+        try:
+            return super().invoke(ctx)
+        except InputError as problem:
+            raise InputProblem(str(problem)) from None
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
+            ctx.exit(130)
+
+
+class LazyGroup(OneLineErrors, click.Group):
     """A group that imports a command's module when the command is called, so that --help imports none."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -69,16 +83,6 @@ class LazyGroup(click.Group):
         """The list in --help, from the table alone."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run; bad input and Ctrl-C end in a line, not a traceback."""
-        try:
-            return super().invoke(ctx)
-        except InputError as problem:
-            raise InputProblem(str(problem)) from None
-        except KeyboardInterrupt:
-            click.echo("interrupted", err=True)
-            ctx.exit(130)
 
 
 def _exists(name: str) -> bool:

@@ -23,7 +23,7 @@ MANY = {"multiple": True, "metavar": "TEXT"}
 @click.option("--reference", default="", metavar="LOG", help="Follow the tension references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
 @click.option("--robot", default="", metavar="FILE", help="Robot file, or the name of a built-in robot.")
-@click.option("--set", "numbers", **MANY, help="A number: finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
+@click.option("--set", "parameters", **MANY, help="finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
 @click.option(
     "--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."
 )
@@ -97,8 +97,8 @@ def changed(asked: Scenario, options: dict) -> tuple[Scenario, Robot]:
         asked = replace(asked, engine=options["engine"])
     asked = replace(asked, parts=list(dict.fromkeys([*asked.parts, *options["parts"]])))
     robot = asked.build_robot()
-    numbers = dict(parse_number(text, robot) for text in options["numbers"])
-    asked = replace(asked, numbers={**asked.numbers, **numbers})
+    parameters = dict(parse_number(text, robot) for text in options["parameters"])
+    asked = replace(asked, parameters={**asked.parameters, **parameters})
     for text in options["effects"]:
         identity, given = parse_effect(text, asked.build_robot())
         asked = replace(asked, effects={**asked.effects, identity: given})
@@ -155,7 +155,7 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    lanes = robot.machine.lanes
+    axes = robot.machine.axes
     wanted, found, angle = log.array("tension_ref"), log.array("tension"), log.array("angle")
     shares = wanted.sum(axis=1)
     peak = len(shares) - 1 - int(shares[::-1].argmax())  # the end of a hold
@@ -171,14 +171,12 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
         "in the end",
     ):
         table.add_column(title, justify="left" if title in ("wire", "joint", "") else "right")
-    for i in range(max(len(lanes.wires), len(lanes.joints))):
+    for i in range(max(len(axes.tendons), len(axes.joints))):
         wire = ("", "", "", "")
-        if i < len(lanes.wires):
+        if i < len(axes.tendons):
             error = float(((wanted[:, i] - found[:, i]) ** 2).mean() ** 0.5)
-            wire = (lanes.wires[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
-        joint = (
-            (lanes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(lanes.joints) else ()
-        )
+            wire = (axes.tendons[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
+        joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
         table.add_row(*wire, "  ", *joint)
     console = Console()
     console.print(f"[bold]{log.label}[/bold]  {log.duration:g} s, {len(log)} rows")

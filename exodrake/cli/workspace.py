@@ -30,7 +30,7 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     from exodrake.machines.robot_file import load_robot
 
     loaded = load_robot(robot)
-    lengths = tuple(loaded.lanes("finger.length").tolist())
+    lengths = tuple(loaded.channels("finger.length").tolist())
     wired = assisted(loaded, steps)
     rows, claims = areas(lengths, SPONTANEOUS, wired, samples, seed), table_2(wired)
     contents = {

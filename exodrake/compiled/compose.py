@@ -22,7 +22,7 @@ from exodrake.compiled.fused import print_fused
 from exodrake.compiled.leaf_functions import print_leaves
 from exodrake.compiled.schedule import print_frame
 from exodrake.compiled.splice import compose_point
-from exodrake.core.machine import Machine, block_pages, page_name
+from exodrake.core.machine import Machine, module_name, part_modules
 
 # Pages allocate nothing: without reference counts an array costs a call nothing, with them some ten nanoseconds.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -33,7 +33,7 @@ class Page:
     """Source of one page: its functions, constants and imports as syntax trees."""
 
     def __init__(self, module: ModuleType) -> None:
-        self.module, self.name = module, page_name(module)
+        self.module, self.name = module, module_name(module)
         tree = ast.parse(inspect.getsource(module))
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
@@ -118,10 +118,10 @@ def all_pages(machine: Machine) -> dict[str, Page]:
             add(sibling)
         found[page.name] = page
 
-    for block in machine.blocks:
-        for module in block_pages(block):
+    for part in machine.parts:
+        for module in part_modules(part):
             add(module)
-    for effect in machine.shelf:
+    for effect in machine.effects:
         for function in effect.at.values():
             add(sys.modules[function.__module__])
     for function in machine.variants.values():
@@ -131,9 +131,9 @@ def all_pages(machine: Machine) -> dict[str, Page]:
 
 def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
     """Constants and functions of all pages, points composed with their effects."""
-    points = {f"{page_name(p.page or b.page)}.{p.name}": (b, p) for b in machine.blocks for p in b.points}
-    tasks = {f"{page_name(b.page)}.{t.function}" for b in machine.blocks for t in (*b.tasks, *b.outputs)}
-    owners = {page_name(p): Flatten(machine, b) for b in machine.blocks for p in block_pages(b)}
+    points = {f"{module_name(p.module or b.module)}.{p.name}": (b, p) for b in machine.parts for p in b.points}
+    tasks = {f"{module_name(b.module)}.{t.function}" for b in machine.parts for t in (*b.tasks, *b.outputs)}
+    owners = {module_name(p): Flatten(machine, b) for b in machine.parts for p in part_modules(b)}
     lines = []
     for page in pages.values():
         table = page.renames()
@@ -144,11 +144,11 @@ def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
             key = f"{page.name}.{name}"
             if key in machine.variants:
                 other = machine.variants[key]
-                home = pages[page_name(sys.modules[other.__module__])]
+                home = pages[module_name(sys.modules[other.__module__])]
                 lines.append(copy_function(home.functions[other.__name__], home.renames(), f"{page.name}__{name}"))
-            elif key in points and (spliced := [e for e in machine.shelf if key in e.at]):
-                block, point = points[key]
-                lines.append(compose_point(machine, block, point, function, spliced))
+            elif key in points and (spliced := [e for e in machine.effects if key in e.at]):
+                part, point = points[key]
+                lines.append(compose_point(machine, part, point, function, spliced))
             else:
                 flatten = owners.get(page.name)
                 lines.append(copy_function(function, table, f"{page.name}__{name}", flatten, key in tasks))

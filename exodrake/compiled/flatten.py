@@ -9,20 +9,20 @@ from __future__ import annotations
 import ast
 
 from exodrake.core.machine import Machine
-from exodrake.core.part import Block
-from exodrake.core.signal import ONE
+from exodrake.core.part import Part
+from exodrake.core.signal import SCALAR
 
 NUMBERS = "n"  # the argument by which pages know their numbers
 
 
 class Flatten(ast.NodeTransformer):
-    """Rewrites `n.name`, `n.name[lane]` by the places of a block's numbers."""
+    """Rewrites `n.name`, `n.name[channel]` by the places of a block's numbers."""
 
-    def __init__(self, machine: Machine, block: Block) -> None:
+    def __init__(self, machine: Machine, part: Part) -> None:
         self.places: dict[str, tuple[int, int]] = {}
         at = 0
-        for field in block.fields:
-            width = machine.width(field.over) if field.over != ONE else 0
+        for field in part.fields:
+            width = machine.width(field.axis) if field.axis != SCALAR else 0
             self.places[field.name] = (at, width)
             at += max(width, 1)
 

@@ -10,19 +10,19 @@ from dataclasses import replace
 
 from exodrake.compiled.schedule import indent, outputs, task_lines, tick, views
 from exodrake.core.machine import Machine
-from exodrake.core.part import Block, Task
+from exodrake.core.part import Part, Task
 
 GROUP = "plant"
 
 
-def plant_blocks(machine: Machine) -> tuple[Block, ...]:
+def plant_blocks(machine: Machine) -> tuple[Part, ...]:
     """The leading parts that tick with the plant or share a slot with one that does."""
-    slots = {s for b in machine.blocks if any(not t.slots for t in b.tasks) for t in b.tasks for s in t.slots}
+    slots = {s for b in machine.parts if any(not t.slots for t in b.tasks) for t in b.tasks for s in t.slots}
     members = []
-    for block in machine.blocks:
-        if not any(not t.slots or slots & set(t.slots) for t in block.tasks):
+    for part in machine.parts:
+        if not any(not t.slots or slots & set(t.slots) for t in part.tasks):
             break
-        members.append(block)
+        members.append(part)
     return tuple(members)
 
 
@@ -31,20 +31,20 @@ def plant_machine(machine: Machine) -> Machine | None:
     members = plant_blocks(machine)
     written = {w for b in members for o in b.outputs for w in o.writes}
     read = {w for b in members for t in b.tasks for w in t.reads} - written
-    ticking = {b.name for b in machine.blocks if any(not t.slots for t in b.tasks)}
+    ticking = {b.name for b in machine.parts if any(not t.slots for t in b.tasks)}
     through = {w for b in members for o in b.outputs for w in o.reads} - written
     if through or not ticking or not ticking <= {b.name for b in members}:
         return None
-    wires = tuple(w for w in machine.wires if w.name in written)
-    given = tuple(w.name for w in machine.wires if w.name in read)
-    return replace(machine, name=GROUP, wires=wires, blocks=members, given=given, columns=(), variants={})
+    wires = tuple(w for w in machine.signals if w.name in written)
+    given = tuple(w.name for w in machine.signals if w.name in read)
+    return replace(machine, name=GROUP, signals=wires, parts=members, inputs=given, columns=(), variants={})
 
 
 def sampled(plant: Machine) -> dict[tuple[int, ...], list[Task]]:
     """Sampled tasks of the group by the slots that they share."""
     found: dict[tuple[int, ...], list[Task]] = {}
-    for block in plant.blocks:
-        for task in block.tasks:
+    for part in plant.parts:
+        for task in part.tasks:
             if task.slots:
                 found.setdefault(task.slots, []).append(task)
     return found
@@ -52,12 +52,12 @@ def sampled(plant: Machine) -> dict[tuple[int, ...], list[Task]]:
 
 def outside(plant: Machine, tasks: list[Task]) -> tuple[str, ...]:
     """Wires that some tasks read from outside the group, in the table's order."""
-    return tuple(w for w in plant.given if any(w in t.reads for t in tasks))
+    return tuple(w for w in plant.inputs if any(w in t.reads for t in tasks))
 
 
 def plant_tasks(plant: Machine) -> list[Task]:
     """Tasks that run at the plant's tick."""
-    return [t for b in plant.blocks for t in b.tasks if not t.slots]
+    return [t for b in plant.parts for t in b.tasks if not t.slots]
 
 
 def slot_function(slots: tuple[int, ...]) -> str:
@@ -74,9 +74,9 @@ def print_fused(machine: Machine) -> list[str]:
     ticks = ["for _ in range(substeps):", *("    " + line for line in tick(plant))]
     lines.append(function(plant, "tick", ["dt", "substeps", *outside(plant, plant_tasks(plant))], ticks))
     for slots, tasks in sampled(plant).items():
-        own = ["lane"] if tasks[0].lanes else []
+        own = ["channel"] if tasks[0].per_channel else []
         given = [*own, *outside(plant, tasks)]
-        lines.append(function(plant, slot_function(slots), given, task_lines(plant, slots[0], "lane")))
+        lines.append(function(plant, slot_function(slots), given, task_lines(plant, slots[0], "channel")))
     return lines
 
 
@@ -89,4 +89,4 @@ def function(plant: Machine, name: str, given: list[str], body: list[str]) -> st
 
 def state_size(machine: Machine) -> int:
     """Length of the flat state of all parts."""
-    return sum(sum(machine.part_size(block)) for block in machine.blocks)
+    return sum(sum(machine.part_size(part)) for part in machine.parts)

@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,22 +33,22 @@ class Reference:
 
 
 @dataclass(frozen=True)
-class Chance:
-    """Draws of one run: standard normal `tension` and `angle` noise (n, 3) and uniform `lottery` (n, 3)."""
+class NoiseInputs:
+    """Draws of one run: standard normal `tension` and `angle` noise (n, 3) and uniform `packet_arrival` (n, 3)."""
 
     tension: np.ndarray
     angle: np.ndarray
-    lottery: np.ndarray
+    packet_arrival: np.ndarray
 
     @staticmethod
-    def draw(frames: int, seed: int | None, machine: Machine) -> Chance:
-        """Seeded draws; all zero, and a lottery that never wins, without a seed."""
-        wires, joints = len(machine.lanes.wires), len(machine.lanes.joints)
+    def draw(frames: int, seed: int | None, machine: Machine) -> NoiseInputs:
+        """Seeded draws; all zero, and a packet_arrival that never wins, without a seed."""
+        wires, joints = len(machine.axes.tendons), len(machine.axes.joints)
         if seed is None:
-            return Chance(np.zeros((frames, wires)), np.zeros((frames, joints)), np.ones((frames, wires)))
+            return NoiseInputs(np.zeros((frames, wires)), np.zeros((frames, joints)), np.ones((frames, wires)))
         rng = np.random.default_rng(seed)
         normal = rng.standard_normal((frames, wires + joints))
-        return Chance(
+        return NoiseInputs(
             np.ascontiguousarray(normal[:, :wires]),
             np.ascontiguousarray(normal[:, wires:]),
             rng.random((frames, wires)),
@@ -58,27 +58,27 @@ class Chance:
 NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
 
 
-def asked_width(machine: Machine) -> int:
+def reference_width(machine: Machine) -> int:
     """How many references a machine takes."""
-    return sum(machine.width(machine.wire[c.wire].over) for c in machine.asked)
+    return sum(machine.width(machine.signal[c.signal].axis) for c in machine.references)
 
 
-def given_rows(machine: Machine, asked: np.ndarray, chance: Chance) -> dict[str, np.ndarray]:
-    """The wires that come from outside, (frames, lanes) each, in the table's order.
+def input_rows(machine: Machine, asked: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
+    """The wires that come from outside, (frames, channels) each, in the table's order.
 
     asked: (frames, references) in the order of `machine.asked`. Others are named `noise_...` (standard normal) or
-    `lottery` (uniform).
+    `packet_arrival` (uniform).
     """
     found, at = {}, 0
-    for name in machine.given:
-        over = machine.wire[name].over
+    for name in machine.inputs:
+        axis = machine.signal[name].axis
         if name.startswith("noise_"):
-            found[name] = chance.tension if over == WIRES else chance.angle
-        elif name == "lottery":
-            found[name] = chance.lottery
+            found[name] = noise_inputs.tension if axis == TENDONS else noise_inputs.angle
+        elif name == "packet_arrival":
+            found[name] = noise_inputs.packet_arrival
         else:
-            found[name] = np.ascontiguousarray(asked[:, at : at + machine.width(over)])
-            at += machine.width(over)
+            found[name] = np.ascontiguousarray(asked[:, at : at + machine.width(axis)])
+            at += machine.width(axis)
     return found
 
 
@@ -86,7 +86,7 @@ def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
     """The flat numbers of a run, with the resolutions at 0 if unquantised."""
     values = robot.values.copy()
     if np.isnan(values).any():
-        missing = robot.machine.entries[int(np.isnan(values).argmax())].name
+        missing = robot.machine.parameters[int(np.isnan(values).argmax())].name
         raise InputError(f"{robot.source}: number {missing} is missing")
     if not quantisation:
         for name in robot.machine.resolution:

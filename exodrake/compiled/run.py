@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, Reference, given_rows
-from exodrake.core.machine import Machine, state_size, wire_count
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows
+from exodrake.core.machine import Machine, signal_count, state_size
 
 
 def run_compiled(
-    machine: Machine, values: np.ndarray, reference: Reference, chance: Chance, substeps: int
+    machine: Machine, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, substeps: int
 ) -> np.ndarray:
-    """All wires (frames, wires) at each frame's end, by the compiled twin."""
+    """All wires (frames, wires) at each frame's end, by the compiled simulator."""
     module = compile_machine(machine)
-    rows = np.zeros((len(reference.tension), wire_count(machine)))
-    state, w = np.zeros(state_size(machine)), np.zeros(wire_count(machine))
+    rows = np.zeros((len(reference.tension), signal_count(machine)))
+    state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)
-    given = given_rows(machine, reference.tension, chance).values()
+    given = input_rows(machine, reference.tension, noise_inputs).values()
     module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING)
     return rows

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from exodrake.core.machine import Machine, feedthrough_order, page_name
-from exodrake.core.part import Block, Task
+from exodrake.core.machine import Machine, feedthrough_order, module_name
+from exodrake.core.part import Part, Task
 
 
 def print_frame(machine: Machine) -> list[str]:
@@ -14,56 +14,61 @@ def print_frame(machine: Machine) -> list[str]:
 def views(machine: Machine, wires: bool = True) -> list[str]:
     """Source lines that name the parts of the flat vectors p, state and w."""
     lines, number, state, wire = [], 0, 0, 0
-    for block in machine.blocks:
-        count = sum(entry.block == block.name for entry in machine.entries)
-        own, extra = machine.part_size(block)
-        lines += [f"{block.name}_p = p[{number}:{number + count}]"]
-        name, middle, end = block.name, state + own, state + own + extra
+    for part in machine.parts:
+        count = sum(parameter.part == part.name for parameter in machine.parameters)
+        own, extra = machine.part_size(part)
+        lines += [f"{part.name}_p = p[{number}:{number + count}]"]
+        name, middle, end = part.name, state + own, state + own + extra
         lines += [f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)"]
         lines += [f"{name}_x, {name}_z = state[{state}:{middle}], state[{middle}:{end}]"]
         number, state = number + count, end
-    for w in machine.wires if wires else ():
-        width = machine.width(w.over)
+    for w in machine.signals if wires else ():
+        width = machine.width(w.axis)
         lines.append(f"{w.name} = w[{wire}:{wire + width}]")
         wire += width
     return lines
 
 
-def call(block: Block, function: str, arguments: list[str]) -> str:
+def call(part: Part, function: str, arguments: list[str]) -> str:
     """A call of a page's function on a block."""
-    page = page_name(block.page)
-    return f"{page}__{function}({block.name}_x, {block.name}_z, {block.name}_n, {block.name}_e, {', '.join(arguments)})"
+    page = module_name(part.module)
+    return f"{page}__{function}({part.name}_x, {part.name}_z, {part.name}_n, {part.name}_e, {', '.join(arguments)})"
 
 
 def outputs(machine: Machine, block_names: set[str] | None = None, sampled_too: bool = True) -> list[str]:
     """Calls of the outputs of some blocks, and of those that these feed, in feedthrough order."""
     changed: set[str] = set()
     lines = []
-    for block, k in feedthrough_order(machine):
-        output = block.outputs[k]
-        if block_names is None or block.name in block_names or changed & set(output.reads):
-            lines.append(call(block, output.function, [*output.reads, *output.writes]))
+    for part, k in feedthrough_order(machine):
+        output = part.outputs[k]
+        if block_names is None or part.name in block_names or changed & set(output.reads):
+            lines.append(call(part, output.function, [*output.reads, *output.writes]))
             changed |= set(output.writes)
     return lines
 
 
 def tick(machine: Machine) -> list[str]:
     """The plant's tick: every update sees the wires before it; then the outputs follow."""
-    plant = [(b, t) for b in machine.blocks for t in b.tasks if not t.slots]
+    plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
     lines = [call(b, t.function, ["dt", *t.reads]) for b, t in plant]
     return lines + outputs(machine, {b.name for b, _ in plant})
 
 
-def task_lines(machine: Machine, slot: int, lane: str = "") -> list[str]:
-    """The tasks in one slot and the outputs that follow; `lane`: source of the lane's index, if not the slot's own."""
-    here: list[tuple[Block, Task]] = [(b, t) for b in machine.blocks for t in b.tasks if slot in t.slots]
-    lines = [call(b, t.function, [*([lane or str(t.slots.index(slot))] if t.lanes else []), *t.reads]) for b, t in here]
+def task_lines(machine: Machine, slot: int, channel: str = "") -> list[str]:
+    """The tasks in one slot and the outputs that follow; `channel`: source of the channel's index, if not the slot's
+    own.
+    """
+    here: list[tuple[Part, Task]] = [(b, t) for b in machine.parts for t in b.tasks if slot in t.slots]
+    lines = [
+        call(b, t.function, [*([channel or str(t.slots.index(slot))] if t.per_channel else []), *t.reads])
+        for b, t in here
+    ]
     return lines + (outputs(machine, {b.name for b, _ in here}) if here else [])
 
 
 def print_begin(machine: Machine) -> str:
     """`begin(p, state)`: every part's start; the plant's block comes first and says where the wires are taut."""
-    first = sorted(machine.blocks, key=lambda b: b.name != "finger")
+    first = sorted(machine.parts, key=lambda b: b.name != "finger")
     lines = [*views(machine, wires=False), "start_stroke = np.zeros(3)"]
     lines += [call(b, "start", ["start_stroke"]) for b in first]
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
@@ -71,31 +76,34 @@ def print_begin(machine: Machine) -> str:
 
 def imposing(machine: Machine, slot: int) -> list[str]:
     """Lines that put measured values on the imposed wire after the slot in which it is written."""
-    steered = machine.steered
-    if steered is None:
+    observer = machine.observer
+    if observer is None:
         return []
-    wire = machine.column(steered.imposed).wire
-    here = [b for b in machine.blocks if any(slot in t.slots for t in b.tasks)]
+    wire = machine.column(observer.measured_input).signal
+    here = [b for b in machine.parts if any(slot in t.slots for t in b.tasks)]
     if all(wire not in output.writes for b in here for output in b.outputs):
         return []
-    return ["if follow.shape[0] > 0:", f"    {wire}[:] = follow[frame, :{machine.column_width(steered.imposed)}]"]
+    return [
+        "if follow.shape[0] > 0:",
+        f"    {wire}[:] = follow[frame, :{machine.column_width(observer.measured_input)}]",
+    ]
 
 
 def holding(machine: Machine) -> list[str]:
     """Lines that move the observed state at a frame's end."""
-    steered = machine.steered
-    if steered is None:
+    observer = machine.observer
+    if observer is None:
         return []
-    name, state = steered.state
-    block = next(b for b in machine.blocks if b.name == name)
-    wire, at = machine.column(steered.held).wire, machine.state_place(block, state)
-    own = [e.name for e in machine.entries if e.block == name]
-    number = next(i for i, full in enumerate(own) if full.startswith(steered.per + "."))
-    first = machine.column_width(steered.imposed)
-    change = f"{steered.gain} * (follow[frame, {first} + j] - {wire}[j]) / {name}_p[{number} + j]"
+    name, state = observer.state
+    part = next(b for b in machine.parts if b.name == name)
+    wire, at = machine.column(observer.output).signal, machine.state_place(part, state)
+    own = [e.name for e in machine.parameters if e.part == name]
+    number = next(i for i, full in enumerate(own) if full.startswith(observer.divisor + "."))
+    first = machine.column_width(observer.measured_input)
+    change = f"{observer.gain} * (follow[frame, {first} + j] - {wire}[j]) / {name}_p[{number} + j]"
     return [
         "if follow.shape[0] > 0:",
-        f"    for j in range({machine.column_width(steered.held)}):",
+        f"    for j in range({machine.column_width(observer.output)}):",
         f"        {name}_x[{at} + j] += {change}",
     ]
 
@@ -104,11 +112,11 @@ def print_run(machine: Machine) -> str:
     """`run(p, state, w, given..., dt, substeps, record, fine, follow)`: frames in order.
 
     `record` and `fine` take the wires at each frame's and each slot's end. The plant's tick stands in one place, so
-    that it is inlined once. `follow`: imposed and held values (frames, lanes of both), or of no length.
+    that it is inlined once. `follow`: imposed and held values (frames, channels of both), or of no length.
     """
-    given = [f"{name}_rows" for name in machine.given]
+    given = [f"{name}_rows" for name in machine.inputs]
     body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
-    inner = [f"{name}[:] = {name}_rows[frame]" for name in machine.given]
+    inner = [f"{name}[:] = {name}_rows[frame]" for name in machine.inputs]
     inner += [f"for slot in range({machine.slots}):"]
     inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine))]
     for slot in range(machine.slots):
@@ -123,7 +131,7 @@ def print_run(machine: Machine) -> str:
 
 def print_batch(machine: Machine) -> str:
     """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of numbers."""
-    given = [f"{name}_rows" for name in machine.given]
+    given = [f"{name}_rows" for name in machine.inputs]
     lines = [
         "for i in prange(rows.shape[0]):",
         "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",

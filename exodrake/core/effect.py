@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from exodrake.core.part import State
-from exodrake.core.signal import ONE
+from exodrake.core.signal import SCALAR
 
 
 @dataclass(frozen=True)
-class Number:
+class EffectParameter:
     """A parameter of an effect: where it is absent, what is plausible, how a fit should move it.
 
     Attributes:
@@ -27,13 +27,13 @@ class Number:
 
     name: str
     unit: str
-    neutral: float
+    null: float
     low: float
     high: float
-    over: str = ONE
-    usual: float | None = None
-    free: bool = True
-    scale: str = "linear"
+    axis: str = SCALAR
+    default: float | None = None
+    fitted: bool = True
+    transform: str = "linear"
     period: float = 0.0
 
     def __post_init__(self) -> None:
@@ -41,15 +41,15 @@ class Number:
             raise ValueError(f"{self.name}: empty range {self.low} .. {self.high}")
 
     @property
-    def typical(self) -> float:
+    def initial(self) -> float:
         """A plausible value to start from [unit of the number]."""
-        if self.usual is not None:
-            return self.usual
-        if self.scale != "linear" and self.low > 0:
+        if self.default is not None:
+            return self.default
+        if self.transform != "linear" and self.low > 0:
             return (self.low * self.high) ** 0.5
         return 0.5 * (self.low + self.high)
 
-    def told(self, value: float) -> float:
+    def wrapped(self, value: float) -> float:
         """The value as reports state it: of those that mean the same, the one within a period from `low`."""
         return self.low + (value - self.low) % self.period if self.period else value
 
@@ -74,7 +74,7 @@ class Effect:
     signature: str
     source: str
     at: dict[str, Callable]
-    numbers: tuple[Number, ...]
+    parameters: tuple[EffectParameter, ...]
     states: tuple[State, ...] = ()
     advances: tuple[str, ...] = ()
 
@@ -84,9 +84,9 @@ class Effect:
         return self.id.split(".")[0]
 
     @property
-    def over(self) -> str:
+    def axis(self) -> str:
         """What the effect runs over: `WIRES`, `JOINTS` or `ONE`."""
-        return self.numbers[0].over
+        return self.parameters[0].axis
 
     @property
     def slug(self) -> str:

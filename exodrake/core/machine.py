@@ -1,4 +1,6 @@
-"""A machine: parts joined by wires, a schedule of slots, the shelf of effects, and the layout of its numbers."""
+"""A machine: parts joined by wires, a schedule of slots, the effect library of effects, and the layout of its
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,9 @@ from functools import cached_property
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.parameter import Entry, Scatter
-from exodrake.core.part import Block, Field, Task
-from exodrake.core.signal import Lanes, Wire
+from exodrake.core.parameter import ParameterInfo, Tolerance
+from exodrake.core.part import Field, Part, Task
+from exodrake.core.signal import Axes, Signal
 
 
 @dataclass(frozen=True)
@@ -18,22 +20,22 @@ class Column:
     """A log column family: its kind and the wire that it shows."""
 
     kind: str
-    wire: str
+    signal: str
     required: bool = True
 
 
 @dataclass(frozen=True)
-class Steered:
+class Observer:
     """How a run may be made to follow a log, so that errors of a part do not go round the loop.
 
     imposed: column kind whose wire takes its measured values. held: column kind that is held near its measured values
     by an observer: each frame, state (block, name) moves by `gain` of the difference, divided by the number `per`.
     """
 
-    imposed: str
-    held: str
+    measured_input: str
+    output: str
     state: tuple[str, str]
-    per: str
+    divisor: str
     gain: float
 
 
@@ -56,23 +58,23 @@ class Machine:
     """
 
     name: str
-    lanes: Lanes
-    wires: tuple[Wire, ...]
-    blocks: tuple[Block, ...]
-    given: tuple[str, ...]
+    axes: Axes
+    signals: tuple[Signal, ...]
+    parts: tuple[Part, ...]
+    inputs: tuple[str, ...]
     columns: tuple[Column, ...]
-    shelf: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = ()
     frame: float = 0.02
     slots: int = 10
     variants: Mapping[str, Callable] = field(default_factory=dict)
     noise: tuple[str, ...] = ()
     resolution: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
-    floors: Callable[[Callable[[str], float]], dict[str, float]] | None = None
+    noise_std: Callable[[Callable[[str], float]], dict[str, float]] | None = None
     segments: Mapping[str, str] = field(default_factory=dict)
-    scatter: tuple[Scatter, ...] = ()
-    depth: int = 2
-    steered: Steered | None = None
+    tolerances: tuple[Tolerance, ...] = ()
+    max_effects: int = 2
+    observer: Observer | None = None
 
     def __post_init__(self) -> None:
         check_wiring(self)
@@ -84,52 +86,52 @@ class Machine:
         return self.frame / self.slots
 
     @cached_property
-    def wire(self) -> dict[str, Wire]:
+    def signal(self) -> dict[str, Signal]:
         """Wires by name."""
-        return {w.name: w for w in self.wires}
+        return {w.name: w for w in self.signals}
 
     @property
-    def asked(self) -> tuple[Column, ...]:
+    def references(self) -> tuple[Column, ...]:
         """Columns whose wires come from outside: what the machine is asked to do, one row a frame."""
-        return tuple(c for wire in self.given for c in self.columns if c.wire == wire)
+        return tuple(c for wire in self.inputs for c in self.columns if c.signal == wire)
 
-    def width(self, over: str) -> int:
-        """How many lanes `over` has."""
-        return len(self.lanes.of(over))
+    def width(self, axis: str) -> int:
+        """How many channels `over` has."""
+        return len(self.axes.of(axis))
 
-    def effects_on(self, block: Block) -> tuple[Effect, ...]:
-        """Effects of the shelf that sit on this block."""
-        pages = {page_name(page) for page in block_pages(block)}
-        return tuple(effect for effect in self.shelf if next(iter(effect.at)).split(".")[0] in pages)
+    def effects_on(self, part: Part) -> tuple[Effect, ...]:
+        """Effects of the effect library that sit on this block."""
+        pages = {module_name(page) for page in part_modules(part)}
+        return tuple(effect for effect in self.effects if next(iter(effect.at)).split(".")[0] in pages)
 
     @cached_property
-    def entries(self) -> tuple[Entry, ...]:
+    def parameters(self) -> tuple[ParameterInfo, ...]:
         """All numbers in the order of the flat parameter vector."""
-        found: list[Entry] = []
-        for block in self.blocks:
-            for f in block.fields:
-                found += [Entry(n, f.unit, block.name) for n in self.names(f)]
-            for effect in self.effects_on(block):
-                for number in effect.numbers:
-                    names = self.names(Field(effect.id, number.name, number.unit, number.over))
-                    found += [Entry(n, number.unit, block.name, number.neutral) for n in names]
+        found: list[ParameterInfo] = []
+        for part in self.parts:
+            for f in part.fields:
+                found += [ParameterInfo(n, f.unit, part.name) for n in self.names(f)]
+            for effect in self.effects_on(part):
+                for number in effect.parameters:
+                    names = self.names(Field(effect.id, number.name, number.unit, number.axis))
+                    found += [ParameterInfo(n, number.unit, part.name, number.null) for n in names]
         return tuple(found)
 
     def names(self, f: Field) -> list[str]:
-        """Full names of a field, one per lane."""
-        return [".".join(part for part in (f.group, f.name, lane) if part) for lane in self.lanes.of(f.over)]
+        """Full names of a field, one per channel."""
+        return [".".join(part for part in (f.group, f.name, channel) if part) for channel in self.axes.of(f.axis)]
 
     @cached_property
     def index(self) -> dict[str, int]:
         """Place of each number in the flat parameter vector."""
-        return {entry.name: i for i, entry in enumerate(self.entries)}
+        return {parameter.name: i for i, parameter in enumerate(self.parameters)}
 
     def effect(self, identity: str) -> Effect:
         """The effect of that id; raises InputError with the nearest names."""
-        for effect in self.shelf:
+        for effect in self.effects:
             if effect.id == identity:
                 return effect
-        raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.shelf])}")
+        raise InputError(f"unknown effect {identity!r}{nearest(identity, [e.id for e in self.effects])}")
 
     def column(self, kind: str) -> Column:
         """The column family of that kind."""
@@ -137,53 +139,53 @@ class Machine:
 
     def column_width(self, kind: str) -> int:
         """Lanes of a column family."""
-        return self.width(self.wire[self.column(kind).wire].over)
+        return self.width(self.signal[self.column(kind).signal].axis)
 
-    def state_place(self, block: Block, name: str) -> int:
+    def state_place(self, part: Part, name: str) -> int:
         """Where a state of a block begins in its own state vector."""
-        before = block.states[: next(i for i, s in enumerate(block.states) if s.name == name)]
-        return sum(self.width(s.over) * s.width for s in before)
+        before = part.states[: next(i for i, s in enumerate(part.states) if s.name == name)]
+        return sum(self.width(s.axis) * s.width for s in before)
 
-    def part_size(self, block: Block) -> tuple[int, int]:
+    def part_size(self, part: Part) -> tuple[int, int]:
         """Lengths of a block's own state and of the states of the effects on it."""
-        own = sum(self.width(s.over) * s.width for s in block.states)
-        return own, sum(self.width(s.over) * s.width for e in self.effects_on(block) for s in e.states)
+        own = sum(self.width(s.axis) * s.width for s in part.states)
+        return own, sum(self.width(s.axis) * s.width for e in self.effects_on(part) for s in e.states)
 
 
-def page_name(page) -> str:
+def module_name(page) -> str:
     """A page's short name."""
     return page.__name__.rsplit(".", 1)[-1]
 
 
-def block_pages(block: Block) -> list:
+def part_modules(part: Part) -> list:
     """The block's page and those that hold its other points."""
-    return [block.page, *dict.fromkeys(p.page for p in block.points if p.page is not None)]
+    return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
 
 
 def check_wiring(machine: Machine) -> None:
     """Every wire read is written once or given; no loop of direct feedthrough."""
-    known = {w.name for w in machine.wires}
-    written: dict[str, str] = dict.fromkeys(machine.given, "outside")
-    for block in machine.blocks:
-        for output in block.outputs:
+    known = {w.name for w in machine.signals}
+    written: dict[str, str] = dict.fromkeys(machine.inputs, "outside")
+    for part in machine.parts:
+        for output in part.outputs:
             for name in output.writes:
                 if name not in known:
-                    raise InputError(f"{machine.name}: {block.name} writes unknown wire {name!r}")
+                    raise InputError(f"{machine.name}: {part.name} writes unknown wire {name!r}")
                 if name in written:
-                    raise InputError(f"{machine.name}: wire {name!r} is written by {written[name]} and by {block.name}")
-                written[name] = block.name
-    for block in machine.blocks:
-        for task in (*block.tasks, *block.outputs):
+                    raise InputError(f"{machine.name}: wire {name!r} is written by {written[name]} and by {part.name}")
+                written[name] = part.name
+    for part in machine.parts:
+        for task in (*part.tasks, *part.outputs):
             for name in task.reads:
                 if name not in written:
-                    raise InputError(f"{machine.name}: {block.name} reads wire {name!r}, which nothing writes")
+                    raise InputError(f"{machine.name}: {part.name} reads wire {name!r}, which nothing writes")
     feedthrough_order(machine)
 
 
-def feedthrough_order(machine: Machine) -> list[tuple[Block, int]]:
+def feedthrough_order(machine: Machine) -> list[tuple[Part, int]]:
     """Outputs (block, output's index), each after the wires it reads; raises InputError on an algebraic loop."""
-    waiting = [(b, k) for b in machine.blocks for k in range(len(b.outputs))]
-    ready, order = set(machine.given), []
+    waiting = [(b, k) for b in machine.parts for k in range(len(b.outputs))]
+    ready, order = set(machine.inputs), []
     while waiting:
         free = [(b, k) for b, k in waiting if set(b.outputs[k].reads) <= ready]
         if not free:
@@ -197,33 +199,35 @@ def feedthrough_order(machine: Machine) -> list[tuple[Block, int]]:
 
 
 def check_schedule(machine: Machine) -> None:
-    """Slots exist and hold one task each, except that the readings of one lane may share a slot."""
+    """Slots exist and hold one task each, except that the readings of one channel may share a slot."""
     taken: dict[int, tuple[str, Task]] = {}
-    for block in machine.blocks:
-        for task in block.tasks:
-            own = f"{block.name}.{task.function}"
+    for part in machine.parts:
+        for task in part.tasks:
+            own = f"{part.name}.{task.function}"
             for slot in task.slots:
                 if not 0 <= slot < machine.slots:
                     raise InputError(f"{machine.name}: {own} runs in slot {slot}, but a frame has {machine.slots}")
-                other = taken.setdefault(slot, (block.name, task))
-                if other[1] is not task and not (other[1].lanes and task.lanes and other[1].slots == task.slots):
+                other = taken.setdefault(slot, (part.name, task))
+                if other[1] is not task and not (
+                    other[1].per_channel and task.per_channel and other[1].slots == task.slots
+                ):
                     raise InputError(f"{machine.name}: slot {slot} holds both {other[0]}.{other[1].function} and {own}")
 
 
 def offsets(machine: Machine) -> dict[str, slice]:
     """Where each wire lies in the flat vector of wires."""
     found, at = {}, 0
-    for wire in machine.wires:
-        width = machine.width(wire.over)
+    for wire in machine.signals:
+        width = machine.width(wire.axis)
         found[wire.name], at = slice(at, at + width), at + width
     return found
 
 
 def state_size(machine: Machine) -> int:
     """Length of the flat state."""
-    return sum(sum(machine.part_size(block)) for block in machine.blocks)
+    return sum(sum(machine.part_size(part)) for part in machine.parts)
 
 
-def wire_count(machine: Machine) -> int:
+def signal_count(machine: Machine) -> int:
     """Length of the flat vector of wires."""
-    return sum(machine.width(w.over) for w in machine.wires)
+    return sum(machine.width(w.axis) for w in machine.signals)

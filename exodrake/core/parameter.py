@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Entry:
+class ParameterInfo:
     """One number of a machine: full name, unit, block that owns it, and its neutral value if it is an effect's."""
 
     name: str
     unit: str
-    block: str
-    neutral: float | None = None
+    part: str
+    null: float | None = None
 
 
 @dataclass(frozen=True)
-class Scatter:
+class Tolerance:
     """Numbers that differ a little from one machine to the next of its kind.
 
     each: patterns, each naming one number, or several that err together; {w} and {j} stand for every wire and joint.
@@ -24,7 +24,7 @@ class Scatter:
     limit: of x; beyond it a number is not the nominal one any more.
     """
 
-    each: tuple[str, ...]
-    how: str
-    spread: float
-    limit: float
+    parameters: tuple[str, ...]
+    transform: str
+    prior_std: float
+    max_deviation: float

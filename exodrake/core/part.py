@@ -2,7 +2,7 @@
 
 A *page* (a module in `systems/` or `effects/`) holds plain functions over floats, small tuples and arrays.
 `diagrams.compose` copies the pages of a machine into one module that numba compiles; the same functions serve the Drake
-leaves and the compiled twin.
+leaves and the compiled simulator.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import get_args, get_type_hints
 
-from exodrake.core.signal import ONE
+from exodrake.core.signal import SCALAR
 
 
 @dataclass(frozen=True)
@@ -19,35 +19,35 @@ class Unit:
     """Metadata of a field of a part's `Numbers`: SI unit, what it runs over, and the group that prefixes its name."""
 
     unit: str
-    over: str = ONE
+    axis: str = SCALAR
     group: str = ""
 
 
 @dataclass(frozen=True)
 class Field:
-    """One number of a part as the outside sees it: `group.name` or `group.name.lane`."""
+    """One number of a part as the outside sees it: `group.name` or `group.name.channel`."""
 
     group: str
     name: str
     unit: str
-    over: str
+    axis: str
 
 
-def fields_of(numbers: type, group: str) -> tuple[Field, ...]:
+def fields_of(parameters: type, group: str) -> tuple[Field, ...]:
     """Fields of a page's `Numbers` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
     found = []
-    for name, hint in get_type_hints(numbers, include_extras=True).items():
+    for name, hint in get_type_hints(parameters, include_extras=True).items():
         unit: Unit = get_args(hint)[1]
-        found.append(Field(unit.group or group, name, unit.unit, unit.over))
+        found.append(Field(unit.group or group, name, unit.unit, unit.axis))
     return tuple(found)
 
 
 @dataclass(frozen=True)
 class State:
-    """A discrete state of a part: `width` numbers for each lane of `over`."""
+    """A discrete state of a part: `width` numbers for each channel of `over`."""
 
     name: str
-    over: str = ONE
+    axis: str = SCALAR
     width: int = 1
     unit: str = "-"
 
@@ -56,13 +56,13 @@ class State:
 class Task:
     """An update of a part's own state from wires. `slots` empty: the plant's tick; else once a frame in each slot.
 
-    `lanes`: the k-th slot handles the k-th lane only and the function takes its index before the wires.
+    `channels`: the k-th slot handles the k-th channel only and the function takes its index before the wires.
     """
 
     function: str
     reads: tuple[str, ...]
     slots: tuple[int, ...] = ()
-    lanes: bool = False
+    per_channel: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,22 +78,22 @@ class Output:
 class Point:
     """A named place where effects apply: the page's function of that name, whose value passes through each effect.
 
-    Calls have the form `name(e, z, [lane,] value, *context)`; an effect's function gets
+    Calls have the form `name(e, z, [channel,] value, *context)`; an effect's function gets
     `(value, *context, *numbers, *states)`.
     """
 
     name: str
-    over: str = ONE
-    page: ModuleType | None = None  # the page that holds it, where that is not the block's own
+    axis: str = SCALAR
+    module: ModuleType | None = None  # the module that defines it, if not the part's own
 
 
 @dataclass(frozen=True)
-class Block:
+class Part:
     """A part. `name` is unique in a machine; `page` holds `Numbers`, `start` and the functions of tasks and outputs."""
 
     name: str
-    page: ModuleType
-    numbers: type
+    module: ModuleType
+    parameters: type
     tasks: tuple[Task, ...]
     outputs: tuple[Output, ...]
     states: tuple[State, ...] = ()
@@ -103,4 +103,4 @@ class Block:
     @property
     def fields(self) -> tuple[Field, ...]:
         """The part's numbers, in the order of its `Numbers` class."""
-        return fields_of(self.numbers, self.group or self.name)
+        return fields_of(self.parameters, self.group or self.name)

@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
-from exodrake.core.parameter import Scatter
+from exodrake.core.parameter import Tolerance
 
 BUILT_IN = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")
 MACHINES = {name: f"exodrake.machines.{name}.machine" for name in BUILT_IN}
@@ -46,12 +46,12 @@ class Robot:
         """One number by its full name, `finger.kappa.MCP`; InputError with the nearest names."""
         return float(self.values[self.places(name)[0]])
 
-    def lanes(self, name: str) -> np.ndarray:
-        """A number of all lanes, e.g. `finger.kappa` -> (3,)."""
+    def channels(self, name: str) -> np.ndarray:
+        """A number of all channels, e.g. `finger.kappa` -> (3,)."""
         return self.values[self.places(name)]
 
     def places(self, name: str) -> list[int]:
-        """Places in the flat vector of a full name, or of all lanes of a name without its lane."""
+        """Places in the flat vector of a full name, or of all channels of a name without its channel."""
         index = self.machine.index
         if name in index:
             return [index[name]]
@@ -60,56 +60,60 @@ class Robot:
             raise InputError(f"{self.source or self.machine.name}: unknown number {name!r}{nearest(name, list(index))}")
         return found
 
-    def with_numbers(self, numbers: Mapping[str, Any], source: str = "") -> Robot:
-        """The robot with numbers changed: dotted or nested names to values [SI]; a name without lane sets all lanes."""
+    def with_parameters(self, parameters: Mapping[str, Any], source: str = "") -> Robot:
+        """The robot with numbers changed: dotted or nested names to values [SI]; a name without channel sets all
+        channels.
+        """
         values, sources = self.values.copy(), dict(self.sources)
-        for name, value in flatten(numbers):
+        for name, value in flatten(parameters):
             for i in self.places(name):
                 values[i] = checked(name, value, source)
                 if source:
-                    sources[self.machine.entries[i].name] = source
+                    sources[self.machine.parameters[i].name] = source
         return refuse_negative(replace(self, values=values, sources=sources))
 
-    def splice(self, identity: str, numbers: Mapping[str, Any] | None = None, lanes: Iterable[str] = ()) -> Robot:
+    def splice(self, identity: str, parameters: Mapping[str, Any] | None = None, channels: Iterable[str] = ()) -> Robot:
         """The robot with an effect in it.
 
         Args:
-            identity: the effect's id. numbers: parameters, each one value or one per lane; typical ones where left out.
-            lanes: wires or joints it sits on; all if empty.
+            identity: the effect's id. numbers: parameters, each one value or one per channel; typical ones where left
+            out. channels: wires or joints it sits on; all if empty.
         """
         effect = self.machine.effect(identity)
-        given = dict(numbers or {})
-        known = {n.name for n in effect.numbers}
+        given = dict(parameters or {})
+        known = {n.name for n in effect.parameters}
         for name in given:
             if name not in known:
                 raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
         values = self.values.copy()
-        wanted = check_lanes(self.machine, effect, lanes)
-        for number in effect.numbers:
-            value = given.get(number.name, number.typical)
-            for lane in wanted:
-                one = value.get(lane, number.neutral) if isinstance(value, Mapping) else value
-                full = ".".join(part for part in (identity, number.name, lane if number.over else "") if part)
+        wanted = check_channels(self.machine, effect, channels)
+        for number in effect.parameters:
+            value = given.get(number.name, number.initial)
+            for channel in wanted:
+                one = value.get(channel, number.null) if isinstance(value, Mapping) else value
+                full = ".".join(part for part in (identity, number.name, channel if number.axis else "") if part)
                 values[self.machine.index[full]] = checked(full, one, "effect")
         return replace(self, values=values)
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Effects present: id -> parameter -> lane -> value ("" for a parameter without lanes)."""
+        """Effects present: id -> parameter -> channel -> value ("" for a parameter without channels)."""
         present: dict[str, dict[str, dict[str, float]]] = {}
-        for effect in self.machine.shelf:
-            first = effect.numbers[0]
-            at = {lane: self.values[i] for lane, i in self.lane_places(effect.id, first.name, first.over)}
-            if any(v != first.neutral for v in at.values()):
+        for effect in self.machine.effects:
+            first = effect.parameters[0]
+            at = {channel: self.values[i] for channel, i in self.channel_indices(effect.id, first.name, first.axis)}
+            if any(v != first.null for v in at.values()):
                 present[effect.id] = {
-                    n.name: {lane: float(self.values[i]) for lane, i in self.lane_places(effect.id, n.name, n.over)}
-                    for n in effect.numbers
+                    n.name: {
+                        channel: float(self.values[i]) for channel, i in self.channel_indices(effect.id, n.name, n.axis)
+                    }
+                    for n in effect.parameters
                 }
         return present
 
-    def lane_places(self, group: str, name: str, over: str) -> list[tuple[str, int]]:
+    def channel_indices(self, group: str, name: str, axis: str) -> list[tuple[str, int]]:
         """Lane names and places of a number."""
-        lanes = self.machine.lanes.of(over)
-        return [(lane, self.machine.index[".".join(p for p in (group, name, lane) if p)]) for lane in lanes]
+        channels = self.machine.axes.of(axis)
+        return [(channel, self.machine.index[".".join(p for p in (group, name, channel) if p)]) for channel in channels]
 
     def with_part(self, page: str) -> Robot:
         """The robot with a variant part, e.g. `controller_as_printed`; InputError for an unknown one."""
@@ -119,9 +123,9 @@ class Robot:
 def refuse_negative(robot: Robot) -> Robot:
     """The robot itself. InputError for a quantity below 0 whose plausible range lies above it, such as a length."""
     for name, (low, _) in robot.ranges.items():
-        entry = robot.machine.entries[robot.machine.index[name]]
-        if low > 0 > robot[name] and entry.unit != "rad":
-            raise InputError(f"{robot.source}: {name} = {robot[name]:g} {entry.unit}, below 0")
+        parameter = robot.machine.parameters[robot.machine.index[name]]
+        if low > 0 > robot[name] and parameter.unit != "rad":
+            raise InputError(f"{robot.source}: {name} = {robot[name]:g} {parameter.unit}, below 0")
     return robot
 
 
@@ -132,18 +136,18 @@ VARIANTS = {
 
 
 @cache
-def vary_cached(name: str, scatter: tuple[Scatter, ...], pages: tuple[str, ...]) -> Machine:
+def vary_cached(name: str, tolerances: tuple[Tolerance, ...], pages: tuple[str, ...]) -> Machine:
     """A machine with variant parts; the same object each time, so that it is composed once."""
-    machine = machine_of(MACHINES[name], scatter)
+    machine = machine_of(MACHINES[name], tolerances)
     variants = {VARIANTS[p][0]: getattr(import_module(VARIANTS[p][1]), VARIANTS[p][2]) for p in pages}
     return replace(machine, variants=variants)
 
 
 @cache
-def machine_of(module: str, scatter: tuple[Scatter, ...]) -> Machine:
+def machine_of(module: str, tolerances: tuple[Tolerance, ...]) -> Machine:
     """The machine of a page, with what scatters in it; the same object each time."""
     name = module.removesuffix(".machine").rsplit(".", 1)[-1]
-    return replace(getattr(import_module(module), name)(), scatter=scatter)
+    return replace(getattr(import_module(module), name)(), tolerances=tolerances)
 
 
 def vary(machine: Machine, page: str) -> Machine:
@@ -151,13 +155,13 @@ def vary(machine: Machine, page: str) -> Machine:
     if page not in VARIANTS:
         raise InputError(f"unknown part {page!r}{nearest(page, list(VARIANTS))}; there are {', '.join(VARIANTS)}")
     present = {p for p, (point, _, _) in VARIANTS.items() if point in machine.variants}
-    return vary_cached(machine.name, machine.scatter, tuple(sorted(present | {page})))
+    return vary_cached(machine.name, machine.tolerances, tuple(sorted(present | {page})))
 
 
-def flatten(numbers: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+def flatten(parameters: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     """Nested mappings as dotted names; a mapping with a `value` key counts as that value."""
     found = []
-    for key, value in numbers.items():
+    for key, value in parameters.items():
         name = f"{prefix}.{key}" if prefix else str(key)
         if isinstance(value, Mapping) and "value" in value:
             value = value["value"]
@@ -184,11 +188,11 @@ def checked(name: str, value: Any, source: str) -> float:
     return number
 
 
-def check_lanes(machine: Machine, effect: Effect, lanes: Iterable[str]) -> tuple[str, ...]:
+def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) -> tuple[str, ...]:
     """Lanes an effect shall sit on; InputError naming an unknown one."""
-    known, wanted = machine.lanes.of(effect.over), tuple(lanes)
-    for lane in wanted:
-        if lane not in known:
-            lanes = ", ".join(filter(None, known)) or "no lanes"
-            raise InputError(f"{effect.id} does not sit on {lane!r}; it knows {lanes}")
+    known, wanted = machine.axes.of(effect.axis), tuple(channels)
+    for channel in wanted:
+        if channel not in known:
+            channels = ", ".join(filter(None, known)) or "no channels"
+            raise InputError(f"{effect.id} does not sit on {channel!r}; it knows {channels}")
     return wanted or known

@@ -63,29 +63,29 @@ def _stated(item: Mapping[str, Any], where: str) -> None:
 
 
 def _groups(value: Any, where: str) -> None:
-    """Name -> name -> number or numbers per lane, as `effects`."""
+    """Name -> name -> number or numbers per channel, as `effects`."""
     for name, item in _mapping(value, where).items():
         for inner, one in _mapping(item, f"{where}.{name}").items():
             if isinstance(one, Mapping):
-                _lanes(one, f"{where}.{name}.{inner}")
+                _channels(one, f"{where}.{name}.{inner}")
 
 
 def _limits(value: Any, where: str) -> None:
     for name, item in _mapping(value, where).items():
         inner = _mapping(item, f"{where}.{name}")
-        _lanes(inner.get("value", inner), f"{where}.{name}")
+        _channels(inner.get("value", inner), f"{where}.{name}")
 
 
 def _grasps(value: Any, where: str) -> None:
     for name, item in _mapping(value, where).items():
-        _lanes(item, f"{where}.{name}")
+        _channels(item, f"{where}.{name}")
 
 
-def _lanes(value: Any, where: str) -> None:
+def _channels(value: Any, where: str) -> None:
     """Wire or joint -> number."""
-    for lane, one in _mapping(value, where).items():
+    for channel, one in _mapping(value, where).items():
         if not _is_number(one):
-            raise InputError(f"{where}.{lane}: wanted a number, found {shown(one)}")
+            raise InputError(f"{where}.{channel}: wanted a number, found {shown(one)}")
 
 
 def _is_number(value: Any) -> bool:
@@ -102,26 +102,26 @@ def shown(value: Any) -> str:
     return "nothing" if value is None else text if len(text) <= 40 else text[:37] + "..."
 
 
-def _scatter(value: Any, where: str) -> None:
-    """A list of {each, how, spread, limit}."""
+def _tolerances(value: Any, where: str) -> None:
+    """A list of {parameters, transform, prior_std, max_deviation}."""
     if not isinstance(value, list):
         raise InputError(f"{where}: wanted a list, found {shown(value)}")
     for number, item in enumerate(value):
         at = f"{where}, item {number + 1}"
-        for key in ("each", "how", "spread", "limit"):
+        for key in ("parameters", "transform", "prior_std", "max_deviation"):
             if key not in _mapping(item, at):
                 raise InputError(f"{at}: key {key!r} is missing")
-        _parts(item["each"], f"{at}: each")
-        if item["how"] not in HOW:
-            raise InputError(f"{at}: how {item['how']!r} is none of {', '.join(HOW)}")
-        for key in ("spread", "limit"):
+        _parts(item["parameters"], f"{at}: parameters")
+        if item["transform"] not in TRANSFORMS:
+            raise InputError(f"{at}: transform {item['transform']!r} is none of {', '.join(TRANSFORMS)}")
+        for key in ("prior_std", "max_deviation"):
             if not _is_number(item[key]) or float(item[key]) <= 0:
                 raise InputError(f"{at}: {key}: wanted a number above 0, found {shown(item[key])}")
 
 
-HOW = ("scales", "adds", "stretches")
+TRANSFORMS = ("relative", "additive", "log")
 
 KEYS: Mapping[str, Check] = {
-    "machine": _text, "base": _text, "numbers": _numbers, "effects": _groups, "parts": _parts, "limits": _limits,
-    "grasps": _grasps, "scatter": _scatter, "notes": lambda value, where: None,
+    "machine": _text, "base": _text, "parameters": _numbers, "effects": _groups, "parts": _parts, "limits": _limits,
+    "grasps": _grasps, "tolerances": _tolerances, "notes": lambda value, where: None,
 }  # fmt: skip

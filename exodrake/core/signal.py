@@ -5,24 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-WIRES, JOINTS, ONE = "wires", "joints", ""
+TENDONS, JOINTS, SCALAR = "tendons", "joints", ""
 
 
 @dataclass(frozen=True)
-class Wire:
+class Signal:
     """A named signal between parts: a Drake port and, where it has a log column, a column family."""
 
     name: str
     unit: str
-    over: str
+    axis: str
 
 
-class Lanes(NamedTuple):
+class Axes(NamedTuple):
     """Names of a machine's wires and joints."""
 
-    wires: tuple[str, ...]
+    tendons: tuple[str, ...]
     joints: tuple[str, ...]
 
-    def of(self, over: str) -> tuple[str, ...]:
+    def of(self, axis: str) -> tuple[str, ...]:
         """Lane names of `WIRES` or `JOINTS`; one empty name for `ONE`."""
-        return {WIRES: self.wires, JOINTS: self.joints, ONE: ("",)}[over]
+        return {TENDONS: self.tendons, JOINTS: self.joints, SCALAR: ("",)}[axis]

@@ -102,7 +102,7 @@ def draw_other(axes: Any, other: Log, kind: str) -> None:
 
 
 def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | None) -> None:
-    """Colours beside the first panel of each set of lanes, with what dashed and dotted mean."""
+    """Colours beside the first panel of each set of channels, with what dashed and dotted mean."""
     from matplotlib.lines import Line2D
 
     explained: set[tuple[str, ...]] = set()

@@ -1,8 +1,8 @@
 """Hypotheses as a fit sees them: a vector u for the parameters of one or more effects, and its way to a robot's flat
 numbers.
 
-An effect's first number has one entry per lane, its other numbers one entry for all lanes. u = 0 is where the first
-number is neutral: u = value - neutral, log(value / neutral) for a factor, or 1 / value for a stiffness; a further
+An effect's first number has one entry per channel, its other numbers one entry for all channels. u = 0 is where the
+first number is neutral: u = value - neutral, log(value / neutral) for a factor, or 1 / value for a stiffness; a further
 number has u = log(value) or value, as its `scale` says.
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.machine import Machine
 
 REACH = 2.0  # a fit may go this far beyond the plausible range [factor]: assumed
@@ -22,34 +22,34 @@ REACH = 2.0  # a fit may go this far beyond the plausible range [factor]: assume
 
 @dataclass(frozen=True)
 class Knob:
-    """One entry of u: the effect's number at some lanes."""
+    """One entry of u: the effect's number at some channels."""
 
     effect: str
-    number: Number
-    lanes: tuple[str, ...]
+    number: EffectParameter
+    channels: tuple[str, ...]
     places: tuple[int, ...]
     first: bool
 
     def value(self, u: float) -> float:
         """The number's value [its unit]."""
-        if self.number.scale == "reciprocal":
+        if self.number.transform == "reciprocal":
             return math.inf if u <= 0.0 else 1.0 / u
-        if self.number.scale == "log":
+        if self.number.transform == "log":
             return math.exp(u) * self.origin
-        return u + self.number.neutral if self.first else u
+        return u + self.number.null if self.first else u
 
     def at(self, value: float) -> float:
         """u of a value."""
-        if self.number.scale == "reciprocal":
+        if self.number.transform == "reciprocal":
             return 0.0 if math.isinf(value) else 1.0 / value
-        if self.number.scale == "log":
+        if self.number.transform == "log":
             return math.log(value / self.origin)
-        return value - self.number.neutral if self.first else value
+        return value - self.number.null if self.first else value
 
     @property
     def origin(self) -> float:
         """Value of a logarithmic number at u = 0: neutral for a factor."""
-        return self.number.neutral if self.first else 1.0
+        return self.number.null if self.first else 1.0
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -61,11 +61,11 @@ class Knob:
     def plausible(self) -> tuple[float, float]:
         """Plausible range of u, stretched by REACH, neutral included for a first number."""
         ends = sorted((self.at(self.number.low), self.at(self.number.high)))
-        if not self.first and self.number.scale == "log":
+        if not self.first and self.number.transform == "log":
             return ends[0] - math.log(REACH), ends[1] + math.log(REACH)
         if not self.first:
             return ends[0], ends[1]
-        if self.number.scale == "log":
+        if self.number.transform == "log":
             return min(0.0, ends[0] - math.log(REACH)), ends[1] + math.log(REACH) if ends[1] > 0.0 else 0.0
         return min(0.0, ends[0] * REACH), max(0.0, ends[1] * REACH)
 
@@ -78,7 +78,7 @@ class Knob:
     @property
     def start(self) -> float:
         """u to start from."""
-        return self.at(self.number.typical)
+        return self.at(self.number.initial)
 
 
 @dataclass(frozen=True)
@@ -127,23 +127,23 @@ class Hypothesis:
 NOTHING = Hypothesis((), ())
 
 
-def hypothesis(machine: Machine, effect: Effect, lanes: Sequence[str] = ()) -> Hypothesis:
-    """One effect with a first number per lane (those of `lanes`, or all) and common further numbers."""
-    wanted = tuple(lanes) or machine.lanes.of(effect.over)
+def hypothesis(machine: Machine, effect: Effect, channels: Sequence[str] = ()) -> Hypothesis:
+    """One effect with a first number per channel (those of `channels`, or all) and common further numbers."""
+    wanted = tuple(channels) or machine.axes.of(effect.axis)
     knobs, held = [], []
-    for k, number in enumerate(effect.numbers):
-        over = machine.lanes.of(number.over)
-        here = [lane for lane in over if lane in wanted] if number.over else [""]
-        at = {lane: machine.index[".".join(p for p in (effect.id, number.name, lane) if p)] for lane in here}
-        if not number.free:
-            held += [(place, number.typical) for place in at.values()]
+    for k, number in enumerate(effect.parameters):
+        axis = machine.axes.of(number.axis)
+        here = [channel for channel in axis if channel in wanted] if number.axis else [""]
+        at = {channel: machine.index[".".join(p for p in (effect.id, number.name, channel) if p)] for channel in here}
+        if not number.fitted:
+            held += [(place, number.initial) for place in at.values()]
         elif k == 0 or free_first(effect) is number:
-            knobs += [Knob(effect.id, number, (lane,), (place,), k == 0) for lane, place in at.items()]
+            knobs += [Knob(effect.id, number, (channel,), (place,), k == 0) for channel, place in at.items()]
         else:
             knobs.append(Knob(effect.id, number, tuple(here), tuple(at.values()), False))
     return Hypothesis((effect.id,), tuple(knobs), tuple(held))
 
 
-def free_first(effect: Effect) -> Number | None:
+def free_first(effect: Effect) -> EffectParameter | None:
     """The first number that a fit may move."""
-    return next((n for n in effect.numbers if n.free), None)
+    return next((n for n in effect.parameters if n.fitted), None)

@@ -1,4 +1,4 @@
-"""What a case must be to be diagnosed with a machine: its lanes, its frame, logs neither too short nor too long."""
+"""What a case must be to be diagnosed with a machine: its channels, its frame, logs neither too short nor too long."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ SAME = 1e-9  # s, two frame periods closer than this are one
 
 
 def check_case(case: Case, machine: Machine) -> None:
-    """InputError, naming the log, for another frame or other lanes than the machine's, and logs too short or long."""
+    """InputError, naming the log, for another frame or other channels than the machine's, and logs too short or
+    long.
+    """
     if abs(case.period - machine.frame) > SAME:
         raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
     for item in case.logs:
-        check_lanes(item.log, item.file, machine)
+        check_channels(item.log, item.file, machine)
         if len(item.log) < SHORTEST:
             raise InputError(
                 f"{item.file}: {len(item.log)} frames, a diagnosis needs {SHORTEST} ({SHORTEST * machine.frame:g} s)"
@@ -29,11 +31,13 @@ def check_case(case: Case, machine: Machine) -> None:
         )
 
 
-def check_lanes(log: Log, file: str, machine: Machine) -> None:
+def check_channels(log: Log, file: str, machine: Machine) -> None:
     """InputError naming a required column of one of the machine's wires or joints that the log lacks."""
     for column in machine.columns:
-        lanes = machine.lanes.of(machine.wire[column.wire].over)
-        for lane in lanes if column.required else ():
-            name = f"{column.kind}_{lane}"
+        channels = machine.axes.of(machine.signal[column.signal].axis)
+        for channel in channels if column.required else ():
+            name = f"{column.kind}_{channel}"
             if name not in log.signals:
-                raise InputError(f"{file}: required column {name!r} is missing ({machine.name} has {', '.join(lanes)})")
+                raise InputError(
+                    f"{file}: required column {name!r} is missing ({machine.name} has {', '.join(channels)})"
+                )

@@ -17,7 +17,7 @@ from exodrake.diagnosis.result import Closure, Interval, SignalGap
 from exodrake.diagnosis.signals import mismatch
 from exodrake.simulation.simulate import Recording, record
 
-BLOCK = 2.0  # s, longer than the loop's memory
+PART = 2.0  # s, longer than the loop's memory
 DRAWS = 400
 CONFIDENCE = 0.90
 
@@ -34,7 +34,9 @@ def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.n
 
 def shown(problem: Problem, run: Recording) -> np.ndarray:
     """The problem's columns of a noise-free recording (n, columns) [SI]."""
-    return np.concatenate([run.wires[w.name] for w in problem.robot.machine.wires], axis=1)[:, problem.wires]
+    return np.concatenate([run.signals[w.name] for w in problem.robot.machine.signals], axis=1)[
+        :, problem.signal_indices
+    ]
 
 
 def closure(before: np.ndarray, after: np.ndarray) -> float:
@@ -46,7 +48,7 @@ def closure(before: np.ndarray, after: np.ndarray) -> float:
 def measure(problem: Problem, nominal: Robot, retuned: Robot, improved: Robot, seed: int = 0) -> Closure:
     """Gap and closure on the held-out logs, overall and per signal."""
     before, tuned, after = (held_out(problem, robot) for robot in (nominal, retuned, improved))
-    length = max(1, round(BLOCK / problem.robot.machine.frame))
+    length = max(1, round(PART / problem.robot.machine.frame))
     b, a = blocks(before, length), blocks(after, length)
     value = closure(b, a)
     rng = np.random.default_rng(seed)
@@ -70,5 +72,5 @@ def signal(
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
     rms = [floor * float(np.sqrt(x.mean())) for x in (b, t, a)]
     kind = problem.kinds[i]
-    unit = next(problem.robot.machine.wire[c.wire].unit for c in problem.robot.machine.columns if c.kind == kind)
+    unit = next(problem.robot.machine.signal[c.signal].unit for c in problem.robot.machine.columns if c.kind == kind)
     return SignalGap(rms[0], rms[1], rms[2], floor, closure(b, a), unit)

@@ -127,7 +127,7 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
         return Decision(
             RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",)
         )
-    chance = probabilities(problem, ranked, misfit(problem, best))
+    noise_inputs = probabilities(problem, ranked, misfit(problem, best))
     left, final = left_over(problem, best, search.retuned), misfit(problem, best)
     if not explains(problem, best, search.retuned, limits):
         if search.lossy:
@@ -136,11 +136,11 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
                 NAMED,
                 lost,
                 (lost,),
-                chance,
+                noise_inputs,
                 ("commands were seen to be lost, one by one; those lost unseen leave the rest",),
             )
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
-        return Decision(UNKNOWN, best, (), chance, (why,))
+        return Decision(UNKNOWN, best, (), noise_inputs, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
     rivals = [f for f in same if as_good(problem, f, best, limits)]
     rivals += [
@@ -153,7 +153,7 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
             AMBIGUOUS,
             best,
             tuple(rivals),
-            chance,
+            noise_inputs,
             ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),),
         )
-    return Decision(NAMED, best, tuple(rivals), chance, (f"{best.name} leaves {left:.1%} of the gap",))
+    return Decision(NAMED, best, tuple(rivals), noise_inputs, (f"{best.name} leaves {left:.1%} of the gap",))

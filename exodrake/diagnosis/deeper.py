@@ -25,7 +25,7 @@ def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thre
     """
     grown: list[Fitted] = []
     best = min(found, key=lambda f: f.score, default=None)
-    for _ in range(problem.robot.machine.depth - 2):
+    for _ in range(problem.robot.machine.max_effects - 2):
         if best is None or misfit(problem, best) <= limits.near:
             break
         further = [f for f in ranking.pairs(best) if f.score < best.score and predicts_better(problem, f, best, limits)]

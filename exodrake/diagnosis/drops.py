@@ -30,11 +30,11 @@ Z90 = 1.645
 
 @dataclass(frozen=True, eq=False)
 class Drops:
-    """`lottery` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen, lost: those
-    lost, certain: those beyond doubt.
+    """`packet_arrival` (n, wires): 0 where a command was lost, else 1; events: commands whose loss could be seen,
+    lost: those lost, certain: those beyond doubt.
     """
 
-    lottery: np.ndarray
+    packet_arrival: np.ndarray
     events: int
     lost: int
     certain: int
@@ -45,13 +45,13 @@ class Drive:
 
     def __init__(self, machine: Machine, values: np.ndarray) -> None:
         module, at = compile_machine(machine), 0
-        blocks = {b.name: sum(e.block == b.name for e in machine.entries) for b in machine.blocks}
-        for name, count in blocks.items():
+        parts = {b.name: sum(e.part == b.name for e in machine.parameters) for b in machine.parts}
+        for name, count in parts.items():
             if name == "motor":
                 break
             at += count
-        self.update, self.p = module.motor__leaf__update, values[at : at + blocks["motor"]].copy()
-        self.state = np.zeros(sum(machine.part_size(next(b for b in machine.blocks if b.name == "motor"))))
+        self.update, self.p = module.motor__leaf__update, values[at : at + parts["motor"]].copy()
+        self.state = np.zeros(sum(machine.part_size(next(b for b in machine.parts if b.name == "motor"))))
         self.slots, self.dt = machine.slots, machine.slot
 
     def frame(self, state: np.ndarray, before: np.ndarray, after: np.ndarray, tension: np.ndarray) -> np.ndarray:
@@ -81,21 +81,21 @@ def decode(machine: Machine, values: np.ndarray, command: np.ndarray, stroke: np
     """Lost commands of one log. command [m/s], stroke [m], tension [N]: (n, wires), as logged."""
     log = Seen(*map(filled_columns, (command, stroke, tension)))
     drive = Drive(machine, values)
-    lottery, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
+    packet_arrival, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
     events = lost = certain = 0
-    for n in range(len(lottery) - AHEAD):
+    for n in range(len(packet_arrival) - AHEAD):
         change = np.abs(log.command[n] - applied)
         seen = change > STEP
         if seen.any():
             keep, drop = (least_error(drive, state, applied, seen, log, n, first) for first in (False, True))
             gone = seen & (drop < CLEAR * keep)
-            lottery[n, gone] = 0.0
+            packet_arrival[n, gone] = 0.0
             events, lost = events + int(seen.sum()), lost + int(gone.sum())
             certain += int(np.sum((change > LARGE) & (drop < CERTAIN * keep)))
-        now = np.where(lottery[n] == 0.0, applied, log.command[n])
+        now = np.where(packet_arrival[n] == 0.0, applied, log.command[n])
         drive.frame(state, applied, now, log.tension[n])
         applied = now
-    return Drops(lottery, events, lost, certain)
+    return Drops(packet_arrival, events, lost, certain)
 
 
 def least_error(

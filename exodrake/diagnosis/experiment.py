@@ -19,7 +19,7 @@ def menu(problem: Problem) -> dict[str, Reference]:
     """Experiments that the robot can run, cheapest first: the Exo-Index's protocols, or its own motion at other sizes
     and speeds.
     """
-    if tendon_finger.BLOCK in problem.robot.machine.blocks:
+    if tendon_finger.PART in problem.robot.machine.parts:
         return exo_menu(problem.robot)
     own = problem.fit[0].reference
     rest = own[0]

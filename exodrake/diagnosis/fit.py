@@ -67,8 +67,8 @@ class Fitter:
     def __init__(self, problem: Problem, memory: float = MEMORY) -> None:
         self.problem, self.frames = problem, as_one(problem, memory)
         self.knobs = nuisance.knobs(problem.robot.machine)
-        self.spread = np.array([k.spread for k in self.knobs]) / np.sqrt(self.frames)
-        self.limit = np.array([k.limit for k in self.knobs])
+        self.spread = np.array([k.prior_std for k in self.knobs]) / np.sqrt(self.frames)
+        self.limit = np.array([k.max_deviation for k in self.knobs])
         self.silent = problem.silent()
 
     def values(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray) -> np.ndarray:

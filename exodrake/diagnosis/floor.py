@@ -25,7 +25,7 @@ ROBUST = 1.4826  # standard deviation of a normal law over its median absolute d
 
 def sensor_floor(robot: Robot) -> dict[str, float]:
     """Floor per kind of signal from the robot's numbers [SI]; none for a machine that states none."""
-    return robot.machine.floors(robot.__getitem__) if robot.machine.floors else {}
+    return robot.machine.noise_std(robot.__getitem__) if robot.machine.noise_std else {}
 
 
 def repeat_floor(case: Case, column: str, stopped: Bands, period: float) -> float | None:
@@ -41,14 +41,16 @@ def repeat_floor(case: Case, column: str, stopped: Bands, period: float) -> floa
     return float(np.median(spreads)) if spreads else None
 
 
-def asked_rows(machine: Machine, log: Log) -> np.ndarray:
+def reference_rows(machine: Machine, log: Log) -> np.ndarray:
     """What a log's machine was asked to do (n, references) [SI]."""
-    return np.column_stack([log.array(c.kind, machine.lanes.of(machine.wire[c.wire].over)) for c in machine.asked])
+    return np.column_stack(
+        [log.array(c.kind, machine.axes.of(machine.signal[c.signal].axis)) for c in machine.references]
+    )
 
 
 def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
     """Standard deviation of a run about its repeat [unit of the column], by simulating the first fitted reference."""
-    reference = Reference(np.nan_to_num(asked_rows(robot.machine, case.fit_logs[0].log)), "floor")
+    reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "floor")
     a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
@@ -58,13 +60,13 @@ def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Ban
 
     stopped: bands [Hz] that are left out.
     """
-    numbers = sensor_floor(robot)
+    parameters = sensor_floor(robot)
     expected = {} if case.repeat_groups else simulated_floor(case, robot, columns)
     found = []
     for column in columns:
         kind = column.rsplit("_", 1)[0]
         differ = repeat_floor(case, column, stopped, robot.machine.frame)
-        found.append(max(numbers.get(kind, 0.0), differ or expected.get(column, 0.0)))
+        found.append(max(parameters.get(kind, 0.0), differ or expected.get(column, 0.0)))
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
     return np.array(found)

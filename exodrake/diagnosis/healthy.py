@@ -28,11 +28,11 @@ EXACT = (
 def scattered(robot: Robot, rng: np.random.Generator) -> Robot:
     """A healthy robot: every number that may scatter drawn anew."""
     values = robot.values.copy()
-    for i, entry in enumerate(robot.machine.entries):
-        if entry.neutral is not None or entry.name.startswith(EXACT):
+    for i, parameter in enumerate(robot.machine.parameters):
+        if parameter.null is not None or parameter.name.startswith(EXACT):
             continue
         draw = float(np.clip(rng.standard_normal(), -CLIP, CLIP))
-        values[i] += SCATTER_ANGLE * draw if entry.name.startswith("finger.q_e") else SCATTER * draw * values[i]
+        values[i] += SCATTER_ANGLE * draw if parameter.name.startswith("finger.q_e") else SCATTER * draw * values[i]
     return Robot(robot.machine, values, limits=robot.limits, source="scattered")
 
 

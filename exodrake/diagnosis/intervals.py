@@ -1,4 +1,4 @@
-"""Intervals of fitted parameters, and the lanes that an effect really sits on.
+"""Intervals of fitted parameters, and the channels that an effect really sits on.
 
 Residuals are coloured, so J'J alone is too sure: so many frames count as one (`Fitter`), against the errors that the
 nominal numbers usually have; covariance = (J'J / frames + prior)^-1. To that comes what no residual shows: a parameter
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.signal import ONE, WIRES
+from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.candidates import Knob
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.result import Interval, NamedEffect
@@ -21,8 +21,8 @@ Z90 = 1.645  # half width of a 90 % interval in standard deviations
 # relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
 LAW = 0.2
 SAME_LAW = 0.01  # of a parameter that means the same in every law: integration and rounding; assumed
-PRESENT = 4.0  # standard deviations from neutral at which a lane counts as affected
-MINOR = 0.12  # of the strongest lane: weaker lanes count as leakage from it
+PRESENT = 4.0  # standard deviations from neutral at which a channel counts as affected
+MINOR = 0.12  # of the strongest channel: weaker channels count as leakage from it
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +57,12 @@ def covariance(fitter: Fitter, point: Point, responses: np.ndarray) -> np.ndarra
 
 
 def affected(estimate: Spread, effect: str) -> list[int]:
-    """Knobs of an effect's first number whose lanes count as affected; at least the strongest."""
+    """Knobs of an effect's first number whose channels count as affected; at least the strongest."""
     knobs = estimate.point.hypothesis.knobs
     mine = [
         i
         for i, k in enumerate(knobs)
-        if k.effect == effect and len(k.lanes) == 1 and (k.first or k.number.name == lead(knobs, effect))
+        if k.effect == effect and len(k.channels) == 1 and (k.first or k.number.name == lead(knobs, effect))
     ]
     strength = np.abs(estimate.point.u[mine])
     sure = strength > PRESENT * np.maximum(estimate.deviations[mine], 1e-12)
@@ -75,33 +75,37 @@ def lead(knobs: tuple[Knob, ...], effect: str) -> str:
     return next(k.number.name for k in knobs if k.effect == effect)
 
 
-def describe(estimate: Spread, effect: str, over: str, probability: float, lanes: tuple[str, ...]) -> NamedEffect:
-    """An effect with its lanes, parameters and intervals.
+def describe(estimate: Spread, effect: str, axis: str, probability: float, channels: tuple[str, ...]) -> NamedEffect:
+    """An effect with its channels, parameters and intervals.
 
-    Args: over: what the effect runs over; lanes: all lanes of that kind.
+    Args: over: what the effect runs over; channels: all channels of that kind.
     """
     point, knobs = estimate.point, estimate.point.hypothesis.knobs
     chosen = (
-        affected(estimate, effect) if any(len(k.lanes) == 1 and k.lanes[0] for k in knobs if k.effect == effect) else []
+        affected(estimate, effect)
+        if any(len(k.channels) == 1 and k.channels[0] for k in knobs if k.effect == effect)
+        else []
     )
-    sits = tuple(knobs[i].lanes[0] for i in chosen) or tuple(x for x in lanes if x)
-    parameters, by_lane = {}, {}
+    sits = tuple(knobs[i].channels[0] for i in chosen) or tuple(x for x in channels if x)
+    parameters, by_channel = {}, {}
     if chosen:
         number = knobs[chosen[0]].number
-        by_lane[number.name] = {
-            knobs[i].lanes[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen
+        by_channel[number.name] = {
+            knobs[i].channels[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen
         }
         mean, deviation = pooled(point.u[chosen], estimate.covariance[np.ix_(chosen, chosen)])
         parameters[number.name] = interval(knobs[chosen[0]], mean, deviation)
     for i, knob in enumerate(knobs):
         if knob.effect == effect and knob.number.name not in parameters and i not in chosen:
             parameters[knob.number.name] = interval(knob, point.u[i], estimate.deviations[i])
-    wires = sits if over == WIRES else ()
-    return NamedEffect(effect, wires, sits if over not in (WIRES, ONE) else (), parameters, by_lane, probability)
+    wires = sits if axis == TENDONS else ()
+    return NamedEffect(
+        effect, wires, sits if axis not in (TENDONS, SCALAR) else (), parameters, by_channel, probability
+    )
 
 
 def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
-    """Common value of several lanes and its standard deviation, lanes that disagree widening it."""
+    """Common value of several channels and its standard deviation, channels that disagree widening it."""
     if len(values) == 1:
         return float(values[0]), float(np.sqrt(covariance[0, 0]))
     mean = float(np.mean(values))
@@ -114,11 +118,11 @@ def interval(knob: Knob, u: float, deviation: float) -> Interval:
     number's plausible range.
     """
     law = SAME_LAW if knob.effect in SELF_DEFINED else LAW
-    whole = float(np.hypot(deviation, law if knob.number.scale == "log" else law * abs(u)))
+    whole = float(np.hypot(deviation, law if knob.number.transform == "log" else law * abs(u)))
     low, high = u - Z90 * whole, u + Z90 * whole
-    if knob.number.scale == "log":
+    if knob.number.transform == "log":
         low, high = max(low, min(u, knob.bounds[0])), min(high, max(u, knob.bounds[1]))
     ends = [knob.value(low), knob.value(high)]
     value = knob.value(u)
-    turns = knob.number.told(value) - value
+    turns = knob.number.wrapped(value) - value
     return Interval(value + turns, min(ends) + turns, max(ends) + turns, knob.number.unit)

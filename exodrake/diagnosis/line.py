@@ -97,7 +97,7 @@ def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarr
 
 def seen(problem: Problem, point: Point) -> Line | None:
     """The line of a tremor in what a fitted point leaves, if there is one and the machine can tremble."""
-    if all(effect.id != TREMOR for effect in problem.robot.machine.shelf):
+    if all(effect.id != TREMOR for effect in problem.robot.machine.effects):
         return None
     line = find(problem, by_trial(point.residual, problem.fit))
     return line if line.certain else None
@@ -139,7 +139,7 @@ def named(found: Tremor, joints: tuple[str, ...]) -> NamedEffect:
     """A tremor, its joints those with more than a minor part of the strongest one's torque."""
     line, knobs = found.line, [(k, u) for k, u in zip(found.hypothesis.knobs, found.u, strict=True) if k.first]
     strongest = max(u for _, u in knobs)
-    torques = {k.lanes[0]: torque(u) for k, u in knobs if u > MINOR * strongest}
+    torques = {k.channels[0]: torque(u) for k, u in knobs if u > MINOR * strongest}
     mean = float(np.mean([i.value for i in torques.values()]))
     half = 0.5 / WINDOW
     frequency = Interval(line.frequency, line.frequency - half, line.frequency + half, "Hz")

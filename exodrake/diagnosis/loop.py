@@ -7,9 +7,9 @@ from math import cos, sin
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.leaf_functions import held_wires, outer_reads
+from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.core.machine import Machine, feedthrough_order
-from exodrake.core.part import Block
+from exodrake.core.part import Part
 from exodrake.systems import routers
 from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 
@@ -21,60 +21,60 @@ class Loop:
 
     def __init__(self, machine: Machine, values: np.ndarray) -> None:
         self.machine, self.module = machine, compile_machine(machine)
-        self.wires = {w.name: np.zeros(machine.width(w.over)) for w in machine.wires}
-        self.states, self.numbers = {}, {}
-        state, at, p_at = np.zeros(sum(sum(machine.part_size(b)) for b in machine.blocks)), 0, 0
+        self.signals = {w.name: np.zeros(machine.width(w.axis)) for w in machine.signals}
+        self.states, self.parameters = {}, {}
+        state, at, p_at = np.zeros(sum(sum(machine.part_size(b)) for b in machine.parts)), 0, 0
         self.tasks_of = {
             (b.name, t.function): (getattr(self.module, f"{b.name}__leaf__{t.function}"), outer_reads(b, t.reads))
-            for b in machine.blocks
+            for b in machine.parts
             for t in b.tasks
         }
-        self.held = {b.name: [self.wires[n] for n in held_wires(b)] for b in machine.blocks}
+        self.held = {b.name: [self.signals[n] for n in held_signals(b)] for b in machine.parts}
         self.module.begin(values, state)
-        for block in machine.blocks:
-            size, count = sum(machine.part_size(block)), sum(e.block == block.name for e in machine.entries)
-            self.states[block.name], self.numbers[block.name] = (
+        for part in machine.parts:
+            size, count = sum(machine.part_size(part)), sum(e.part == part.name for e in machine.parameters)
+            self.states[part.name], self.parameters[part.name] = (
                 state[at : at + size].copy(),
                 values[p_at : p_at + count].copy(),
             )
             at, p_at = at + size, p_at + count
-            held = getattr(self.module, f"{block.name}__leaf__hold")
-            held(self.states[block.name], *self.held[block.name], self.numbers[block.name])
+            held = getattr(self.module, f"{part.name}__leaf__hold")
+            held(self.states[part.name], *self.held[part.name], self.parameters[part.name])
         self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
         self.routing = routing(machine, values)
         self.pass_through({})
 
-    def call(self, block: Block, function: str, own: tuple = (), reads: tuple = ()) -> None:
+    def call(self, part: Part, function: str, own: tuple = (), reads: tuple = ()) -> None:
         """A task of a part: its own wires follow from its state."""
-        entry, _ = self.tasks_of[block.name, function]
-        entry(self.states[block.name], *self.held[block.name], self.numbers[block.name], *own, *reads)
+        parameter, _ = self.tasks_of[part.name, function]
+        parameter(self.states[part.name], *self.held[part.name], self.parameters[part.name], *own, *reads)
 
-    def reads(self, block: Block, function: str) -> tuple[str, ...]:
+    def reads(self, part: Part, function: str) -> tuple[str, ...]:
         """Wires from other parts that a task reads."""
-        return self.tasks_of[block.name, function][1]
+        return self.tasks_of[part.name, function][1]
 
     def pass_through(self, imposed: dict[str, np.ndarray]) -> None:
         """Imposed wires take their values, then wires of direct feedthrough follow."""
         for name, value in imposed.items():
-            self.wires[name][:] = value
-        for block, output in self.direct:
-            entry = getattr(self.module, f"{block.name}__leaf__{output.function}")
-            entry(
-                self.states[block.name],
-                self.numbers[block.name],
-                *(self.wires[n] for n in (*output.reads, *output.writes)),
+            self.signals[name][:] = value
+        for part, output in self.direct:
+            parameter = getattr(self.module, f"{part.name}__leaf__{output.function}")
+            parameter(
+                self.states[part.name],
+                self.parameters[part.name],
+                *(self.signals[n] for n in (*output.reads, *output.writes)),
             )
             for name in set(output.writes) & set(imposed):
-                self.wires[name][:] = imposed[name]
+                self.signals[name][:] = imposed[name]
 
     def tasks(self, slot: int, imposed: dict[str, np.ndarray]) -> None:
         """The sampled tasks of a slot."""
-        for block in self.machine.blocks:
-            for task in block.tasks:
+        for part in self.machine.parts:
+            for task in part.tasks:
                 if slot in task.slots:
-                    lane = (task.slots.index(slot),) if task.lanes else ()
+                    channel = (task.slots.index(slot),) if task.per_channel else ()
                     self.call(
-                        block, task.function, lane, tuple(self.wires[n] for n in self.reads(block, task.function))
+                        part, task.function, channel, tuple(self.signals[n] for n in self.reads(part, task.function))
                     )
         self.pass_through(imposed)
 
@@ -88,15 +88,15 @@ class Loop:
         """One plant tick; `forced`: tension [N] and its rate [N/s] on the finger; `held`: joint angles [rad] put in
         place of its own.
         """
-        before = {name: values.copy() for name, values in self.wires.items()}
-        for block in self.machine.blocks:
-            for task in block.tasks:
+        before = {name: values.copy() for name, values in self.signals.items()}
+        for part in self.machine.parts:
+            for task in part.tasks:
                 if task.slots:
                     continue
-                reads = tuple(before[n] for n in self.reads(block, task.function))
-                if block.name == "finger" and forced is not None:
+                reads = tuple(before[n] for n in self.reads(part, task.function))
+                if part.name == "finger" and forced is not None:
                     reads = (forced[0] / SOFT, forced[1] / SOFT)
-                self.call(block, task.function, (dt,), reads)
+                self.call(part, task.function, (dt,), reads)
         if held is not None:
             self.hold(held)
         self.pass_through(imposed)
@@ -104,14 +104,14 @@ class Loop:
     def hold(self, angle: np.ndarray) -> None:
         """Puts the finger into a posture, at rest."""
         x = self.states["finger"]
-        x[Q : Q + 3], x[RATE : RATE + 3], self.wires["angle"][:] = angle, 0.0, angle
+        x[Q : Q + 3], x[RATE : RATE + 3], self.signals["angle"][:] = angle, 0.0, angle
         x[TAKEN : TAKEN + 3] = taken_in(self.routing, angle)
 
     def soften(self) -> None:
         """Makes the finger's wires so soft that a stroke is a force."""
-        for place, entry in enumerate(e for e in self.machine.entries if e.block == "finger"):
-            if entry.name.startswith("tendon.k."):
-                self.numbers["finger"][place] = SOFT
+        for place, parameter in enumerate(e for e in self.machine.parameters if e.part == "finger"):
+            if parameter.name.startswith("tendon.k."):
+                self.parameters["finger"][place] = SOFT
 
 
 def routing(machine: Machine, values: np.ndarray) -> list[list[tuple[float, ...]]]:
@@ -121,10 +121,10 @@ def routing(machine: Machine, values: np.ndarray) -> list[list[tuple[float, ...]
     return [
         [
             tuple(values[machine.index[f"router.{letter}_{side}.{joint}"]] for letter in "abmn")
-            for joint in machine.lanes.joints
+            for joint in machine.axes.joints
         ]
         for side in "fe"
-        if f"router.a_{side}.{machine.lanes.joints[0]}" in machine.index
+        if f"router.a_{side}.{machine.axes.joints[0]}" in machine.index
     ]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 
-SCALES, ADDS = "scales", "adds"
+RELATIVE, ADDITIVE = "relative", "additive"
 
 
 SUDDEN = ("finger.q_f", "finger.q_e")  # end stops: a motion meets them or does not
@@ -23,21 +23,21 @@ SUDDEN = ("finger.q_f", "finger.q_e")  # end stops: a motion meets them or does 
 
 @dataclass(frozen=True)
 class Knob:
-    """Places in the flat numbers that move together: `how` is SCALES (1 + x), ADDS (+ x) or stretches (exp x)."""
+    """Places in the flat numbers that move together: `transform` is RELATIVE (1 + x), ADDITIVE (+ x) or log (exp x)."""
 
     name: str
     places: tuple[int, ...]
-    how: str
-    spread: float
-    limit: float
+    transform: str
+    prior_std: float
+    max_deviation: float
 
 
 def knobs(machine: Machine) -> tuple[Knob, ...]:
-    """All knobs of a machine: its robot file's `scatter`, entry by entry."""
+    """All knobs of a machine: its robot file's `tolerances`."""
     return tuple(
-        make(machine, name, group.how, group.spread, group.limit)
-        for group in machine.scatter
-        for pattern in group.each
+        make(machine, name, group.transform, group.prior_std, group.max_deviation)
+        for group in machine.tolerances
+        for pattern in group.parameters
         for name in expand(machine, pattern)
     )
 
@@ -45,18 +45,18 @@ def knobs(machine: Machine) -> tuple[Knob, ...]:
 def expand(machine: Machine, pattern: str) -> list[str]:
     """The pattern for each wire or joint that it names."""
     if "{w}" in pattern:
-        return [pattern.replace("{w}", wire) for wire in machine.lanes.wires]
+        return [pattern.replace("{w}", wire) for wire in machine.axes.tendons]
     if "{j}" in pattern:
-        return [pattern.replace("{j}", joint) for joint in machine.lanes.joints]
+        return [pattern.replace("{j}", joint) for joint in machine.axes.joints]
     return [pattern]
 
 
-def make(machine: Machine, names: str, how: str, spread: float, limit: float) -> Knob:
+def make(machine: Machine, names: str, transform: str, prior_std: float, max_deviation: float) -> Knob:
     """A knob of the numbers in `names`."""
     for name in names.split():
         if name not in machine.index:
-            raise InputError(f"{machine.name}: scatter names {name!r}{nearest(name, list(machine.index))}")
-    return Knob(names, tuple(machine.index[name] for name in names.split()), how, spread, limit)
+            raise InputError(f"{machine.name}: tolerances name {name!r}{nearest(name, list(machine.index))}")
+    return Knob(names, tuple(machine.index[name] for name in names.split()), transform, prior_std, max_deviation)
 
 
 def turned(values: np.ndarray, all_knobs: tuple[Knob, ...], x: np.ndarray) -> np.ndarray:
@@ -65,12 +65,12 @@ def turned(values: np.ndarray, all_knobs: tuple[Knob, ...], x: np.ndarray) -> np
     for knob, amount in zip(all_knobs, x, strict=True):
         if amount != 0.0:
             for place in knob.places:
-                out[place] = moved(out[place], knob.how, amount)
+                out[place] = moved(out[place], knob.transform, amount)
     return out
 
 
-def moved(value: float, how: str, amount: float) -> float:
+def moved(value: float, transform: str, amount: float) -> float:
     """A number after its knob was turned by `amount`."""
-    if how == ADDS:
+    if transform == ADDITIVE:
         return value + amount
-    return value * (1.0 + amount if how == SCALES else np.exp(amount))
+    return value * (1.0 + amount if transform == RELATIVE else np.exp(amount))

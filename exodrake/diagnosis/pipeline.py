@@ -57,7 +57,7 @@ def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
     values = nuisance.turned(nominal.values, view.ranking.full.knobs, point.x)
     changed = {
         e.name: f"fitted to {source}"
-        for e, a, b in zip(nominal.machine.entries, values, nominal.values, strict=True)
+        for e, a, b in zip(nominal.machine.parameters, values, nominal.values, strict=True)
         if a != b
     }
     values = point.hypothesis.apply(values, point.u)
@@ -65,19 +65,19 @@ def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
 
 
 def effects_of(view: View) -> tuple[NamedEffect, ...]:
-    """The effects that a view's decision names, with lanes and intervals; a tremor last."""
+    """The effects that a view's decision names, with channels and intervals; a tremor last."""
     problem, ranking, fitted = view.problem, view.ranking, view.decision.best
-    machine, chance = problem.robot.machine, view.decision.probability
+    machine, noise_inputs = problem.robot.machine, view.decision.probability
     found = []
     if fitted.point.hypothesis.effects:
         fitter, responses = ranking.full, ranking.own.get(fitted.name)
         estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
         for identity in fitted.point.hypothesis.effects:
-            over = machine.effect(identity).over
-            effect = describe(estimate, identity, over, chance.get(fitted.name, 0.0), machine.lanes.of(over))
+            axis = machine.effect(identity).axis
+            effect = describe(estimate, identity, axis, noise_inputs.get(fitted.name, 0.0), machine.axes.of(axis))
             found.append(counted(problem, effect) if identity == LOSING else effect)
     if view.tremor:
-        found.append(named(view.tremor, machine.lanes.joints))
+        found.append(named(view.tremor, machine.axes.joints))
     return tuple(found)
 
 

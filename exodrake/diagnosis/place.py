@@ -31,8 +31,8 @@ def block_shares(search: Search) -> dict[str, float]:
 
 
 def place(problem: Problem, fitter: Fitter, search: Search, chosen: View, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, lanes, Shapley shares of the segments, replay gaps and regime of a closed-loop search; the shares of the
-    blocks follow the chosen view.
+    """Block, channels, Shapley shares of the segments, replay gaps and regime of a closed-loop search; the shares of
+    the blocks follow the chosen view.
     """
     if chosen.decision.verdict in (NO_GAP, RETUNE):
         return Where(block="none")
@@ -44,7 +44,7 @@ def place(problem: Problem, fitter: Fitter, search: Search, chosen: View, effect
         effects[0].id.split(".")[0] if effects else next(iter(shares), None) or max(segments, key=lambda s: segments[s])
     )
     wires = tuple(dict.fromkeys(w for e in effects for w in e.wires)) or (
-        () if effects else traced(problem, residuals, "wires")
+        () if effects else traced(problem, residuals, "tendons")
     )
     joints = tuple(dict.fromkeys(j for e in effects for j in e.joints)) or (
         () if effects else traced(problem, residuals, "joints")
@@ -68,12 +68,12 @@ def split(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
 
 def traced(problem: Problem, residuals: dict[str, np.ndarray], kind: str) -> tuple[str, ...]:
     """Wires or joints whose signals hold most of the residual."""
-    lanes = getattr(problem.robot.machine.lanes, kind)
-    power = dict.fromkeys(lanes, 0.0)
+    channels = getattr(problem.robot.machine.axes, kind)
+    power = dict.fromkeys(channels, 0.0)
     for rows in residuals.values():
         for i, column in enumerate(problem.columns):
-            lane = column.rsplit("_", 1)[1]
-            if lane in power:
-                power[lane] += float(rows[:, i] @ rows[:, i])
+            channel = column.rsplit("_", 1)[1]
+            if channel in power:
+                power[channel] += float(rows[:, i] @ rows[:, i])
     strongest = max(power.values(), default=0.0)
-    return tuple(lane for lane, p in power.items() if p >= TRACED * strongest)
+    return tuple(channel for channel, p in power.items() if p >= TRACED * strongest)

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, given_rows, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, offsets, state_size, wire_count
+from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
-from exodrake.diagnosis.floor import asked_rows, noise_floor
+from exodrake.diagnosis.floor import noise_floor, reference_rows
 from exodrake.diagnosis.signals import Bands, filled_columns, without
 from exodrake.simulation.delayed_samples import seen_late
 
@@ -26,7 +26,7 @@ class Trial:
     """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
 
     drops: the commands that seem lost, used by the effect of that name only.
-    follow: (n, lanes) what a run is steered by (`Machine.steered`), if it is.
+    follow: (n, channels) what a run is steered by (`Machine.steered`), if it is.
     """
 
     name: str
@@ -63,19 +63,19 @@ class Problem:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kind of each column: its name without the lane."""
+        """Kind of each column: its name without the channel."""
         return tuple(column.rsplit("_", 1)[0] for column in self.columns)
 
     @property
-    def wires(self) -> list[int]:
+    def signal_indices(self) -> list[int]:
         """Places of the columns in the flat vector of wires."""
         machine, at = self.robot.machine, offsets(self.robot.machine)
-        shown = {c.kind: c.wire for c in machine.columns}
+        shown = {c.kind: c.signal for c in machine.columns}
         places = []
         for column in self.columns:
-            kind, lane = column.rsplit("_", 1)
-            lanes = machine.lanes.of(machine.wire[shown[kind]].over)
-            places.append(at[shown[kind]].start + lanes.index(lane))
+            kind, channel = column.rsplit("_", 1)
+            channels = machine.axes.of(machine.signal[shown[kind]].axis)
+            places.append(at[shown[kind]].start + channels.index(channel))
         return places
 
     def predict(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
@@ -83,12 +83,12 @@ class Problem:
         numbers); infinite for one that comes to divide by zero.
         """
         machine = self.robot.machine
-        module, count = compile_machine(machine), wire_count(machine)
+        module, count = compile_machine(machine), signal_count(machine)
         n = len(trial.reference)
-        chance = Chance.draw(n, None, machine)
+        noise_inputs = NoiseInputs.draw(n, None, machine)
         if trial.drops:
-            chance = replace(chance, lottery=trial.drops.lottery[:n])
-        given = given_rows(machine, trial.reference, chance).values()
+            noise_inputs = replace(noise_inputs, packet_arrival=trial.drops.packet_arrival[:n])
+        given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
         try:
@@ -97,7 +97,7 @@ class Problem:
             if len(rows) > 1:
                 return np.concatenate([self.predict(row[None], trial) for row in rows])
         with np.errstate(invalid="ignore"):
-            return seen_late(machine, records, self.wires)
+            return seen_late(machine, records, self.signal_indices)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
         """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was
@@ -141,11 +141,11 @@ class Problem:
         """The problem with runs that follow what was measured where the machine says so (`Machine.steered`): errors do
         not go round the loop, nor does noise. None where the columns for it are missing.
         """
-        steered, kinds = self.robot.machine.steered, self.kinds
-        if steered is None or not {steered.imposed, steered.held} <= set(kinds):
+        observer, kinds = self.robot.machine.observer, self.kinds
+        if observer is None or not {observer.measured_input, observer.output} <= set(kinds):
             return None
-        imposed, held = ([k == kind for k in kinds] for kind in (steered.imposed, steered.held))
-        for kind, found in ((steered.imposed, imposed), (steered.held, held)):
+        imposed, held = ([k == kind for k in kinds] for kind in (observer.measured_input, observer.output))
+        for kind, found in ((observer.measured_input, imposed), (observer.output, held)):
             if sum(found) < self.robot.machine.column_width(kind):
                 return None
         kept = ~np.array(imposed)
@@ -184,8 +184,8 @@ def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
     """Columns that every log of the case has, of the kinds that can be compared, in the machine's order whatever the
     file's.
     """
-    over = {c.kind: machine.lanes.of(machine.wire[c.wire].over) for c in machine.columns}
-    wanted = [f"{kind}_{lane}" for kind in machine.compared for lane in over[kind]]
+    axis = {c.kind: machine.axes.of(machine.signal[c.signal].axis) for c in machine.columns}
+    wanted = [f"{kind}_{channel}" for kind in machine.compared for channel in axis[kind]]
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
     if not found:
         raise InputError(
@@ -202,7 +202,7 @@ def required_of(machine: Machine) -> tuple[str, ...]:
 def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial:
     """A log as arrays; a missing reference keeps its last value."""
     log = item.log
-    reference = asked_rows(machine, log)
+    reference = reference_rows(machine, log)
     for frame in range(1, len(reference)):
         lost = np.isnan(reference[frame])
         reference[frame, lost] = reference[frame - 1, lost]
@@ -213,7 +213,7 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only;
     without held-out logs the last fitted one is held out.
     """
-    robot = robot.with_numbers(case.robot, source=case.name) if case.robot else robot
+    robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]

@@ -17,18 +17,18 @@ STILL = 2e-4  # m/s: slower wires count as at rest; a few encoder counts a secon
 SMOOTH = 15  # frames over which the encoder's steps are averaged for direction and speed
 
 
-def conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarray]:
-    """Conditions of each frame (n,) for the wire or joint number `lane`, from what was measured."""
+def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
+    """Conditions of each frame (n,) for the wire or joint number `channel`, from what was measured."""
     table = {name: trial.measured[:, i] for i, name in enumerate(problem.columns)}
     if not any(name.startswith("stroke_") for name in table):
-        return plain_conditions(problem, trial, lane)
-    wires, joints = problem.robot.machine.lanes
+        return plain_conditions(problem, trial, channel)
+    wires, joints = problem.robot.machine.axes
     period = problem.robot.machine.frame
     time = period * np.arange(len(trial.reference))
-    stroke = filled(table[f"stroke_{wires[lane]}"])
+    stroke = filled(table[f"stroke_{wires[channel]}"])
     speed = np.gradient(np.convolve(stroke, np.full(SMOOTH, 1.0 / SMOOTH), "same"), period)
     direction = np.where(np.abs(speed) < STILL, 0.0, np.sign(speed))
-    load = filled(table[f"tension_{wires[lane]}"])
+    load = filled(table[f"tension_{wires[channel]}"])
     found = {
         "direction of motion": direction,
         "speed": np.abs(speed),
@@ -37,15 +37,15 @@ def conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarra
         "time in trial": time,
         "slack": (load < SLACK).astype(float),
     }
-    if f"angle_{joints[lane]}" in table:
-        found["joint angle"] = filled(table[f"angle_{joints[lane]}"])
+    if f"angle_{joints[channel]}" in table:
+        found["joint angle"] = filled(table[f"angle_{joints[channel]}"])
     return found
 
 
-def plain_conditions(problem: Problem, trial: Trial, lane: int) -> dict[str, np.ndarray]:
+def plain_conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
     """The same for a machine without wires: motion is that of the joint's first measured signal, load its last one."""
     period = problem.robot.machine.frame
-    mine = [i for i, c in enumerate(problem.columns) if lane_of(problem, c) == lane]
+    mine = [i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel]
     place, last = (filled(trial.measured[:, i]) for i in (mine[0], mine[-1]))
     width = min(SMOOTH, max(1, len(place) // SMOOTH))
     speed = np.gradient(np.convolve(place, np.full(width, 1.0 / width), "same"), period)
@@ -100,7 +100,7 @@ def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, floa
         residual = residuals[trial.name]
         for c, column in enumerate(problem.columns):
             power = float(residual[:, c] @ residual[:, c])
-            for name, condition in conditions(problem, trial, lane_of(problem, column)).items():
+            for name, condition in conditions(problem, trial, channel_of(problem, column)).items():
                 shares[name] = shares.get(name, 0.0) + power * explained(residual[:, c], condition)
             shares["frequency below 1 Hz"] = shares.get("frequency below 1 Hz", 0.0) + power * slow_share(
                 residual[:, c], problem
@@ -109,11 +109,11 @@ def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, floa
     return {name: value / max(weight, 1e-12) for name, value in sorted(shares.items(), key=lambda item: -item[1])}
 
 
-def lane_of(problem: Problem, column: str) -> int:
-    """Number of the wire or joint that a column belongs to."""
-    lane = column.rsplit("_", 1)[1]
-    wires, joints = problem.robot.machine.lanes
-    return wires.index(lane) if lane in wires else joints.index(lane)
+def channel_of(problem: Problem, column: str) -> int:
+    """EffectParameter of the wire or joint that a column belongs to."""
+    channel = column.rsplit("_", 1)[1]
+    wires, joints = problem.robot.machine.axes
+    return wires.index(channel) if channel in wires else joints.index(channel)
 
 
 def slow_share(residual: np.ndarray, problem: Problem) -> float:

@@ -20,7 +20,7 @@ from math import factorial
 
 import numpy as np
 
-from exodrake.compiled.inputs import Chance, Reference, given_rows
+from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows
 from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.signals import filled_columns
@@ -33,7 +33,7 @@ READING = 0.005  # s after the start of a frame: middle of the three bus reads
 
 
 def smoothed(rows: np.ndarray) -> np.ndarray:
-    """What is fed into a segment (n, lanes): gaps filled, noise and encoder steps smoothed."""
+    """What is fed into a segment (n, channels): gaps filled, noise and encoder steps smoothed."""
     from scipy.signal import savgol_filter
 
     whole = filled_columns(rows)
@@ -41,7 +41,7 @@ def smoothed(rows: np.ndarray) -> np.ndarray:
 
 
 def measured_of(problem: Problem, trial: Trial, kind: str) -> np.ndarray:
-    """Columns of one kind (n, lanes)."""
+    """Columns of one kind (n, channels)."""
     return trial.measured[:, [k == kind for k in problem.kinds]]
 
 
@@ -50,27 +50,27 @@ def replayed(problem: Problem, values: np.ndarray, trial: Trial, fixed: frozense
     machine = problem.robot.machine
     loop = Loop(machine, values)
     feeds = {s: smoothed(measured_of(problem, trial, machine.segments[s])) for s in fixed}
-    run_frame = exo_frame if tendon_finger.BLOCK in machine.blocks else plain_frame
+    run_frame = exo_frame if tendon_finger.PART in machine.parts else plain_frame
     if "tendon" in fixed:
         loop.soften()
     rows, rates = np.zeros_like(trial.measured), {s: np.gradient(f, machine.frame, axis=0) for s, f in feeds.items()}
-    shown = {c.kind: c.wire for c in machine.columns}
-    given = given_rows(machine, trial.reference, Chance.draw(len(trial.reference), None, machine))
+    shown = {c.kind: c.signal for c in machine.columns}
+    given = input_rows(machine, trial.reference, NoiseInputs.draw(len(trial.reference), None, machine))
     for frame in range(len(trial.reference)):
         for name, values_now in given.items():
-            loop.wires[name][:] = values_now[frame]
+            loop.signals[name][:] = values_now[frame]
         run_frame(loop, frame, feeds, rates)
         for i, column in enumerate(problem.columns):
-            kind, lane = column.rsplit("_", 1)
-            lanes = machine.lanes.of(machine.wire[shown[kind]].over)
-            rows[frame, i] = loop.wires[shown[kind]][lanes.index(lane)]
+            kind, channel = column.rsplit("_", 1)
+            channels = machine.axes.of(machine.signal[shown[kind]].axis)
+            rows[frame, i] = loop.signals[shown[kind]][channels.index(channel)]
     return rows
 
 
 def plain_frame(loop: Loop, frame: int, feeds: dict[str, np.ndarray], rates: dict[str, np.ndarray]) -> None:
     """A frame in which each fixed segment's wire takes its measured value."""
     machine = loop.machine
-    shown = {c.kind: c.wire for c in machine.columns}
+    shown = {c.kind: c.signal for c in machine.columns}
     imposed = {shown[machine.segments[s]]: f[frame] for s, f in feeds.items()}
     for slot in range(machine.slots):
         loop.tick(machine.slot, imposed, None, None)
@@ -127,8 +127,8 @@ def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
         problem.robot, values=np.where(np.isin(np.arange(len(values)), noisy(problem)), problem.robot.values, values)
     )
     run = record(robot, Reference(trial.reference, trial.name), seed=0)
-    flat = np.concatenate([run.wires[w.name] for w in problem.robot.machine.wires], axis=1)
-    return replace(trial, measured=flat[:, problem.wires])
+    flat = np.concatenate([run.signals[w.name] for w in problem.robot.machine.signals], axis=1)
+    return replace(trial, measured=flat[:, problem.signal_indices])
 
 
 def noisy(problem: Problem) -> list[int]:

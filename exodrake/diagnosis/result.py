@@ -28,16 +28,16 @@ class Interval:
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect with the lanes that it sits on, its parameters and the probability that it is there.
+    """An effect with the channels that it sits on, its parameters and the probability that it is there.
 
-    `lanes`: parameter -> lane -> interval, for what differs from lane to lane.
+    `channels`: parameter -> channel -> interval, for what differs from channel to channel.
     """
 
     id: str
     wires: tuple[str, ...]
     joints: tuple[str, ...]
     parameters: dict[str, Interval]
-    lanes: dict[str, dict[str, Interval]]
+    channels: dict[str, dict[str, Interval]]
     probability: float
 
     def to_json(self) -> dict[str, Any]:
@@ -47,7 +47,7 @@ class NamedEffect:
             "wires": list(self.wires),
             "joints": list(self.joints),
             "parameters": {name: value.to_json() for name, value in self.parameters.items()},
-            "lanes": {n: {lane: i.to_json() for lane, i in at.items()} for n, at in self.lanes.items()},
+            "channels": {n: {channel: i.to_json() for channel, i in at.items()} for n, at in self.channels.items()},
             "probability": self.probability,
         }
 

@@ -33,10 +33,10 @@ class Start:
     cost: float
 
 
-def shelf(fitter: Fitter, point: Point) -> list[Effect]:
+def library(fitter: Fitter, point: Point) -> list[Effect]:
     """Common effects that are not yet in the hypothesis of a point; a tremor is seen (`line.py`), not fitted."""
     known = {TREMOR, *point.hypothesis.effects}
-    return [e for e in fitter.problem.robot.machine.shelf if e.id in COMMON and e.id not in known]
+    return [e for e in fitter.problem.robot.machine.effects if e.id in COMMON and e.id not in known]
 
 
 def screened(fitter: Fitter, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[Start]:
@@ -44,10 +44,10 @@ def screened(fitter: Fitter, point: Point, responses: np.ndarray, gram: np.ndarr
     products.
     """
     found = []
-    for effect in shelf(fitter, point):
+    for effect in library(fitter, point):
         extra = hypothesis(fitter.problem.robot.machine, effect)
         tried = [linearised(fitter, point, extra, probe, responses, gram) for probe in probes(extra)]
-        tried += [linearised(fitter, point, extra, whole, responses, gram, lanes=()) for whole in turns(extra)]
+        tried += [linearised(fitter, point, extra, whole, responses, gram, channels=()) for whole in turns(extra)]
         found.append(min(tried, key=lambda start: start.cost))
     return sorted(found, key=lambda start: start.cost)
 
@@ -59,44 +59,47 @@ def linearised(
     probe: np.ndarray,
     responses: np.ndarray,
     gram: np.ndarray,
-    lanes: Sequence[int] | None = None,
+    channels: Sequence[int] | None = None,
 ) -> Start:
-    """The best combination of the effect's responses lane by lane and of the nominal knobs, within bounds.
+    """The best combination of the effect's responses channel by channel and of the nominal knobs, within bounds.
 
-    lanes: knobs whose amplitudes may be scaled, all first ones by default; with none the probe is taken as it is.
+    channels: knobs whose amplitudes may be scaled, all first ones by default; with none the probe is taken as it is.
     """
     both = point.hypothesis.joined(extra)
-    lanes = [i for i, knob in enumerate(extra.knobs) if knob.first] if lanes is None else list(lanes)
-    rows = [fitter.values(both, np.concatenate([point.u, alone(probe, lanes, lane)]), point.x) for lane in lanes or [0]]
+    channels = [i for i, knob in enumerate(extra.knobs) if knob.first] if channels is None else list(channels)
+    rows = [
+        fitter.values(both, np.concatenate([point.u, alone(probe, channels, channel)]), point.x)
+        for channel in channels or [0]
+    ]
     directions = (fitter.problem.residual(np.array(rows), fitter.problem.fit) - point.residual).T
     count, prior = directions.shape[1], 1.0 / fitter.spread**2
     cross = directions.T @ responses
     normal = np.block([[directions.T @ directions, cross], [cross.T, gram + np.diag(prior)]])
     normal[np.diag_indices(count)] += 1e-9 * np.trace(normal[:count, :count]) + 1e-9
     descent = -np.concatenate([directions.T @ point.residual, responses.T @ point.residual + prior * point.x])
-    low, high = amplitude_bounds(extra, probe, lanes)
+    low, high = amplitude_bounds(extra, probe, channels)
     limit = fitter.limit
     move = bounded_solve(
         normal, descent, np.concatenate([low, -limit - point.x]), np.concatenate([high, limit - point.x])
     )
     u = probe.copy()
-    u[lanes] = probe[lanes] * move[:count]
+    u[channels] = probe[channels] * move[:count]
     cost = point.cost - float(descent @ move) + 0.5 * float(move @ normal @ move)
     return Start(both, np.concatenate([point.u, u]), point.x + move[count:], cost)
 
 
-def alone(probe: np.ndarray, lanes: list[int], lane: int) -> np.ndarray:
-    """The probe with all other lanes at neutral; as it is for an effect that is on or off."""
+def alone(probe: np.ndarray, channels: list[int], channel: int) -> np.ndarray:
+    """The probe with all other channels at neutral; as it is for an effect that is on or off."""
     u = probe.copy()
-    u[[i for i in lanes if i != lane]] = 0.0
+    u[[i for i in channels if i != channel]] = 0.0
     return u
 
 
-def amplitude_bounds(extra: Hypothesis, probe: np.ndarray, lanes: list[int]) -> tuple[np.ndarray, np.ndarray]:
+def amplitude_bounds(extra: Hypothesis, probe: np.ndarray, channels: list[int]) -> tuple[np.ndarray, np.ndarray]:
     """How far each direction may be scaled; an effect that is on or off is taken as it is."""
-    if not lanes:
+    if not channels:
         return np.array([1.0]), np.array([1.0 + 1e-9])
-    ends = extra.bounds[lanes] / probe[lanes][:, None]
+    ends = extra.bounds[channels] / probe[channels][:, None]
     return ends.min(axis=1), ends.max(axis=1)
 
 
@@ -112,7 +115,7 @@ def probes(extra: Hypothesis) -> list[np.ndarray]:
             first[i] = PROBE * (knob.start if knob.start != 0.0 else knob.scale)
     found = [first]
     for i, knob in enumerate(extra.knobs):
-        if not knob.first and (len(knob.lanes) > 1 or knob.lanes == ("",)):
+        if not knob.first and (len(knob.channels) > 1 or knob.channels == ("",)):
             found += [elsewhere(first, i, value) for value in other_values(knob, first[i])]
     return found
 
@@ -124,19 +127,19 @@ def elsewhere(u: np.ndarray, i: int, value: float) -> np.ndarray:
     return moved
 
 
-def other_values(knob: Knob, usual: float) -> list[float]:
+def other_values(knob: Knob, default: float) -> list[float]:
     """Where a further number is tried besides its usual value: well inside its range, on the wider side."""
     low, high = knob.plausible
-    return [FAR * high + (1.0 - FAR) * low if usual < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
+    return [FAR * high + (1.0 - FAR) * low if default < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
 
 
 def turns(extra: Hypothesis) -> list[np.ndarray]:
     """Values of u to be taken as they are: a contact, a clipped current or a direction of gravity respond in no
-    proportion to them. The plausible range of a number of the whole robot; the usual amount on all lanes at once, and
-    a strong one, since what is small may hide below a threshold.
+    proportion to them. The plausible range of a number of the whole robot; the usual amount on all channels at once,
+    and a strong one, since what is small may hide below a threshold.
     """
     lead = extra.knobs[0]
-    if lead.first and lead.lanes != ("",):
+    if lead.first and lead.channels != ("",):
         strong = np.where([knob.first for knob in extra.knobs], STRONG, 1.0) * extra.start
         return [extra.start, np.clip(strong, *extra.bounds.T)]
     low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.plausible

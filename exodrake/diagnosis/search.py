@@ -1,5 +1,5 @@
-"""Search for what explains a case: retune, screen every effect of the shelf, fit the promising ones, then pairs by
-forward search.
+"""Search for what explains a case: retune, screen every effect of the effect library, fit the promising ones, then
+pairs by forward search.
 """
 
 from __future__ import annotations

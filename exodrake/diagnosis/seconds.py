@@ -13,7 +13,7 @@ def seconds(
     problem: Problem, ranking: Ranking, singles: list[Fitted], retuned: Fitted, limits: Thresholds
 ) -> tuple[list[Fitted], list[Fitted]]:
     """The singles, and the pairs that are worth it; the first effect is chosen anew beside the second."""
-    several = problem.robot.machine.depth > 2  # where causes come in threes the first one may do little
+    several = problem.robot.machine.max_effects > 2  # where causes come in threes the first one may do little
     hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
     tried = ranking.pairs(singles[0]) if hopeful else []
     pairs = worth(problem, singles[0], tried, retuned, limits)

@@ -153,7 +153,7 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     if is_quiet(problem, singles[0], limits) and ranking.full.strain(singles[0].point) <= STRAINED:
         return found
     singles, pairs = seconds(problem, ranking, singles, retuned, limits)
-    if problem.robot.machine.depth > 2:
+    if problem.robot.machine.max_effects > 2:
         pairs += deeper(problem, ranking, pairs, limits)
     losing = lossy([t.drops for t in problem.fit if t.drops])
     if losing:

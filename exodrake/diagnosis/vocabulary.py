@@ -1,4 +1,4 @@
-"""Effects that a diagnosis tries: those on a machine's shelf but the rare ones, which a user may add by name.
+"""Effects that a diagnosis tries: those on a machine's effect library but the rare ones, which a user may add by name.
 
 More hypotheses make every verdict less sure; the effects tried are those that such machines are known to have, each of
 which can be told from the others in a log, or is known to be inseparable from a named one.

@@ -11,7 +11,7 @@ from html import escape
 from itertools import permutations
 
 from exodrake.core.machine import Machine
-from exodrake.core.part import Block, Task
+from exodrake.core.part import Part, Task
 
 CELL, ROW, BOX, HIGH, MARGIN, TOP = 158, 92, 128, 58, 34, 92  # sizes [px]
 STRIP, CHIP, LINE = 64, 30, 15
@@ -29,12 +29,12 @@ STYLE = f"""text {{ font-family: 'Inter', 'Segoe UI', 'Helvetica Neue', Arial, s
 
 def links(machine: Machine) -> dict[tuple[str, str], list[str]]:
     """(writer, reader) -> wires, with what comes from outside and what the log shows."""
-    writer = {w: b.name for b in machine.blocks for o in b.outputs for w in o.writes} | dict.fromkeys(
-        machine.given, OUTSIDE
+    writer = {w: b.name for b in machine.parts for o in b.outputs for w in o.writes} | dict.fromkeys(
+        machine.inputs, OUTSIDE
     )
     found: dict[tuple[str, str], list[str]] = {}
-    reads = [(b.name, w) for b in machine.blocks for item in (*b.tasks, *b.outputs) for w in item.reads]
-    for reader, wire in [*reads, *((LOG, column.wire) for column in machine.columns)]:
+    reads = [(b.name, w) for b in machine.parts for item in (*b.tasks, *b.outputs) for w in item.reads]
+    for reader, wire in [*reads, *((LOG, column.signal) for column in machine.columns)]:
         wires = found.setdefault((writer[wire], reader), [])
         if wire not in wires and writer[wire] != reader:
             wires.append(wire)
@@ -43,7 +43,7 @@ def links(machine: Machine) -> dict[tuple[str, str], list[str]]:
 
 def stream_order(machine: Machine) -> list[str]:
     """Parts in the order of the signal: fewest links against the stream, then shortest; the table's if too many."""
-    names = [block.name for block in machine.blocks]
+    names = [part.name for part in machine.parts]
     pairs = [(a, b) for a, b in links(machine) if a in names and b in names]
 
     def cost(order: tuple[str, ...]) -> tuple[int, int]:
@@ -85,9 +85,9 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
 
 def part_shares(machine: Machine, shares: Mapping[str, float]) -> dict[str, float]:
     """Shares by part: a name that is no part's is a prefix of effects and is split over the parts that carry them."""
-    parts = {block.name: shares.get(block.name, 0.0) for block in machine.blocks}
+    parts = {part.name: shares.get(part.name, 0.0) for part in machine.parts}
     for name in set(shares) - set(parts):
-        carried = {b.name: sum(e.block == name for e in machine.effects_on(b)) for b in machine.blocks}
+        carried = {b.name: sum(e.block == name for e in machine.effects_on(b)) for b in machine.parts}
         for part, count in carried.items():
             parts[part] += shares[name] * count / max(sum(carried.values()), 1)
     return parts
@@ -124,7 +124,7 @@ def draw_label(
 ) -> str:
     """Names and units of the wires where row and column meet."""
     x, y = centre(order, pair[1])[0], centre(order, pair[0])[1]
-    units = {wire: machine.wire[wire].unit for wire in wires}
+    units = {wire: machine.signal[wire].unit for wire in wires}
     longest = max(len(wire) + (len(unit) + 2 if unit != "-" else 0) for wire, unit in units.items())
     w, h = 6.3 * longest + 14, LINE * len(wires) + 8
     lines = [
@@ -141,17 +141,17 @@ def draw_part(
 ) -> str:
     """A part's box: name, when it runs, how many effects it may carry; filled by its share."""
     x, y = centre(order, name)
-    block = next((b for b in machine.blocks if b.name == name), None)
+    part = next((b for b in machine.parts if b.name == name), None)
     share = min(max((shares or {}).get(name, 0.0), 0.0), 1.0)
     fill = blend("#ffffff", "#f28e2b", share) if shares is not None else blend("#ffffff", hue[name], 0.16)
-    dash = "" if block else ' stroke-dasharray="5 4"'
+    dash = "" if part else ' stroke-dasharray="5 4"'
     box = (
         f'<rect x="{x - BOX / 2}" y="{y - HIGH / 2}" width="{BOX}" height="{HIGH}" rx="9" fill="{fill}" '
         f'stroke="{hue[name]}" stroke-width="2"{dash}/>'
     )
-    under = when(machine, block) if block else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
+    under = when(machine, part) if part else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
     tone = "when" if shares is not None else "when unit"
-    if shares is not None and block:
+    if shares is not None and part:
         under = f"{100 * share:.0f} %"
     return (
         f'{box}\n<text class="part" x="{x}" y="{y - 2}">{escape(name)}</text>'
@@ -159,10 +159,10 @@ def draw_part(
     )
 
 
-def when(machine: Machine, block: Block) -> str:
+def when(machine: Machine, part: Part) -> str:
     """When a part's tasks run, in words."""
-    slots = sorted({slot for task in block.tasks for slot in task.slots})
-    parts = ["every tick"] if any(not task.slots for task in block.tasks) else []
+    slots = sorted({slot for task in part.tasks for slot in task.slots})
+    parts = ["every tick"] if any(not task.slots for task in part.tasks) else []
     if slots:
         run = slots == list(range(slots[0], slots[-1] + 1)) and len(slots) > 1
         parts.append(f"slots {slots[0]}–{slots[-1]}" if run else "slot " + ", ".join(map(str, slots)))
@@ -175,15 +175,15 @@ def blend(light: str, dark: str, share: float) -> str:
     return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in pairs)
 
 
-def tasks_in(machine: Machine, slot: int) -> list[tuple[Block, Task]]:
+def tasks_in(machine: Machine, slot: int) -> list[tuple[Part, Task]]:
     """Tasks that run in a slot."""
-    return [(block, task) for block in machine.blocks for task in block.tasks if slot in task.slots]
+    return [(part, task) for part in machine.parts for task in part.tasks if slot in task.slots]
 
 
 def draw_strip(machine: Machine, hue: Mapping[str, str], top: float, width: float) -> list[str]:
     """One frame: slots with their tasks in the middle, and the plant's ticks between them."""
     step, base = width / machine.slots, top + STRIP
-    ticking = ", ".join(b.name for b in machine.blocks if any(not t.slots for t in b.tasks))
+    ticking = ", ".join(b.name for b in machine.parts if any(not t.slots for t in b.tasks))
     lines = [
         f'<text class="part" style="text-anchor:start" x="{MARGIN}" y="{top}">One frame</text>',
         f'<text class="small" x="{MARGIN + 84}" y="{top}">▲ tick of the plant ({escape(ticking)}), '
@@ -200,9 +200,9 @@ def draw_strip(machine: Machine, hue: Mapping[str, str], top: float, width: floa
             f'<text class="small mid" x="{x + step / 2}" y="{top + 53}">{at:g} ms</text>',
             f'<path d="M{x + step / 4 - 5},{base} h10 l-5,-9 z" fill="{SOFT}"/>',
         ]
-        for k, (block, task) in enumerate(here):
+        for k, (part, task) in enumerate(here):
             lines.append(
-                draw_chip(machine, hue, block, task, slot, (x + step / 2, base + 8 + (CHIP + 4) * k), step - 10)
+                draw_chip(machine, hue, part, task, slot, (x + step / 2, base + 8 + (CHIP + 4) * k), step - 10)
             )
     return lines
 
@@ -210,17 +210,17 @@ def draw_strip(machine: Machine, hue: Mapping[str, str], top: float, width: floa
 def draw_chip(
     machine: Machine,
     hue: Mapping[str, str],
-    block: Block,
+    part: Part,
     task: Task,
     slot: int,
     place: tuple[float, float],
     width: float,
 ) -> str:
-    """A task in its slot; a task over lanes names its lane."""
+    """A task in its slot; a task over channels names its channel."""
     x, y = place
-    lane = machine.lanes.of(machine.wire[task.reads[0]].over)[task.slots.index(slot)] if task.lanes else ""
-    text = escape(" ".join(filter(None, (block.name, task.function, lane))))
+    channel = machine.axes.of(machine.signal[task.reads[0]].axis)[task.slots.index(slot)] if task.per_channel else ""
+    text = escape(" ".join(filter(None, (part.name, task.function, channel))))
     return (
-        f'<rect x="{x - width / 2}" y="{y}" width="{width}" height="{CHIP}" rx="6" fill="{hue[block.name]}"/>'
+        f'<rect x="{x - width / 2}" y="{y}" width="{width}" height="{CHIP}" rx="6" fill="{hue[part.name]}"/>'
         f'<text class="chip" x="{x}" y="{y + 19}">{text}</text>'
     )

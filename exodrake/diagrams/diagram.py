@@ -1,4 +1,5 @@
-"""The closed loop as a Drake Diagram: the table and the schedule of the compiled twin, and to the last bit its numbers.
+"""The closed loop as a Drake Diagram: the table and the schedule of the compiled simulator, and to the last bit its
+numbers.
 
     diagram = build_diagram(load_robot(), Reference(tension), seed=1)
     simulator = Simulator(diagram)
@@ -19,12 +20,12 @@ from pydrake.systems.primitives import Demultiplexer, Multiplexer, TrajectorySou
 from pydrake.trajectories import PiecewisePolynomial
 
 from exodrake.compiled.fused import GROUP, plant_machine, state_size
-from exodrake.compiled.inputs import Chance, Reference, given_rows, prepared
+from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.diagrams.gp_estimator import GPEstimator
 from exodrake.diagrams.leaf import Leaf
-from exodrake.diagrams.leaf_specs import fusible, part_plan, plant_plan
+from exodrake.diagrams.leaf_specs import fusible, part_spec, plant_spec
 from exodrake.diagrams.parts import part_class
 from exodrake.systems.gp_estimator import Weights
 
@@ -54,17 +55,17 @@ def build_diagram(
     """
     robot, given = replace(robot, values=prepared(robot, quantisation)), None
     if reference is not None:
-        chance = Chance.draw(len(reference.tension), seed, robot.machine)
-        given = given_rows(robot.machine, reference.tension, chance)
+        noise_inputs = NoiseInputs.draw(len(reference.tension), seed, robot.machine)
+        given = input_rows(robot.machine, reference.tension, noise_inputs)
     return assemble(robot, given, substeps, fused, fine_log, estimator)
 
 
 def run_diagram(
-    robot: Robot, values: np.ndarray, reference: Reference, chance: Chance, substeps: int, fused: bool = True
+    robot: Robot, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, substeps: int, fused: bool = True
 ) -> np.ndarray:
-    """All wires (frames, wires) at each frame's end; to the last bit those of the compiled twin."""
+    """All wires (frames, wires) at each frame's end; to the last bit those of the compiled simulator."""
     machine = robot.machine
-    given = given_rows(machine, reference.tension, chance)
+    given = input_rows(machine, reference.tension, noise_inputs)
     fused = fused and plant_machine(machine) is not None
     diagram = assemble(replace(robot, values=values), given, substeps, fused, fine_log=False)
     simulator = Simulator(diagram)
@@ -90,9 +91,9 @@ def assemble(
         outputs |= output_ports(machine, builder, leaf)
     if given is not None:
         outputs |= {name: source(machine, builder, name, rows) for name, rows in given.items()}
-    join_wires(builder, outputs, inputs)
-    writer = {wire: block.name for block in machine.blocks for output in block.outputs for wire in output.writes}
-    for wire in (wire.name for wire in machine.wires if wire.name in outputs):
+    join_signals(builder, outputs, inputs)
+    writer = {wire: part.name for part in machine.parts for output in part.outputs for wire in output.writes}
+    for wire in (wire.name for wire in machine.signals if wire.name in outputs):
         builder.ExportOutput(outputs[wire], f"{writer.get(wire, OUTSIDE)}.{wire}")
     add_logs(machine, builder, outputs, fused, fine_log)
     if estimator is not None:
@@ -108,17 +109,17 @@ def add_estimator(
     """An estimator that listens to the readings, with its outputs exported."""
     leaf = GPEstimator(estimator, machine)
     builder.AddNamedSystem(leaf.plan.name, leaf)
-    join_wires(builder, outputs, [(wire, leaf.GetInputPort(wire)) for wire in leaf.plan.inputs])
+    join_signals(builder, outputs, [(wire, leaf.GetInputPort(wire)) for wire in leaf.plan.inputs])
     for wire in leaf.plan.held:
         builder.ExportOutput(leaf.GetOutputPort(wire), f"{leaf.plan.name}.{wire}")
 
 
 def leaves(robot: Robot, substeps: int, fused: bool) -> list[Leaf]:
     """The leaves of a robot, in the table's order."""
-    blocks = robot.machine.blocks
-    first = [Leaf(plant_plan(robot.machine, robot.values, substeps))] if fused else []
-    rest = blocks[len(fusible(robot.machine).blocks) :] if fused else blocks
-    return [*first, *(part_class(robot.machine, block.name)(robot, substeps) for block in rest)]
+    parts = robot.machine.parts
+    first = [Leaf(plant_spec(robot.machine, robot.values, substeps))] if fused else []
+    rest = parts[len(fusible(robot.machine).parts) :] if fused else parts
+    return [*first, *(part_class(robot.machine, part.name)(robot, substeps) for part in rest)]
 
 
 def output_ports(machine: Machine, builder: DiagramBuilder, leaf: Leaf) -> dict[str, OutputPort]:
@@ -126,13 +127,13 @@ def output_ports(machine: Machine, builder: DiagramBuilder, leaf: Leaf) -> dict[
     if leaf.plan.name != GROUP:
         return {port.get_name(): port for port in (leaf.get_output_port(i) for i in range(leaf.num_output_ports()))}
     plant, memory = fusible(machine), leaf.get_output_port()
-    split = Demultiplexer([state_size(plant), *(machine.width(wire.over) for wire in plant.wires)])
+    split = Demultiplexer([state_size(plant), *(machine.width(wire.axis) for wire in plant.signals)])
     builder.AddNamedSystem(f"{GROUP}_wires", split)
     builder.Connect(memory, split.get_input_port())
-    return {GROUP: memory, **{wire.name: split.get_output_port(1 + i) for i, wire in enumerate(plant.wires)}}
+    return {GROUP: memory, **{wire.name: split.get_output_port(1 + i) for i, wire in enumerate(plant.signals)}}
 
 
-def join_wires(builder: DiagramBuilder, outputs: dict[str, OutputPort], inputs: list[tuple[str, InputPort]]) -> None:
+def join_signals(builder: DiagramBuilder, outputs: dict[str, OutputPort], inputs: list[tuple[str, InputPort]]) -> None:
     """Connects each input to the wire of its name; a wire that nothing writes becomes an input port of the Diagram."""
     exported = set()
     for wire, port in inputs:
@@ -146,7 +147,7 @@ def join_wires(builder: DiagramBuilder, outputs: dict[str, OutputPort], inputs: 
 
 
 def source(machine: Machine, builder: DiagramBuilder, name: str, rows: np.ndarray) -> OutputPort:
-    """Rows (frames, lanes) as a wire, held for a frame; a quarter slot late, so that a frame's end shows its own."""
+    """Rows (frames, channels) as a wire, held for a frame; a quarter slot late, so that a frame's end shows its own."""
     breaks = machine.frame * np.arange(len(rows) + 1) + 0.25 * machine.slot
     held = PiecewisePolynomial.ZeroOrderHold(breaks, np.vstack([rows, rows[-1:]]).T)  # pyright: ignore
     return builder.AddNamedSystem(name, TrajectorySource(held)).get_output_port()
@@ -154,9 +155,9 @@ def source(machine: Machine, builder: DiagramBuilder, name: str, rows: np.ndarra
 
 def logged_ports(machine: Machine, fused: bool) -> list[tuple[str, list[tuple[str, int]]]]:
     """What a log shows, in order: (wire, or the fused plant's memory; the wires in it with their widths)."""
-    width = {wire.name: machine.width(wire.over) for wire in machine.wires}
+    width = {wire.name: machine.width(wire.axis) for wire in machine.signals}
     plant = fusible(machine) if fused else None
-    inside = [wire.name for wire in plant.wires] if plant else []
+    inside = [wire.name for wire in plant.signals] if plant else []
     ports = [(name, [(name, width[name])]) for name in width if name not in inside]
     if plant:  # straight from the memory: fewer ports that hear of each tick
         ports.append((GROUP, [("", state_size(plant)), *((name, width[name]) for name in inside)]))
@@ -186,18 +187,18 @@ def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG)
     data, at, found = sink.FindLog(context).data(), 0, {}
     for _, parts in logged_ports(machine, diagram.HasSubsystemNamed(GROUP)):
         for name, width in parts:
-            if name in machine.given and not diagram.HasSubsystemNamed(name):
+            if name in machine.inputs and not diagram.HasSubsystemNamed(name):
                 continue
             found[name], at = data[at : at + width, 1:], at + width
-    return np.ascontiguousarray(np.vstack([found[wire.name] for wire in machine.wires if wire.name in found]).T)
+    return np.ascontiguousarray(np.vstack([found[wire.name] for wire in machine.signals if wire.name in found]).T)
 
 
-def set_numbers(robot: Robot, diagram: Diagram, context: Context) -> None:
+def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:
     """Puts a robot's numbers into a Context of its machine's Diagram and starts anew: one Diagram serves many runs."""
-    blocks = {block.name: block for block in robot.machine.blocks}
+    parts = {part.name: part for part in robot.machine.parts}
     for leaf in diagram.GetSystems():
-        if isinstance(leaf, Leaf) and (leaf.plan.name == GROUP or leaf.plan.name in blocks):
+        if isinstance(leaf, Leaf) and (leaf.plan.name == GROUP or leaf.plan.name in parts):
             fused = leaf.plan.name == GROUP
             machine, values = robot.machine, robot.values
-            plan = plant_plan(machine, values) if fused else part_plan(machine, blocks[leaf.plan.name], values)
+            plan = plant_spec(machine, values) if fused else part_spec(machine, parts[leaf.plan.name], values)
             leaf.set_part(leaf.GetMyMutableContextFromRoot(context), plan)

@@ -1,7 +1,7 @@
 """The joint-angle estimator as a Drake system; its arithmetic is `systems.estimator_kernel`.
 
-It only listens: nothing in the loop reads its angles. So the compiled twin leaves it out, and a log gets its columns
-afterwards (`predict_rows` over the frames, as `exodrake estimate` does), to the last bit what this leaf shows.
+It only listens: nothing in the loop reads its angles. So the compiled simulator leaves it out, and a log gets its
+columns afterwards (`predict_rows` over the frames, as `exodrake estimate` does), to the last bit what this leaf shows.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.core.machine import Machine
-from exodrake.diagrams.leaf import Beat, Leaf, Plan
+from exodrake.diagrams.leaf import Leaf, LeafSpec, PeriodicUpdate
 from exodrake.systems.gp_estimator import Weights, predict_into, scratch
 
 SLOT = 8
@@ -36,11 +36,11 @@ class GPEstimator(Leaf):
         wires, joints = len(weights.center) // 2, len(weights.offset)
         work = scratch(weights)
 
-        def estimate(state, mean, std, numbers, tension, stroke):
+        def estimate(state, mean, std, parameters, tension, stroke):
             predict_into(tension, stroke, weights, work, mean, std)
 
         offset = (SLOT + 0.5) * machine.slot
-        beat = Beat(estimate, (), ("tension_read", "stroke_read"), machine.frame, offset)
+        update = PeriodicUpdate(estimate, (), ("tension_read", "stroke_read"), machine.frame, offset)
         held = {name: np.full(joints, np.nan) for name in ("angle_est", "angle_std")}
         inputs = {"tension_read": wires, "stroke_read": wires}
-        super().__init__(Plan("estimator", inputs, np.zeros(0), np.zeros(0), held, (beat,)))
+        super().__init__(LeafSpec("estimator", inputs, np.zeros(0), np.zeros(0), held, (update,)))

@@ -14,11 +14,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, 
 
 
 @dataclass(frozen=True)
-class Beat:
+class PeriodicUpdate:
     """A periodic task: `function(state, held..., numbers, *constants, *reads)`, which changes state and held wires.
 
     Attributes:
-        constants: arguments before the wires, such as the tick's length [s] or the lane's index.
+        constants: arguments before the wires, such as the tick's length [s] or the channel's index.
         reads: wires, by the name of an input port or of an output port of direct feedthrough.
         period, offset: when it runs [s].
     """
@@ -31,7 +31,7 @@ class Beat:
 
 
 @dataclass(frozen=True)
-class Through:
+class Feedthrough:
     """Wires of direct feedthrough: `function(state, numbers, *reads, *writes)`, which fills `writes`."""
 
     function: Callable
@@ -40,7 +40,7 @@ class Through:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class LeafSpec:
     """All that a leaf is made of.
 
     Attributes:
@@ -54,11 +54,11 @@ class Plan:
 
     name: str
     inputs: dict[str, int]
-    numbers: np.ndarray
+    parameters: np.ndarray
     state: np.ndarray
     held: dict[str, np.ndarray]
-    beats: tuple[Beat, ...]
-    through: tuple[Through, ...] = ()
+    updates: tuple[PeriodicUpdate, ...]
+    through: tuple[Feedthrough, ...] = ()
     widths: dict[str, int] = field(default_factory=dict)
     show: str = ""
 
@@ -81,13 +81,13 @@ class Leaf(LeafSystem):
     that it reads, and its port says so.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: LeafSpec) -> None:
         super().__init__()
         self.set_name(plan.name)
         self.plan = plan
         for wire, width in plan.inputs.items():
             self.DeclareVectorInputPort(wire, width)
-        self.DeclareNumericParameter(BasicVector(plan.numbers))
+        self.DeclareNumericParameter(BasicVector(plan.parameters))
         state = DiscreteStateIndex(int(self.DeclareDiscreteState(plan.state)))
         if plan.show:
             self.DeclareStateOutputPort(plan.show, state)
@@ -96,39 +96,39 @@ class Leaf(LeafSystem):
         for item in plan.through:
             for wire in item.writes:
                 self._declare_through(item, wire)
-        for beat in plan.beats:
-            self.DeclarePeriodicDiscreteUpdateEvent(beat.period, beat.offset, self._update(beat))
+        for update in plan.updates:
+            self.DeclarePeriodicDiscreteUpdateEvent(update.period, update.offset, self._update(update))
 
-    def _update(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
+    def _update(self, task: PeriodicUpdate) -> Callable[[Context, DiscreteValues], None]:
         """The handler of a task. It knows the leaf weakly: Drake holds it, and a circle through C++ is never freed."""
-        here, function, constants = ref(self), beat.function, beat.constants
-        if any(wire not in self.plan.inputs for wire in beat.reads):
-            return self._update_from_own(beat)
-        ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in beat.reads)
+        here, function, constants = ref(self), task.function, task.constants
+        if any(wire not in self.plan.inputs for wire in task.reads):
+            return self._update_from_own(task)
+        ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in task.reads)
         groups = tuple(range(1 + len(self.plan.held)))
 
         def update(context: Context, discrete: DiscreteValues) -> None:
             read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
             vectors = [discrete.get_mutable_value(i) for i in groups]
-            numbers = context.get_numeric_parameter(0).value()
-            function(*vectors, numbers, *constants, *[read(context, i).value() for i in ports])
+            parameters = context.get_numeric_parameter(0).value()
+            function(*vectors, parameters, *constants, *[read(context, i).value() for i in ports])
 
         return update
 
-    def _update_from_own(self, beat: Beat) -> Callable[[Context, DiscreteValues], None]:
+    def _update_from_own(self, task: PeriodicUpdate) -> Callable[[Context, DiscreteValues], None]:
         """The handler of a task that also reads wires of direct feedthrough of its own leaf."""
         here, inputs, held = ref(self), self.plan.inputs, len(self.plan.held)
 
         def update(context: Context, discrete: DiscreteValues) -> None:
             leaf = here()
             assert leaf is not None
-            reads = [(leaf.GetInputPort if w in inputs else leaf.GetOutputPort)(w).Eval(context) for w in beat.reads]
+            reads = [(leaf.GetInputPort if w in inputs else leaf.GetOutputPort)(w).Eval(context) for w in task.reads]
             vectors = [discrete.get_mutable_value(i) for i in range(1 + held)]
-            beat.function(*vectors, context.get_numeric_parameter(0).value(), *beat.constants, *reads)
+            task.function(*vectors, context.get_numeric_parameter(0).value(), *task.constants, *reads)
 
         return update
 
-    def _declare_through(self, item: Through, wire: str) -> None:
+    def _declare_through(self, item: Feedthrough, wire: str) -> None:
         """A port of direct feedthrough; other wires of the same function go to scratch memory."""
         here, function, widths = ref(self), item.function, self.plan.widths
         ports = tuple(int(self.GetInputPort(read).get_index()) for read in item.reads)
@@ -136,18 +136,18 @@ class Leaf(LeafSystem):
 
         def calculate(context: Context, out: BasicVector) -> None:
             read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
-            state, numbers = context.get_discrete_state(0).value(), context.get_numeric_parameter(0).value()
+            state, parameters = context.get_discrete_state(0).value(), context.get_numeric_parameter(0).value()
             reads = [read(context, i).value() for i in ports]
             writes = [out.get_mutable_value() if vector is None else vector for vector in scratch]
-            function(state, numbers, *reads, *writes)
+            function(state, parameters, *reads, *writes)
 
         needs = {self.input_port_ticket(self.GetInputPort(read).get_index()) for read in item.reads}
         self.DeclareVectorOutputPort(
             wire, widths[wire], calculate, needs | {self.xd_ticket(), self.all_parameters_ticket()}
         )
 
-    def set_part(self, context: Context, plan: Plan) -> None:
+    def set_part(self, context: Context, plan: LeafSpec) -> None:
         """Puts the numbers, the state and the held wires of a plan for the same part into the leaf's own Context."""
-        context.get_mutable_numeric_parameter(0).SetFromVector(plan.numbers)
+        context.get_mutable_numeric_parameter(0).SetFromVector(plan.parameters)
         for i, vector in enumerate((plan.state, *plan.held.values())):
             context.SetDiscreteState(i, vector)

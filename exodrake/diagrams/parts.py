@@ -10,7 +10,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.diagrams.leaf import Leaf
-from exodrake.diagrams.leaf_specs import part_plan
+from exodrake.diagrams.leaf_specs import part_spec
 from exodrake.machines.robot_file import load_robot
 
 
@@ -21,10 +21,10 @@ class Part(Leaf):
 
     def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
         robot = robot or load_robot()
-        blocks = {block.name: block for block in robot.machine.blocks}
-        if self.part not in blocks:
-            raise InputError(f"{robot.machine.name} has no part {self.part!r}{nearest(self.part, list(blocks))}")
-        super().__init__(part_plan(robot.machine, blocks[self.part], robot.values, substeps))
+        parts = {part.name: part for part in robot.machine.parts}
+        if self.part not in parts:
+            raise InputError(f"{robot.machine.name} has no part {self.part!r}{nearest(self.part, list(parts))}")
+        super().__init__(part_spec(robot.machine, parts[self.part], robot.values, substeps))
 
 
 class TendonFinger(Part):
@@ -112,7 +112,7 @@ class MotionCapture(Part):
         - noise_angle
         output_ports:
         - angle_read
-        - mocap_lateness
+        - mocap_delay
     """
 
     part = "mocap"
@@ -142,7 +142,7 @@ class MotorBus(Part):
         name: MotorBus
         input_ports:
         - speed_cmd
-        - lottery
+        - packet_arrival
         output_ports:
         - speed_applied
     """

@@ -10,21 +10,21 @@ from time import sleep
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, Chance, Reference, prepared
-from exodrake.core.machine import state_size, wire_count
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.core.machine import signal_count, state_size
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 
 SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
 
 
-def twin() -> None:
-    """`begin`, `run` and `batch` of the compiled twin."""
+def simulator() -> None:
+    """`begin`, `run` and `batch` of the compiled simulator."""
     robot = load_robot()
-    machine, chance = robot.machine, Chance.draw(len(SHORT.tension), 0, robot.machine)
+    machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
     record(robot, SHORT)
-    records = np.zeros((1, len(SHORT.tension), wire_count(machine)))
-    given = (SHORT.tension, chance.tension, chance.angle, chance.lottery)
+    records = np.zeros((1, len(SHORT.tension), signal_count(machine)))
+    given = (SHORT.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
     compile_machine(machine).batch(
         prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
     )
@@ -35,12 +35,12 @@ def leaves() -> None:
     from exodrake.diagrams.diagram import run_diagram
 
     robot = load_robot()
-    chance = Chance.draw(len(SHORT.tension), 0, robot.machine)
+    noise_inputs = NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
     for fused in (True, False):
-        run_diagram(robot, prepared(robot), SHORT, chance, 1, fused)
+        run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1, fused)
 
 
-JOBS = {"the compiled twin": "twin", "the Drake leaves": "leaves"}
+JOBS = {"the compiled simulator": "twin", "the Drake leaves": "leaves"}
 
 
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:

@@ -1,4 +1,4 @@
-"""The shelf: one line per effect, by block and, at one point, in the order in which they act."""
+"""The effect library: one line per effect, by block and, at one point, in the order in which they act."""
 
 from exodrake.core.effect import Effect
 from exodrake.effects import (
@@ -54,7 +54,7 @@ from exodrake.effects import (
     timing_mocap_delay,
 )
 
-SHELF: tuple[Effect, ...] = (
+EFFECTS: tuple[Effect, ...] = (
     motor_slow_velocity_loop.EFFECT,
     motor_dead_zone.EFFECT,
     motor_speed_droop.EFFECT,

@@ -3,7 +3,7 @@
 v after the tick = v - sgn(v) min(|v|, force dt / M)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def braked(speed, mobility, force):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="force that the drive needs jumps at each reversal by twice the friction, whatever the speed",
     source="Janot, Gautier, Brunot 2019 (EMPS): 20.39 N",
     at={"carriage.braked": braked},
-    numbers=(Number("force", "N", neutral=0.0, low=2.0, high=60.0, usual=15.0),),
+    parameters=(EffectParameter("force", "N", null=0.0, low=2.0, high=60.0, default=15.0),),
 )

@@ -3,7 +3,7 @@
 F_net = F - coefficient |v|          friction is c + coefficient forwards and c - coefficient backwards
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def pushed(force, speed, coefficient):
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="the drive needs more force one way than the other, the more the faster",
     source="Janot, Gautier, Brunot 2019 (EMPS): asymmetric friction lowers the error from 4.08 to 3.11 %",
     at={"carriage.pushed": pushed},
-    numbers=(Number("coefficient", "N s/m", neutral=0.0, low=-150.0, high=150.0, usual=20.0),),
+    parameters=(EffectParameter("coefficient", "N s/m", null=0.0, low=-150.0, high=150.0, default=20.0),),
 )

@@ -3,7 +3,7 @@
 F_net = F - force
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def pushed(drive_force, speed, force):
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="the drive needs more force one way than the other, by the same amount at every speed",
     source="Janot, Gautier, Brunot 2019 (EMPS): -3.16 N",
     at={"carriage.pushed": pushed},
-    numbers=(Number("force", "N", neutral=0.0, low=-15.0, high=15.0, usual=3.0),),
+    parameters=(EffectParameter("force", "N", null=0.0, low=-15.0, high=15.0, default=3.0),),
 )

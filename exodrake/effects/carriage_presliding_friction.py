@@ -3,9 +3,9 @@
 F_net = F - force slide          slide: -1 .. 1, grows with travel / presliding
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import ONE
+from exodrake.core.signal import SCALAR
 from exodrake.effects.bristle import clipped
 
 
@@ -25,10 +25,10 @@ EFFECT = Effect(
     signature="as dry friction, but the force that the drive needs turns over a fixed travel and not at once",
     source="Armstrong-Helouvry et al., Automatica 30(7), 1994 (presliding displacement); range assumed",
     at={"carriage.pushed": pushed, "carriage.settle": settle},
-    numbers=(
-        Number("force", "N", neutral=0.0, low=2.0, high=60.0, usual=15.0),
-        Number("presliding", "m", neutral=1e-4, low=2e-5, high=1e-3, usual=1e-4, scale="log"),
+    parameters=(
+        EffectParameter("force", "N", null=0.0, low=2.0, high=60.0, default=15.0),
+        EffectParameter("presliding", "m", null=1e-4, low=2e-5, high=1e-3, default=1e-4, transform="log"),
     ),
-    states=(State("slide", ONE),),
+    states=(State("slide", SCALAR),),
     advances=("carriage.settle",),
 )

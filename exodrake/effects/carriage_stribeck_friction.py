@@ -5,7 +5,7 @@ level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))          v after the tick =
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def level(speed, force, ratio, stribeck_speed):
@@ -25,9 +25,9 @@ EFFECT = Effect(
     signature="as dry friction, with more force at slow motion",
     source="Armstrong-Helouvry et al., Automatica 30(7), 1994; range assumed",
     at={"carriage.braked": braked},
-    numbers=(
-        Number("force", "N", neutral=0.0, low=2.0, high=60.0, usual=15.0),
-        Number("ratio", "-", neutral=1.0, low=1.1, high=3.0, usual=1.5),
-        Number("speed", "m/s", neutral=0.01, low=0.002, high=0.1, usual=0.01, scale="log"),
+    parameters=(
+        EffectParameter("force", "N", null=0.0, low=2.0, high=60.0, default=15.0),
+        EffectParameter("ratio", "-", null=1.0, low=1.1, high=3.0, default=1.5),
+        EffectParameter("speed", "m/s", null=0.01, low=0.002, high=0.1, default=0.01, transform="log"),
     ),
 )

@@ -3,7 +3,7 @@
 F_net = F - coefficient v
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def pushed(force, speed, coefficient):
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="force that the drive needs grows with speed, the same in both directions",
     source="Janot, Gautier, Brunot 2019 (EMPS): 203.5 N s/m for 95 kg",
     at={"carriage.pushed": pushed},
-    numbers=(Number("coefficient", "N s/m", neutral=0.0, low=20.0, high=600.0, usual=150.0),),
+    parameters=(EffectParameter("coefficient", "N s/m", null=0.0, low=20.0, high=600.0, default=150.0),),
 )

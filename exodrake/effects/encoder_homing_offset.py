@@ -5,8 +5,8 @@
 A robot that starts where its encoder says that the wire is just taut starts `offset` further in.
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def wound(stroke, offset):
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="constant stroke offset at every tension; a negative one is the same as a slack wire",
     source="physics.md 4.A; 0-2 mm",
     at={"motor.wound": wound},
-    numbers=(Number("offset", "m", neutral=0.0, low=-5e-3, high=5e-3, over=WIRES, usual=1e-3),),
+    parameters=(EffectParameter("offset", "m", null=0.0, low=-5e-3, high=5e-3, axis=TENDONS, default=1e-3),),
 )

@@ -5,8 +5,8 @@ tau_p = kappa (q - q0) (1 + gain (1 - cos(2 pi frequency t)) / 2) + end stops
 
 from math import cos, pi
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import JOINTS, ONE
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import JOINTS, SCALAR
 
 
 def passive(torque, bend, rate, elastic, clock, gain, frequency):
@@ -20,8 +20,8 @@ EFFECT = Effect(
     signature="angle error proportional to deflection that comes and goes at a slow frequency of its own",
     source="physics.md 4.D; stiffness up to threefold in activity",
     at={"finger.passive": passive},
-    numbers=(
-        Number("gain", "-", neutral=0.0, low=0.05, high=2.0, over=JOINTS, usual=0.5),
-        Number("frequency", "Hz", neutral=0.2, low=0.02, high=2.0, over=ONE, usual=0.2, scale="log"),
+    parameters=(
+        EffectParameter("gain", "-", null=0.0, low=0.05, high=2.0, axis=JOINTS, default=0.5),
+        EffectParameter("frequency", "Hz", null=0.2, low=0.02, high=2.0, axis=SCALAR, default=0.2, transform="log"),
     ),
 )

@@ -7,7 +7,7 @@ The pulp of the finger rounds the force's onset off over a depth of ONSET.
 
 from math import cos, inf, sin
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 ONSET = 5e-5  # depth over which the force sets in [m]; assumed
 
@@ -40,8 +40,8 @@ EFFECT = Effect(
     signature="angles stop short beyond a posture while tension goes on rising; nothing before that posture",
     source="physics.md 4.D; 1-10 N/mm",
     at={"finger.external": external},
-    numbers=(
-        Number("distance", "m", neutral=inf, low=0.03, high=0.075, usual=0.045, scale="reciprocal"),
-        Number("stiffness", "N/m", neutral=2000.0, low=100.0, high=1e4, usual=2000.0, scale="log"),
+    parameters=(
+        EffectParameter("distance", "m", null=inf, low=0.03, high=0.075, default=0.045, transform="reciprocal"),
+        EffectParameter("stiffness", "N/m", null=2000.0, low=100.0, high=1e4, default=2000.0, transform="log"),
     ),
 )

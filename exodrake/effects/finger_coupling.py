@@ -3,7 +3,7 @@
 E = stiffness (q_DIP - ratio q_PIP)^2 / 2          tau = -dE/dq
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def external(torque, angle, rate, bones, clock, stiffness, ratio):
@@ -18,8 +18,8 @@ EFFECT = Effect(
     signature="DIP follows PIP whatever pulls it; errors of the two joints go together",
     source="physics.md 4.D; ratio about 0.67, 0-0.03 N m/rad",
     at={"finger.external": external},
-    numbers=(
-        Number("stiffness", "N m/rad", neutral=0.0, low=0.002, high=0.1, usual=0.02),
-        Number("ratio", "-", neutral=0.67, low=0.3, high=1.2, usual=0.67),
+    parameters=(
+        EffectParameter("stiffness", "N m/rad", null=0.0, low=0.002, high=0.1, default=0.02),
+        EffectParameter("ratio", "-", null=0.67, low=0.3, high=1.2, default=0.67),
     ),
 )

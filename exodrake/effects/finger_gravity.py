@@ -5,7 +5,7 @@ Q_i = acceleration moment_i cos(phi_i + pitch)          tau_i = Q_i + .. + Q_3  
 
 from math import cos, pi
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def external(torque, angle, rate, bones, clock, acceleration, pitch):
@@ -24,8 +24,8 @@ EFFECT = Effect(
     signature="angle offset that does not depend on tension, largest at the MCP, and turns round with the palm",
     source="physics.md 4.D; 7, 1.4, 0.3 mN m with the finger straight and horizontal",
     at={"finger.external": external},
-    numbers=(
-        Number("acceleration", "m/s2", neutral=0.0, low=9.78, high=9.84, usual=9.81, free=False),
-        Number("pitch", "rad", neutral=0.0, low=-pi / 2, high=3 * pi / 2, usual=0.0, period=2 * pi),
+    parameters=(
+        EffectParameter("acceleration", "m/s2", null=0.0, low=9.78, high=9.84, default=9.81, fitted=False),
+        EffectParameter("pitch", "rad", null=0.0, low=-pi / 2, high=3 * pi / 2, default=0.0, period=2 * pi),
     ),
 )

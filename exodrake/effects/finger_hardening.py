@@ -3,7 +3,7 @@
 tau_p = kappa (q - q0) + coefficient (q - q0)^3 + end stops
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="angle falls short at large flexion only, without a loop",
     source="physics.md 4.D, k0 + k1 (q - q0)^2 [A]",
     at={"finger.passive": passive},
-    numbers=(Number("coefficient", "N m/rad3", neutral=0.0, low=0.003, high=0.2, over=JOINTS, usual=0.04),),
+    parameters=(EffectParameter("coefficient", "N m/rad3", null=0.0, low=0.003, high=0.2, axis=JOINTS, default=0.04),),
 )

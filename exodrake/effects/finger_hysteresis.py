@@ -3,7 +3,7 @@
 tau_p = elastic + torque z + end stops          dz/dq = (1 - z sgn(q')) / width
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
 from exodrake.effects.bristle import bent
@@ -25,9 +25,9 @@ EFFECT = Effect(
     signature="loop of angle against tension and against stroke, rate-free, width independent of load",
     source="physics.md 4.D and 5 [A]",
     at={"finger.passive": passive, "finger.relax": relax},
-    numbers=(
-        Number("torque", "N m", neutral=0.0, low=3e-4, high=1e-2, over=JOINTS, usual=3e-3),
-        Number("width", "rad", neutral=0.05, low=0.01, high=0.3, over=JOINTS, usual=0.05, scale="log"),
+    parameters=(
+        EffectParameter("torque", "N m", null=0.0, low=3e-4, high=1e-2, axis=JOINTS, default=3e-3),
+        EffectParameter("width", "rad", null=0.05, low=0.01, high=0.3, axis=JOINTS, default=0.05, transform="log"),
     ),
     states=(State("bristle", JOINTS), State("bend_before", JOINTS, unit="rad")),
     advances=("finger.relax",),

@@ -3,7 +3,7 @@
 h = h_drawn + height
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="wrong moment arms: angle against stroke has another slope, angle against tension another gain; no loop",
     source="physics.md 4.D; 0.5-2 mm",
     at={"wire_paths.router_height": router_height},
-    numbers=(Number("height", "m", neutral=0.0, low=-1.5e-3, high=2e-3, over=JOINTS, usual=5e-4),),
+    parameters=(EffectParameter("height", "m", null=0.0, low=-1.5e-3, high=2e-3, axis=JOINTS, default=5e-4),),
 )

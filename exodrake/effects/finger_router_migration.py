@@ -5,9 +5,9 @@
 An instant h(T) would close an algebraic loop of gain above 1 (more tension, more height, less tension).
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.relaxation import relaxed
 
 SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed
@@ -29,7 +29,7 @@ EFFECT = Effect(
     signature="moment arm depends on tension at the same angle; extra stroke grows with tension and flexion",
     source="physics.md 4.D; 0.05-0.3 mm/N",
     at={"wire_paths.worn_height": worn_height, "tendon.settle": settle},
-    numbers=(Number("migration", "m/N", neutral=0.0, low=1e-5, high=3e-4, over=WIRES, usual=1e-4),),
-    states=(State("settled", WIRES, unit="N"),),
+    parameters=(EffectParameter("migration", "m/N", null=0.0, low=1e-5, high=3e-4, axis=TENDONS, default=1e-4),),
+    states=(State("settled", TENDONS, unit="N"),),
     advances=("tendon.settle",),
 )

@@ -3,7 +3,7 @@
 tau_p = ... + gain max(0, q' - threshold)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,8 +18,8 @@ EFFECT = Effect(
     signature="flexion held back at speed, extension and slow motion as nominal",
     source="physics.md 4.D; velocity threshold of the stretch reflex [A]",
     at={"finger.passive": passive},
-    numbers=(
-        Number("gain", "N m s/rad", neutral=0.0, low=1e-3, high=5e-2, over=JOINTS, usual=0.01),
-        Number("threshold", "rad/s", neutral=0.5, low=0.0, high=3.0, over=JOINTS, usual=0.5),
+    parameters=(
+        EffectParameter("gain", "N m s/rad", null=0.0, low=1e-3, high=5e-2, axis=JOINTS, default=0.01),
+        EffectParameter("threshold", "rad/s", null=0.5, low=0.0, high=3.0, axis=JOINTS, default=0.5),
     ),
 )

@@ -3,7 +3,7 @@
 tau_p = factor kappa (q - q0) + end stops
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,7 @@ EFFECT = Effect(
     signature="angle error proportional to deflection, without a loop; tension and stroke at given angle are off alike",
     source="physics.md 4.D; +-30 % between wearers and more with spasticity [S:SECA]",
     at={"finger.passive": passive},
-    numbers=(Number("factor", "-", neutral=1.0, low=0.4, high=2.5, over=JOINTS, usual=1.4, scale="log"),),
+    parameters=(
+        EffectParameter("factor", "-", null=1.0, low=0.4, high=2.5, axis=JOINTS, default=1.4, transform="log"),
+    ),
 )

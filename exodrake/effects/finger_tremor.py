@@ -5,8 +5,8 @@ tau_i = torque_i sin(2 pi frequency t)
 
 from math import pi, sin
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import JOINTS, ONE
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import JOINTS, SCALAR
 
 
 def external(outside, angle, rate, bones, clock, torque, frequency):
@@ -21,8 +21,8 @@ EFFECT = Effect(
     signature="spectral line in angle and tension at one frequency, whatever the reference does",
     source="physics.md 4.D; 6-12 Hz [S:Lakie], displacement mostly 1-3.5 Hz [S:Carignan]",
     at={"finger.external": external},
-    numbers=(
-        Number("torque", "N m", neutral=0.0, low=5e-4, high=3e-2, over=JOINTS, usual=6e-3),
-        Number("frequency", "Hz", neutral=4.0, low=1.0, high=12.0, over=ONE, usual=4.0, scale="log"),
+    parameters=(
+        EffectParameter("torque", "N m", null=0.0, low=5e-4, high=3e-2, axis=JOINTS, default=6e-3),
+        EffectParameter("frequency", "Hz", null=4.0, low=1.0, high=12.0, axis=SCALAR, default=4.0, transform="log"),
     ),
 )

@@ -4,7 +4,7 @@ tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' =
 elastic = kappa (q - q0)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
 from exodrake.effects.relaxation import relaxed
@@ -26,9 +26,9 @@ EFFECT = Effect(
     signature="angle creeps on at held tension; loop of angle against tension that depends on rate and fades when slow",
     source="physics.md 4.D; 10-30 %, 0.5-10 s",
     at={"finger.passive": passive, "finger.relax": relax},
-    numbers=(
-        Number("fraction", "-", neutral=0.0, low=0.03, high=0.8, over=JOINTS, usual=0.3),
-        Number("time_constant", "s", neutral=2.0, low=0.2, high=20.0, over=JOINTS, usual=2.0, scale="log"),
+    parameters=(
+        EffectParameter("fraction", "-", null=0.0, low=0.03, high=0.8, axis=JOINTS, default=0.3),
+        EffectParameter("time_constant", "s", null=2.0, low=0.2, high=20.0, axis=JOINTS, default=2.0, transform="log"),
     ),
     states=(State("relaxed_torque", JOINTS, unit="N m"),),
     advances=("finger.relax",),

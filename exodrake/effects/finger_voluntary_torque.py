@@ -3,7 +3,7 @@
 tau_i = torque_i (1 + growth_i t)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -20,8 +20,8 @@ EFFECT = Effect(
     signature="angle offset that depends neither on tension nor on rate, steady or growing along the log",
     source="physics.md 4.D; 1-50 mN m",
     at={"finger.external": external},
-    numbers=(
-        Number("torque", "N m", neutral=0.0, low=-0.02, high=0.02, over=JOINTS, usual=6e-3),
-        Number("growth", "1/s", neutral=0.0, low=-0.03, high=0.1, over=JOINTS, usual=0.0),
+    parameters=(
+        EffectParameter("torque", "N m", null=0.0, low=-0.02, high=0.02, axis=JOINTS, default=6e-3),
+        EffectParameter("growth", "1/s", null=0.0, low=-0.03, high=0.1, axis=JOINTS, default=0.0),
     ),
 )

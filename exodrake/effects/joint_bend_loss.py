@@ -5,7 +5,7 @@ aim = command exp(-loss bend)
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="angle scales with the command by a factor that falls with the total bend",
     source="physics.md 4.B distributed elastic and friction; range assumed",
     at={"joint.aimed": aimed},
-    numbers=(Number("loss", "1/rad", neutral=0.0, low=-0.2, high=0.2, over=JOINTS, usual=0.05),),
+    parameters=(EffectParameter("loss", "1/rad", null=0.0, low=-0.2, high=0.2, axis=JOINTS, default=0.05),),
 )

@@ -3,7 +3,7 @@
 shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
 
@@ -31,8 +31,8 @@ def settle_by_previous(dt, moved, ahead, behind, setting, share, reach, deflecti
 SUMMARY = "the cables of a neighbour drag a joint along until they slip"
 SIGNATURE = "a joint that was told to rest goes to and fro between two stops as its neighbour turns round"
 SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
-SHARE = Number("share", "-", neutral=0.0, low=-1.0, high=1.0, over=JOINTS, usual=0.4)
-REACH = Number("reach", "rad", neutral=0.1, low=0.02, high=0.4, over=JOINTS, usual=0.1, scale="log")
+SHARE = EffectParameter("share", "-", null=0.0, low=-1.0, high=1.0, axis=JOINTS, default=0.4)
+REACH = EffectParameter("reach", "rad", null=0.1, low=0.02, high=0.4, axis=JOINTS, default=0.1, transform="log")
 BY_NEXT = {"joint.shown": shown, "joint.settle": settle_by_next}
 BY_PREVIOUS = {"joint.shown": shown, "joint.settle": settle_by_previous}
 WHAT, STATES, AT = (SHARE, REACH), (State("deflection", JOINTS, unit="rad"),), ("joint.settle",)

@@ -3,7 +3,7 @@
 aim = (1 + gain) command
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="error proportional to the command, no loop",
     source="pulley radii and elastic cables; range assumed",
     at={"joint.aimed": aimed},
-    numbers=(Number("gain", "-", neutral=0.0, low=-0.3, high=0.3, over=JOINTS, usual=-0.1),),
+    parameters=(EffectParameter("gain", "-", null=0.0, low=-0.3, high=0.3, axis=JOINTS, default=-0.1),),
 )

@@ -5,7 +5,7 @@ time_constant angle' = aim - angle
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="angle behind the command, and smaller in fast motion",
     source="position loops of geared servos, 20-200 ms; range assumed",
     at={"joint.followed": followed},
-    numbers=(Number("time_constant", "s", neutral=0.0, low=0.01, high=0.3, over=JOINTS, usual=0.06),),
+    parameters=(EffectParameter("time_constant", "s", null=0.0, low=0.01, high=0.3, axis=JOINTS, default=0.06),),
 )

@@ -3,7 +3,7 @@
 aim = command + offset
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="constant error at every angle",
     source="homing and marker frames; range assumed",
     at={"joint.aimed": aimed},
-    numbers=(Number("offset", "rad", neutral=0.0, low=-0.3, high=0.3, over=JOINTS, usual=0.05),),
+    parameters=(EffectParameter("offset", "rad", null=0.0, low=-0.3, high=0.3, axis=JOINTS, default=0.05),),
 )

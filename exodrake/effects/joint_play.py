@@ -3,7 +3,7 @@
 angle <- min(max(angle, aim - half_width), aim + half_width)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="angle against command is a loop of constant width, rate-free, with flat pieces after each reversal",
     source="physics.md 4.A gear backlash 0.2-4 deg; cables more (Hwang et al., RA-L 2020)",
     at={"joint.followed": followed},
-    numbers=(Number("half_width", "rad", neutral=0.0, low=0.002, high=0.6, over=JOINTS, usual=0.05),),
+    parameters=(EffectParameter("half_width", "rad", null=0.0, low=0.002, high=0.6, axis=JOINTS, default=0.05),),
 )

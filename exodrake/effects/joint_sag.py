@@ -5,7 +5,7 @@ aim = command + sag cos(command)          sag: weight's torque of the level link
 
 from math import cos
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="constant error near one posture, largest with the link level; none in joints with an upright axis",
     source="proportional servos hold by their error; 1-5 deg; range assumed",
     at={"joint.aimed": aimed},
-    numbers=(Number("sag", "rad", neutral=0.0, low=-0.1, high=0.1, over=JOINTS, usual=0.02),),
+    parameters=(EffectParameter("sag", "rad", null=0.0, low=-0.1, high=0.1, axis=JOINTS, default=0.02),),
 )

@@ -9,7 +9,7 @@ Capstan: the tension that friction can hold grows by exp(mu bend). With no sprea
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
 from exodrake.effects.bristle import clipped
@@ -48,10 +48,10 @@ EFFECT = Effect(
     signature="as play with rounded corners; over configurations the width grows exponentially with the total bend",
     source="physics.md 4.B capstan, Prandtl-Ishlinskii; Nho et al., RA-L 2021",
     at={"joint.followed": followed, "joint.settle": settle},
-    numbers=(
-        Number("width", "rad", neutral=0.0, low=0.02, high=1.0, over=JOINTS, usual=0.3),
-        Number("mu", "1/rad", neutral=0.0, low=0.0, high=0.5, over=JOINTS, usual=0.1),
-        Number("spread", "-", neutral=0.0, low=0.0, high=0.8, over=JOINTS, usual=0.2),
+    parameters=(
+        EffectParameter("width", "rad", null=0.0, low=0.02, high=1.0, axis=JOINTS, default=0.3),
+        EffectParameter("mu", "1/rad", null=0.0, low=0.0, high=0.5, axis=JOINTS, default=0.1),
+        EffectParameter("spread", "-", null=0.0, low=0.0, high=0.8, axis=JOINTS, default=0.2),
     ),
     states=(State("stops", JOINTS, 3),),
     advances=("joint.settle",),

@@ -3,7 +3,7 @@
 q as seen = (1 + gain) q
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="angle error proportional to angle; tension and stroke untouched",
     source="physics.md 4.G; slopes 0.98 PIP, 0.892 DIP against CT [S:Metcalf]",
     at={"mocap.seen": seen},
-    numbers=(Number("gain", "-", neutral=0.0, low=-0.25, high=0.25, over=JOINTS, usual=-0.1),),
+    parameters=(EffectParameter("gain", "-", null=0.0, low=-0.25, high=0.25, axis=JOINTS, default=-0.1),),
 )

@@ -3,7 +3,7 @@
 q as seen = q + offset
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="constant angle error; tension and stroke untouched",
     source="physics.md 4.G; 1-5 deg",
     at={"mocap.seen": seen},
-    numbers=(Number("offset", "rad", neutral=0.0, low=-0.2, high=0.2, over=JOINTS, usual=0.05),),
+    parameters=(EffectParameter("offset", "rad", null=0.0, low=-0.2, high=0.2, axis=JOINTS, default=0.05),),
 )

@@ -5,7 +5,7 @@ q as seen = q + slip sin(2 q)
 
 from math import sin
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="angle error curved over angle, greatest near 45 degrees; tension and stroke untouched",
     source="physics.md 4.G; below 4 deg [S:Metcalf]",
     at={"mocap.seen": seen},
-    numbers=(Number("slip", "rad", neutral=0.0, low=-0.1, high=0.1, over=JOINTS, usual=0.03),),
+    parameters=(EffectParameter("slip", "rad", null=0.0, low=-0.1, high=0.1, axis=JOINTS, default=0.03),),
 )

@@ -5,8 +5,8 @@ i = clip(Kp e + z, -limit, +limit)
 
 from math import inf
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def current_limit(nominal, limit):
@@ -20,5 +20,9 @@ EFFECT = Effect(
     signature="tension levels off and speed falls short where load is high or acceleration is asked for",
     source="physics.md 4.A; 0.11 A holds 12 N at the wire",
     at={"motor.current_limit": current_limit},
-    numbers=(Number("limit", "A", neutral=inf, low=0.02, high=0.25, over=WIRES, usual=0.06, scale="reciprocal"),),
+    parameters=(
+        EffectParameter(
+            "limit", "A", null=inf, low=0.02, high=0.25, axis=TENDONS, default=0.06, transform="reciprocal"
+        ),
+    ),
 )

@@ -3,8 +3,8 @@
 v = 0 where |v_ref| < width, else v_ref
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def command(speed, tension, width):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="tension stays off its reference by up to width over kp; no motion below the threshold, limit cycles",
     source="physics.md 4.A; 0-2 mm/s [A]",
     at={"motor.command": command},
-    numbers=(Number("width", "m/s", neutral=0.0, low=2e-4, high=4e-3, over=WIRES, usual=1e-3),),
+    parameters=(EffectParameter("width", "m/s", null=0.0, low=2e-4, high=4e-3, axis=TENDONS, default=1e-3),),
 )

@@ -3,9 +3,9 @@
 torque on the rotor = r T_c / N + torque z          z: bristle over WIDTH of rotor angle
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.bristle import bent
 
 WIDTH = 1.0  # rotor angle over which the friction turns round [rad]; assumed
@@ -27,7 +27,7 @@ EFFECT = Effect(
     signature="stroke sticks and slips against the speed command near standstill, whatever the load",
     source="physics.md 3.1; 0.08 mN m [S:F1524], 0.74 N at the wire",
     at={"motor.drag": drag, "motor.settle": settle},
-    numbers=(Number("torque", "N m", neutral=0.0, low=2e-5, high=1e-3, over=WIRES, usual=3e-4),),
-    states=(State("bristle", WIRES),),
+    parameters=(EffectParameter("torque", "N m", null=0.0, low=2e-5, high=1e-3, axis=TENDONS, default=3e-4),),
+    states=(State("bristle", TENDONS),),
     advances=("motor.settle",),
 )

@@ -5,9 +5,9 @@ felt = T_c efficiency^(-z)          z: bristle over WIDTH of rotor angle, +1 whi
 
 from math import exp, log
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.bristle import bent
 
 WIDTH = 2.0  # rotor angle over which the losses turn round [rad]; assumed
@@ -29,7 +29,7 @@ EFFECT = Effect(
     signature="speed error against the command jumps with direction under load; the finger's loops untouched",
     source="physics.md 3.1, 4.A; 0.5-0.85 [S:FFAQ]",
     at={"motor.load": load, "motor.settle": settle},
-    numbers=(Number("efficiency", "-", neutral=1.0, low=0.4, high=0.95, over=WIRES, usual=0.65),),
-    states=(State("bristle", WIRES),),
+    parameters=(EffectParameter("efficiency", "-", null=1.0, low=0.4, high=0.95, axis=TENDONS, default=0.65),),
+    states=(State("bristle", TENDONS),),
     advances=("motor.settle",),
 )

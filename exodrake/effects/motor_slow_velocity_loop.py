@@ -6,9 +6,9 @@ T v' = v_ref - v          T = share (1 / factor - 1) T0          T0 = J / (Kp kM
 The closed loop's bandwidth is about factor / T0 either way. order 1: both gains fall alike; 2: the damping stays.
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 
 LOOP_TIME = 9.74e-3  # s, J / (Kp kM) of the nominal drive: model.md, Numbers
 
@@ -45,11 +45,11 @@ EFFECT = Effect(
         "motor.loop_gain": loop_gain,
         "motor.integral_gain": integral_gain,
     },
-    numbers=(
-        Number("factor", "-", neutral=1.0, low=0.15, high=0.9, over=WIRES, usual=0.4, scale="log"),
-        Number("share", "-", neutral=0.0, low=0.0, high=1.0, usual=0.0),
-        Number("order", "-", neutral=1.0, low=0.0, high=2.0, usual=1.0),
+    parameters=(
+        EffectParameter("factor", "-", null=1.0, low=0.15, high=0.9, axis=TENDONS, default=0.4, transform="log"),
+        EffectParameter("share", "-", null=0.0, low=0.0, high=1.0, default=0.0),
+        EffectParameter("order", "-", null=1.0, low=0.0, high=2.0, default=1.0),
     ),
-    states=(State("filtered", WIRES, unit="m/s"),),
+    states=(State("filtered", TENDONS, unit="m/s"),),
     advances=("motor.follow",),
 )

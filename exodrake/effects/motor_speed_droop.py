@@ -5,8 +5,8 @@
 
 from math import inf
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def command(speed, tension, limit, coefficient):
@@ -21,8 +21,10 @@ EFFECT = Effect(
     signature="stroke rate levels off in large steps, at a lower level under load; slow motion untouched",
     source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N",
     at={"motor.command": command},
-    numbers=(
-        Number("limit", "m/s", neutral=inf, low=0.005, high=0.1, over=WIRES, usual=0.03, scale="reciprocal"),
-        Number("coefficient", "m/(s N)", neutral=0.0, low=0.0, high=0.005, over=WIRES, usual=0.002),
+    parameters=(
+        EffectParameter(
+            "limit", "m/s", null=inf, low=0.005, high=0.1, axis=TENDONS, default=0.03, transform="reciprocal"
+        ),
+        EffectParameter("coefficient", "m/(s N)", null=0.0, low=0.0, high=0.005, axis=TENDONS, default=0.002),
     ),
 )

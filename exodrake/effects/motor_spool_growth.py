@@ -3,8 +3,8 @@
 r(s) = r (1 + growth s)          s = spool (1 + growth spool / 2)          torque = r(s) T
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def wound(spool, growth):
@@ -28,5 +28,5 @@ EFFECT = Effect(
     signature="stroke reads short by a term that grows with the square of the winding, in both directions alike",
     source="physics.md 4.A; 3-7 % per layer, a layer a turn (47 mm) or a few",
     at={"motor.wound": wound, "motor.winding": winding, "motor.load": load},
-    numbers=(Number("growth", "1/m", neutral=0.0, low=0.2, high=6.0, over=WIRES, usual=2.0),),
+    parameters=(EffectParameter("growth", "1/m", null=0.0, low=0.2, high=6.0, axis=TENDONS, default=2.0),),
 )

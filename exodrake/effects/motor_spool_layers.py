@@ -5,8 +5,8 @@ r = r0 (1 + growth m)          s = spool + growth (m spool - pitch m (m + 1) / 2
 
 from math import floor
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def layers(spool, pitch):
@@ -36,8 +36,8 @@ EFFECT = Effect(
     signature="slope of true against counted stroke steps up where a layer is full, in both directions alike",
     source="physics.md 4.A; 3-7 % per layer",
     at={"motor.wound": wound, "motor.winding": winding, "motor.load": load},
-    numbers=(
-        Number("growth", "-", neutral=0.0, low=0.01, high=0.15, over=WIRES, usual=0.06),
-        Number("pitch", "m", neutral=0.008, low=0.003, high=0.05, over=WIRES, usual=0.008, scale="log"),
+    parameters=(
+        EffectParameter("growth", "-", null=0.0, low=0.01, high=0.15, axis=TENDONS, default=0.06),
+        EffectParameter("pitch", "m", null=0.008, low=0.003, high=0.05, axis=TENDONS, default=0.008, transform="log"),
     ),
 )

@@ -3,9 +3,9 @@
 F = T + y          time_constant y' = fraction T - y
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.relaxation import relaxed
 
 
@@ -25,10 +25,12 @@ EFFECT = Effect(
     signature="reading drifts towards load at held tension and comes back late; stroke and angle tell otherwise",
     source="physics.md 4.C; 0.1 % in 30 min for a good cell, per cent for a printed one",
     at={"sensor.reading": reading, "sensor.settle": settle},
-    numbers=(
-        Number("fraction", "-", neutral=0.0, low=0.005, high=0.15, over=WIRES, usual=0.05),
-        Number("time_constant", "s", neutral=10.0, low=1.0, high=100.0, over=WIRES, usual=10.0, scale="log"),
+    parameters=(
+        EffectParameter("fraction", "-", null=0.0, low=0.005, high=0.15, axis=TENDONS, default=0.05),
+        EffectParameter(
+            "time_constant", "s", null=10.0, low=1.0, high=100.0, axis=TENDONS, default=10.0, transform="log"
+        ),
     ),
-    states=(State("crept", WIRES, unit="N"),),
+    states=(State("crept", TENDONS, unit="N"),),
     advances=("sensor.settle",),
 )

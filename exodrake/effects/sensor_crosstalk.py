@@ -3,8 +3,8 @@
 F_j = T_j + coefficient T_(j+1)          the last wire is followed by the first
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def mixed(load, following, coefficient):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="reading error proportional to the tension of another wire",
     source="physics.md 4.C; 0.1-2 %",
     at={"sensor.mixed": mixed},
-    numbers=(Number("coefficient", "-", neutral=0.0, low=-0.15, high=0.15, over=WIRES, usual=0.03),),
+    parameters=(EffectParameter("coefficient", "-", null=0.0, low=-0.15, high=0.15, axis=TENDONS, default=0.03),),
 )

@@ -3,8 +3,8 @@
 F = T + rate t          t from the start of the log
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def reading(tension, clock, rate):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="reading error grows with time, not with tension or stroke",
     source="physics.md 4.C; temperature and creep, 0.05 % of full scale per 10 K",
     at={"sensor.reading": reading},
-    numbers=(Number("rate", "N/s", neutral=0.0, low=-0.03, high=0.03, over=WIRES, usual=0.005),),
+    parameters=(EffectParameter("rate", "N/s", null=0.0, low=-0.03, high=0.03, axis=TENDONS, default=0.005),),
 )

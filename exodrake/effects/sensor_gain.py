@@ -3,8 +3,8 @@
 F = (1 + gain) T
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def reading(tension, clock, gain):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="reading off in proportion to tension, without a loop",
     source="physics.md 4.C; 1-5 %",
     at={"sensor.reading": reading},
-    numbers=(Number("gain", "-", neutral=0.0, low=-0.2, high=0.2, over=WIRES, usual=0.05),),
+    parameters=(EffectParameter("gain", "-", null=0.0, low=-0.2, high=0.2, axis=TENDONS, default=0.05),),
 )

@@ -3,9 +3,9 @@
 F = T + error z          z: bristle over a width of load
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.bristle import bent
 
 
@@ -25,10 +25,10 @@ EFFECT = Effect(
     signature="reading differs between rising and falling tension by an amount independent of stroke and rate",
     source="physics.md 4.C; 0.05-0.2 % of full scale, more for a cheap cell",
     at={"sensor.reading": reading, "sensor.settle": settle},
-    numbers=(
-        Number("error", "N", neutral=0.0, low=-0.5, high=0.5, over=WIRES, usual=0.1),
-        Number("width", "N", neutral=1.0, low=0.2, high=5.0, over=WIRES, usual=1.0, scale="log"),
+    parameters=(
+        EffectParameter("error", "N", null=0.0, low=-0.5, high=0.5, axis=TENDONS, default=0.1),
+        EffectParameter("width", "N", null=1.0, low=0.2, high=5.0, axis=TENDONS, default=1.0, transform="log"),
     ),
-    states=(State("bristle", WIRES), State("load_before", WIRES, unit="N")),
+    states=(State("bristle", TENDONS), State("load_before", TENDONS, unit="N")),
     advances=("sensor.settle",),
 )

@@ -3,8 +3,8 @@
 time_constant F' = T - F
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def lag(nominal, time_constant):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="reading lags in ramps and rounds off steps, alike in both directions; nothing at rest",
     source="physics.md 4.C; 2-50 ms",
     at={"sensor.lag": lag},
-    numbers=(Number("time_constant", "s", neutral=0.0, low=0.003, high=0.1, over=WIRES, usual=0.02),),
+    parameters=(EffectParameter("time_constant", "s", null=0.0, low=0.003, high=0.1, axis=TENDONS, default=0.02),),
 )

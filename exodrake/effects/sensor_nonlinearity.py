@@ -3,8 +3,8 @@
 F = T + error T (T_s - T) / (T_s / 2)^2          T_s = 20 N full scale of tension
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
 
@@ -21,5 +21,5 @@ EFFECT = Effect(
     signature="reading error curved over tension, greatest at mid range, without a loop",
     source="physics.md 4.C; 0.1 N at mid range",
     at={"sensor.reading": reading},
-    numbers=(Number("error", "N", neutral=0.0, low=-1.0, high=1.0, over=WIRES, usual=0.2),),
+    parameters=(EffectParameter("error", "N", null=0.0, low=-1.0, high=1.0, axis=TENDONS, default=0.2),),
 )

@@ -3,8 +3,8 @@
 F = T + offset
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def reading(tension, clock, offset):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="reading off by the same amount at every tension, a slack wire included",
     source="physics.md 4.C; 0.05-0.5 N",
     at={"sensor.reading": reading},
-    numbers=(Number("offset", "N", neutral=0.0, low=-1.5, high=1.5, over=WIRES, usual=0.2),),
+    parameters=(EffectParameter("offset", "N", null=0.0, low=-1.5, high=1.5, axis=TENDONS, default=0.2),),
 )

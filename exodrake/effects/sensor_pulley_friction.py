@@ -5,8 +5,8 @@ F = T (1 + exp(-mu pi slide)) / 2        slide -> +1 while the spool takes wire 
 
 from math import exp, pi
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def felt(tension, slide, mu):
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="reading jumps in proportion to tension where the spool reverses; rate-free",
     source="physics.md 4.C; 1-5 %",
     at={"sensor.felt": felt},
-    numbers=(Number("mu", "-", neutral=0.0, low=0.003, high=0.15, over=WIRES, usual=0.04),),
+    parameters=(EffectParameter("mu", "-", null=0.0, low=0.003, high=0.15, axis=TENDONS, default=0.04),),
 )

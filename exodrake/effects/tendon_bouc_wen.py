@@ -7,9 +7,9 @@ z is advanced exactly over a change of stretch x.
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 
 
 def yielded(z, change, width):
@@ -38,10 +38,10 @@ EFFECT = Effect(
     signature="loop of angle against stroke whose width follows amplitude, rate-free; less tension where stretch grows",
     source="physics.md 4.B; alpha 0.6-1",
     at={"tendon.elastic": elastic, "tendon.settle": settle},
-    numbers=(
-        Number("fraction", "-", neutral=0.0, low=0.05, high=0.6, over=WIRES, usual=0.3),
-        Number("width", "m", neutral=5e-4, low=1e-4, high=3e-3, over=WIRES, usual=5e-4, scale="log"),
+    parameters=(
+        EffectParameter("fraction", "-", null=0.0, low=0.05, high=0.6, axis=TENDONS, default=0.3),
+        EffectParameter("width", "m", null=5e-4, low=1e-4, high=3e-3, axis=TENDONS, default=5e-4, transform="log"),
     ),
-    states=(State("yielding", WIRES, unit="m"), State("stretch_before", WIRES, unit="m")),
+    states=(State("yielding", TENDONS, unit="m"), State("stretch_before", TENDONS, unit="m")),
     advances=("tendon.settle",),
 )

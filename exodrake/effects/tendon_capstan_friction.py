@@ -5,8 +5,8 @@ T_d = T_c exp(-mu_phi slide)        slide -> +1 while the finger takes wire in, 
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def transmit(tension, slide, travel, speed, mu_phi):
@@ -20,5 +20,5 @@ EFFECT = Effect(
     signature="loop of angle against tension whose width grows with load, rate-free; none of angle against stroke",
     source="physics.md 4.B; mu phi 0.1-0.9 from exosuit Bowden efficiency 40-60 % [S:Stillsuit], 60 % [S:TUM]",
     at={"tendon.transmit": transmit},
-    numbers=(Number("mu_phi", "-", neutral=0.0, low=0.05, high=0.9, over=WIRES, usual=0.3),),
+    parameters=(EffectParameter("mu_phi", "-", null=0.0, low=0.05, high=0.9, axis=TENDONS, default=0.3),),
 )

@@ -5,8 +5,8 @@ T_c = k_s (s - l)          1 / k_s = 1 / k + 1 / stiffness
 
 from math import inf
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def elastic(tension, stretch, wire_stiffness, stiffness):
@@ -20,5 +20,9 @@ EFFECT = Effect(
     signature="stroke offset proportional to tension, without a loop and at every rate; angle against tension as ever",
     source="physics.md 4.B; 0.5-10 N/mm [A]",
     at={"tendon.elastic": elastic},
-    numbers=(Number("stiffness", "N/m", neutral=inf, low=5e2, high=2e4, over=WIRES, usual=3e3, scale="reciprocal"),),
+    parameters=(
+        EffectParameter(
+            "stiffness", "N/m", null=inf, low=5e2, high=2e4, axis=TENDONS, default=3e3, transform="reciprocal"
+        ),
+    ),
 )

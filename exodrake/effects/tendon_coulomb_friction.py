@@ -3,8 +3,8 @@
 T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 while it gives wire back
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 from exodrake.effects.grip import gripped
 
 
@@ -19,5 +19,5 @@ EFFECT = Effect(
     signature="loop of angle against tension of constant width, rate-free; none of angle against stroke",
     source="physics.md 4.B; 0.1-1 N",
     at={"tendon.transmit": transmit},
-    numbers=(Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.4),),
+    parameters=(EffectParameter("force", "N", null=0.0, low=0.05, high=1.5, axis=TENDONS, default=0.4),),
 )

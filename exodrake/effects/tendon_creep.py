@@ -5,9 +5,9 @@ T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
 
 from math import inf
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.relaxation import relaxed
 
 
@@ -27,10 +27,14 @@ EFFECT = Effect(
     signature="stroke drifts at held tension and remembers load; loop of angle against stroke, smaller in fast motion",
     source="physics.md 4.B; 10-40 % of the elastic stretch, 1-300 s",
     at={"tendon.stretch": stretch, "tendon.settle": settle},
-    numbers=(
-        Number("stiffness", "N/m", neutral=inf, low=1500.0, high=6e4, over=WIRES, usual=8000.0, scale="reciprocal"),
-        Number("time_constant", "s", neutral=10.0, low=0.5, high=100.0, over=WIRES, usual=10.0, scale="log"),
+    parameters=(
+        EffectParameter(
+            "stiffness", "N/m", null=inf, low=1500.0, high=6e4, axis=TENDONS, default=8000.0, transform="reciprocal"
+        ),
+        EffectParameter(
+            "time_constant", "s", null=10.0, low=0.5, high=100.0, axis=TENDONS, default=10.0, transform="log"
+        ),
     ),
-    states=(State("elongation", WIRES, unit="m"),),
+    states=(State("elongation", TENDONS, unit="m"),),
     advances=("tendon.settle",),
 )

@@ -3,9 +3,9 @@
 T_d = T_c - force (z_1 + z_2 + z_3) / 3          z_i: stop operator of range i distance
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.bristle import clipped
 from exodrake.effects.grip import gripped
 
@@ -43,10 +43,10 @@ EFFECT = Effect(
     signature="nested, rate-free loops of angle against tension, with corners where contacts let go",
     source="physics.md 4.B; 0-1 mm",
     at={"tendon.transmit": transmit, "tendon.settle": settle},
-    numbers=(
-        Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.4),
-        Number("distance", "m", neutral=5e-4, low=5e-5, high=2e-3, over=WIRES, usual=5e-4, scale="log"),
+    parameters=(
+        EffectParameter("force", "N", null=0.0, low=0.05, high=1.5, axis=TENDONS, default=0.4),
+        EffectParameter("distance", "m", null=5e-4, low=5e-5, high=2e-3, axis=TENDONS, default=5e-4, transform="log"),
     ),
-    states=(State("stops", WIRES, 3),),
+    states=(State("stops", TENDONS, 3),),
     advances=("tendon.settle",),
 )

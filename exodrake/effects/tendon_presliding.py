@@ -3,9 +3,9 @@
 T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.bristle import bent
 from exodrake.effects.grip import gripped
 
@@ -26,10 +26,12 @@ EFFECT = Effect(
     signature="loop of angle against tension that opens gradually after a reversal; nested minor loops in small motion",
     source="physics.md 4.B; 1e3-1e5 N/m",
     at={"tendon.transmit": transmit, "tendon.settle": settle},
-    numbers=(
-        Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.4),
-        Number("stiffness", "N/m", neutral=500.0, low=50.0, high=1e4, over=WIRES, usual=500.0, scale="log"),
+    parameters=(
+        EffectParameter("force", "N", null=0.0, low=0.05, high=1.5, axis=TENDONS, default=0.4),
+        EffectParameter(
+            "stiffness", "N/m", null=500.0, low=50.0, high=1e4, axis=TENDONS, default=500.0, transform="log"
+        ),
     ),
-    states=(State("bristle", WIRES),),
+    states=(State("bristle", TENDONS),),
     advances=("tendon.settle",),
 )

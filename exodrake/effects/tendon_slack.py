@@ -3,8 +3,8 @@
 T_c = max(0, k (s - l - length))
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 
 def stretch(extension, tension_finger, length):
@@ -18,5 +18,5 @@ EFFECT = Effect(
     signature="constant stroke offset at every tension; tension stays 0 while the first stroke is taken in",
     source="physics.md 4.B; 0.5-5 mm",
     at={"tendon.stretch": stretch},
-    numbers=(Number("length", "m", neutral=0.0, low=1e-4, high=5e-3, over=WIRES, usual=1e-3),),
+    parameters=(EffectParameter("length", "m", null=0.0, low=1e-4, high=5e-3, axis=TENDONS, default=1e-3),),
 )

@@ -9,8 +9,8 @@ exponent of LIMIT the curve goes on straight.
 
 from math import expm1, inf
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 
 LIMIT = 3.0  # exponent from which the curve is straight [-]
 FADES = 4.0  # it fades once k / soft - 1 is below 1 / FADES [-]: assumed
@@ -32,10 +32,19 @@ EFFECT = Effect(
     signature="stroke offset is a curved function of tension, steep at low tension, without a loop",
     source="physics.md 4.B, garment k0 + k1 T [A]",
     at={"tendon.elastic": elastic},
-    numbers=(
-        Number(
-            "soft_stiffness", "N/m", neutral=inf, low=500.0, high=2700.0, over=WIRES, usual=1200.0, scale="reciprocal"
+    parameters=(
+        EffectParameter(
+            "soft_stiffness",
+            "N/m",
+            null=inf,
+            low=500.0,
+            high=2700.0,
+            axis=TENDONS,
+            default=1200.0,
+            transform="reciprocal",
         ),
-        Number("stiffening", "1/m", neutral=200.0, low=30.0, high=500.0, over=WIRES, usual=200.0, scale="log"),
+        EffectParameter(
+            "stiffening", "1/m", null=200.0, low=30.0, high=500.0, axis=TENDONS, default=200.0, transform="log"
+        ),
     ),
 )

@@ -8,9 +8,9 @@ The level follows the speed with a short frictional memory (frictional lag: Arms
 
 from math import exp
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.core.signal import WIRES
+from exodrake.core.signal import TENDONS
 from exodrake.effects.grip import gripped
 from exodrake.effects.relaxation import relaxed
 
@@ -38,11 +38,11 @@ EFFECT = Effect(
     signature="as Coulomb friction, but the loop is wider at slow motion; break-away peaks, stick-slip",
     source="physics.md 4.B; static over sliding 1-1.5, 1-5 mm/s",
     at={"tendon.transmit": transmit, "tendon.settle": settle},
-    numbers=(
-        Number("force", "N", neutral=0.0, low=0.05, high=1.5, over=WIRES, usual=0.3),
-        Number("ratio", "-", neutral=1.0, low=1.1, high=3.0, over=WIRES, usual=2.0),
-        Number("speed", "m/s", neutral=0.005, low=0.001, high=0.03, over=WIRES, usual=0.005, scale="log"),
+    parameters=(
+        EffectParameter("force", "N", null=0.0, low=0.05, high=1.5, axis=TENDONS, default=0.3),
+        EffectParameter("ratio", "-", null=1.0, low=1.1, high=3.0, axis=TENDONS, default=2.0),
+        EffectParameter("speed", "m/s", null=0.005, low=0.001, high=0.03, axis=TENDONS, default=0.005, transform="log"),
     ),
-    states=(State("remembered", WIRES, unit="m/s"),),
+    states=(State("remembered", TENDONS, unit="m/s"),),
     advances=("tendon.settle",),
 )

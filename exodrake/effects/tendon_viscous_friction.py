@@ -3,8 +3,8 @@
 T_d = T_c - coefficient v          v > 0 while the finger takes wire in
 """
 
-from exodrake.core.effect import Effect, Number
-from exodrake.core.signal import WIRES
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.signal import TENDONS
 from exodrake.effects.grip import gripped
 
 
@@ -19,5 +19,5 @@ EFFECT = Effect(
     signature="loop of angle against tension whose width grows with speed and vanishes at rest",
     source="physics.md 4.B; 0.5-5 N s/m",
     at={"tendon.transmit": transmit},
-    numbers=(Number("coefficient", "N s/m", neutral=0.0, low=0.5, high=20.0, over=WIRES, usual=5.0),),
+    parameters=(EffectParameter("coefficient", "N s/m", null=0.0, low=0.5, high=20.0, axis=TENDONS, default=5.0),),
 )

@@ -1,14 +1,14 @@
 """Some command frames are lost; the drive keeps the speed held so far.
 
-v(n) = v(n - 1) where lottery < probability, else v_cmd(n)
+v(n) = v(n - 1) where packet_arrival < probability, else v_cmd(n)
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
-def sent(command, history, first, applied, lottery, probability):
+def sent(command, history, first, applied, packet_arrival, probability):
     """Speed that reaches the drive [m/s]."""
-    return applied if lottery < probability else command
+    return applied if packet_arrival < probability else command
 
 
 EFFECT = Effect(
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="stroke goes on at the old speed for a frame or more at random instants; on average a small delay",
     source="physics.md 4.E; 1e-4-1e-2, worse on a faulty bus",
     at={"bus.sent": sent},
-    numbers=(Number("probability", "-", neutral=0.0, low=0.005, high=0.6, usual=0.15),),
+    parameters=(EffectParameter("probability", "-", null=0.0, low=0.005, high=0.6, default=0.15),),
 )

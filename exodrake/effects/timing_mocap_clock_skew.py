@@ -3,7 +3,7 @@
 angle(t) as logged = angle at t - skew t
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def late(lateness, clock, skew):
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="angle error proportional to joint rate and growing along the log; tension and stroke untouched",
     source="physics.md 4.E; 1-100 ppm for crystals, far more for a software clock",
     at={"mocap.late": late},
-    numbers=(Number("skew", "s/s", neutral=0.0, low=-5e-3, high=5e-3, usual=1e-3),),
+    parameters=(EffectParameter("skew", "s/s", null=0.0, low=-5e-3, high=5e-3, default=1e-3),),
 )

@@ -3,7 +3,7 @@
 angle(t) as logged = angle at t - delay
 """
 
-from exodrake.core.effect import Effect, Number
+from exodrake.core.effect import Effect, EffectParameter
 
 
 def late(lateness, clock, delay):
@@ -17,5 +17,5 @@ EFFECT = Effect(
     signature="angle error proportional to joint rate; tension and stroke untouched",
     source="physics.md 4.E; 0-20 ms",
     at={"mocap.late": late},
-    numbers=(Number("delay", "s", neutral=0.0, low=-0.05, high=0.1, usual=0.02),),
+    parameters=(EffectParameter("delay", "s", null=0.0, low=-0.05, high=0.1, default=0.02),),
 )

@@ -11,7 +11,7 @@ from exodrake.estimator.gp import POINTS, fit
 from exodrake.estimator.ridge import fit_ridge
 from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
 from exodrake.systems.finger_statics import follow, posture
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Comparison:
     solved: float
 
 
-def compare(training: Sweeps, held_out: Sweeps, n: Numbers, points: int = POINTS) -> Comparison:
+def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POINTS) -> Comparison:
     """Train and fit on `training`, judge on `held_out`; n: the robot's numbers, whose routers and end stops the models
     take.
 
@@ -45,8 +45,8 @@ def compare(training: Sweeps, held_out: Sweeps, n: Numbers, points: int = POINTS
     guesses = {
         "Gaussian process": process,
         "quadratic ridge": fit_ridge(training)(held_out)[0],
-        "constant stiffness": posture(held_out.tension, constant.numbers(linear(n))),
-        "end stops": follow(held_out.tension, stopped.numbers(n)),
+        "constant stiffness": posture(held_out.tension, constant.parameters(linear(n))),
+        "end stops": follow(held_out.tension, stopped.parameters(n)),
         "nominal": follow(held_out.tension, n),
     }
     solved = np.isfinite(guesses["constant stiffness"]).all(axis=1)

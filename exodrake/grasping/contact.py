@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.grasping.hand import Hand, Mode
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 GRID = 81  # points along each free direction
 OFF = 0.9  # rad, how far a cage may stay off the thumb
@@ -41,7 +41,7 @@ class Candidates:
     miss: np.ndarray
 
 
-def candidates(mode: Mode, size: float, hand: Hand, n: Numbers) -> Candidates:
+def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
     """All postures of a mode about an object of this size [m], allowed (miss = 0) or not."""
     radius, thumb = size / 2.0, complex(*hand.thumb)
     bend, held, off = wrapped(radius, n) if mode.wraps else pinched(mode, radius, hand, n)
@@ -62,14 +62,14 @@ def candidates(mode: Mode, size: float, hand: Hand, n: Numbers) -> Candidates:
     return Candidates(angles, centre, gap, miss)
 
 
-def bounds(mode: Mode, hand: Hand, n: Numbers) -> tuple[np.ndarray, np.ndarray]:
+def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest joint angles (3,) [rad] of a mode."""
     low, high = hand.limits(n)
     rest = np.array(n.q0)
     return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
 
 
-def pinched(mode: Mode, radius: float, hand: Hand, n: Numbers) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pinched(mode: Mode, radius: float, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """PIP and DIP (k, 2) [rad], centre (k,) [m] before the MCP turns, and nothing off the thumb (k,)."""
     low, high = bounds(mode, hand, n)
     spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
@@ -79,7 +79,7 @@ def pinched(mode: Mode, radius: float, hand: Hand, n: Numbers) -> tuple[np.ndarr
     return np.column_stack([pip, dip]), held, np.zeros(len(pip))
 
 
-def wrapped(radius: float, n: Numbers) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As `pinched`, for phalanges tangent to the object; contacts that fall off a phalanx are left out."""
     first, second, third = radius + np.array(n.radius)
     shortest = np.sqrt(max(first**2 - second**2, 0.0))
@@ -97,13 +97,13 @@ def wrapped(radius: float, n: Numbers) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return np.repeat(bend, len(off), axis=0), np.repeat(held, len(off)), np.tile(off, len(bend))
 
 
-def joints(angles: np.ndarray, n: Numbers) -> np.ndarray:
+def joints(angles: np.ndarray, n: Parameters) -> np.ndarray:
     """MCP, PIP, DIP and fingertip (..., 4) complex [m]; angles (..., 3) [rad]."""
     bones = np.array(n.length) * np.exp(1j * np.cumsum(angles, axis=-1))
     return np.concatenate([np.zeros_like(bones[..., :1]), np.cumsum(bones, axis=-1)], axis=-1)
 
 
-def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Numbers) -> np.ndarray:
+def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Parameters) -> np.ndarray:
     """How deep the object lies in a phalanx at most (k,) [m]; 0 for none."""
     ends, deepest = joints(angles, n), np.zeros(len(angles))
     for i in range(3):
@@ -114,6 +114,6 @@ def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Numbers) -
     return deepest
 
 
-def opening(angles: np.ndarray, hand: Hand, n: Numbers) -> np.ndarray:
+def opening(angles: np.ndarray, hand: Hand, n: Parameters) -> np.ndarray:
     """Clear width between fingertip and thumb (k,) [m]."""
     return np.abs(joints(angles, n)[..., 3] - complex(*hand.thumb)) - n.radius[2] - hand.thumb_radius

@@ -10,7 +10,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, colour_of, draw_estimate, draw_panel
 from exodrake.grasping.contact import joints
-from exodrake.grasping.inverse import numbers_of
+from exodrake.grasping.inverse import parameters_of
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
 
@@ -48,7 +48,7 @@ def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
 
 def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
     """Object, thumb and the finger's three postures at the hold, in its plane [mm]."""
-    n = numbers_of(robot)
+    n = parameters_of(robot)
     thumb, centre = complex(*plan.hand.thumb), complex(*plan.centre)
     fill(axes, [thumb, thumb + THUMB_BONE], [plan.hand.thumb_radius], THUMB, 0.9)
     axes.annotate(

@@ -12,7 +12,7 @@ from math import isfinite
 import numpy as np
 
 from exodrake.core.errors import InputError, nearest
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 FREE = 9.0  # rad, no limit
 
@@ -32,7 +32,7 @@ class Hand:
     soft: float = 0.0025
     tissue: float = 0.15
 
-    def limits(self, n: Numbers) -> tuple[np.ndarray, np.ndarray]:
+    def limits(self, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest joint angles (3,), (3,) [rad]."""
         return np.array(n.q_e) - self.tissue, np.array(n.q_f) + self.tissue
 
@@ -65,7 +65,7 @@ def mode_of(name: str) -> Mode:
     return MODES[plain]
 
 
-def check_size(size: float, hand: Hand, n: Numbers) -> float:
+def check_size(size: float, hand: Hand, n: Parameters) -> float:
     """The size of an object [m]; InputError if it is none, or wider than finger and thumb could ever span."""
     span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
     number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)

@@ -21,7 +21,7 @@ from exodrake.core.robot import Robot
 from exodrake.simulation.tensions import smooth
 from exodrake.systems.finger import end_stop
 from exodrake.systems.finger_statics import arms, follow, posture
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]
@@ -37,21 +37,21 @@ APART = 0.01  # rad between postures tried one after the other
 STEPS, STARTS = 13, 4  # tensions per wire looked at, and starts of the least squares
 
 
-def numbers_of(robot: Robot) -> Numbers:
+def parameters_of(robot: Robot) -> Parameters:
     """The finger's numbers of a robot, without effects."""
-    found = [robot.lanes(f"{field.group}.{field.name}") for field in fields_of(Numbers, "finger")]
+    found = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
     plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
-    return Numbers(*plain)
+    return Parameters(*plain)
 
 
-def passive(angles: np.ndarray, n: Numbers) -> np.ndarray:
+def passive(angles: np.ndarray, n: Parameters) -> np.ndarray:
     """Passive torque (k, 3) [N m] at angles (k, 3) [rad]."""
     ends = [np.array(values) for values in (n.q_f, n.q_e, n.beta, n.A)]
     stop = np.vectorize(end_stop, otypes=[float])(angles, *ends)
     return np.array(n.kappa) * (angles - np.array(n.q0)) + stop
 
 
-def tensions_for(angles: np.ndarray, n: Numbers) -> np.ndarray:
+def tensions_for(angles: np.ndarray, n: Parameters) -> np.ndarray:
     """Tensions (k, 3) [N] in balance at postures (k, 3) [rad], of any sign and size; NaN where there are none."""
     transposed = np.swapaxes(arms(angles, n), 1, 2)
     exists = np.abs(np.linalg.det(transposed)) > SINGULAR
@@ -60,14 +60,14 @@ def tensions_for(angles: np.ndarray, n: Numbers) -> np.ndarray:
     return found
 
 
-def stiffness(angles: np.ndarray, tension: np.ndarray, n: Numbers) -> np.ndarray:
+def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndarray:
     """Stiffness of each joint under tension (k, 3) [N m/rad]: below 0 it snaps."""
     up, down = angles + NUDGE, angles - NUDGE
     wires = np.einsum("kji,kj->ki", arms(up, n) - arms(down, n), tension)
     return (passive(up, n) - passive(down, n) - wires) / (2.0 * NUDGE)
 
 
-def ramped(tension: np.ndarray, low: np.ndarray, n: Numbers, lead: float = 0.0) -> np.ndarray:
+def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
     """Posture (3,) [rad] at the end of a minimum-jerk ramp from rest to tension (3,) [N].
 
     low: F_min (3,) [N]. lead: share of the ramp by which the extensor runs ahead of the flexors.
@@ -77,20 +77,20 @@ def ramped(tension: np.ndarray, low: np.ndarray, n: Numbers, lead: float = 0.0) 
     return follow(low + share * (tension - low), n)[-1]
 
 
-def steady(angles: np.ndarray, tension: np.ndarray, n: Numbers) -> np.ndarray:
+def steady(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndarray:
     """Whether postures (k, 3) [rad] stand safely under tensions (k, 3) [N], and are where a slow finger ends up."""
     firm = (stiffness(angles, tension, n) >= STIFF * np.array(n.kappa)).all(axis=1)
     firm[firm] = (np.abs(posture(tension[firm], n) - angles[firm]) < SAME).all(axis=1)
     return firm
 
 
-def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Numbers) -> bool:
+def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Parameters) -> bool:
     """Whether the ramp leads to this posture (3,) [rad], also when flexors or extensor run ahead."""
     return all(np.abs(ramped(tension, low, n, lead) - angles).max() < SAME for lead in (0.0, LEAD, -LEAD))
 
 
 def holdable(
-    angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Numbers, confirm: Confirm
+    angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Parameters, confirm: Confirm
 ) -> tuple[int, np.ndarray] | None:
     """Place and tensions (3,) [N] of the cheapest of the postures (k, 3) [rad] that the wires hold and the ramp
     reaches; None for none. low, high: tension limits (3,) [N]. Neighbours of one that fails are not tried."""
@@ -107,7 +107,7 @@ def holdable(
     return None
 
 
-def reachable(low: np.ndarray, high: np.ndarray, n: Numbers) -> tuple[np.ndarray, np.ndarray]:
+def reachable(low: np.ndarray, high: np.ndarray, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
     """Tensions (k, 3) [N] over the box and their steady postures (k, 3) [rad]."""
     axes = [np.linspace(a, b, STEPS) for a, b in zip(low, high)]
     tension = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -123,7 +123,7 @@ def project(
     cloud: tuple[np.ndarray, np.ndarray],
     low: np.ndarray,
     high: np.ndarray,
-    n: Numbers,
+    n: Parameters,
     confirm: Confirm,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Tensions (3,) [N] within low .. high whose posture (3,) [rad], from rest along the ramp, is nearest `wanted`.

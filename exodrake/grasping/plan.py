@@ -15,12 +15,12 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
-from exodrake.grasping.inverse import holdable, numbers_of, project, ramped, reachable
+from exodrake.grasping.inverse import holdable, parameters_of, project, ramped, reachable
 from exodrake.grasping.trial import confirmed, nominal
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import grasp
 from exodrake.simulation.tensions import limits
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
 GAP = 0.01  # m off the thumb that count in a cage like 1 rad
@@ -62,7 +62,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     Raises InputError for an unknown mode, and for a size that is none or beyond the span of finger and thumb.
     """
     robot, hand = robot or load_robot(), hand or Hand()
-    way, n, (low, high) = mode_of(mode), numbers_of(robot), limits(robot)
+    way, n, (low, high) = mode_of(mode), parameters_of(robot), limits(robot)
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
@@ -79,15 +79,15 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     shortfall = wanted - planned
     touched = len(allowed) > 0
     feasible = bool(touched and np.abs(shortfall).max() <= TOLERANCE)
-    lanes = robot.machine.lanes.wires, robot.machine.lanes.joints
     reason = words(robot, way, size, touched, feasible, shortfall, tension)
     return Plan(
         way.name, size, pair(joints(wanted, n)[3]), pair(found.centre[place]), values(wanted), values(tension),
-        values(planned), values(shortfall), feasible, reason, *lanes, hand,
+        values(planned), values(shortfall), feasible, reason, robot.machine.axes.tendons, robot.machine.axes.joints,
+        hand,
     )  # fmt: skip
 
 
-def cost_of(mode: Mode, found: Candidates, n: Numbers) -> np.ndarray:
+def cost_of(mode: Mode, found: Candidates, n: Parameters) -> np.ndarray:
     """What speaks against each posture (k,): weighted departure from rest, distance of a caged object to the thumb."""
     away = (found.angles - np.array(n.q0)) ** 2 @ np.array(mode.weight)
     return away + (np.maximum(found.gap, 0.0) / GAP) ** 2
@@ -106,16 +106,16 @@ def words(
     robot: Robot, mode: Mode, size: float, touched: bool, feasible: bool, shortfall: np.ndarray, tension: np.ndarray
 ) -> str:
     """Why a grasp is feasible or not, in a sentence."""
-    lanes, (low, high) = robot.machine.lanes, limits(robot)
+    axes, (low, high) = robot.machine.axes, limits(robot)
     if feasible:
         return "the wires hold it within F_min .. F_max, and the ramp leads to it"
     what = f"{mode.name.replace('-', ' ')} of {1e3 * size:g} mm"
     if not touched:
         does = "closes round it" if mode.wraps else "brings it against the thumb"
         return f"{what} is out of reach: no posture within the limits of joints and mode {does}"
-    short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(lanes.joints, shortfall) if abs(v) > TOLERANCE)
-    at = [f"{w} at F_min" for w, t, a in zip(lanes.wires, tension, low) if t < a + 0.01]
-    at += [f"{w} at F_max" for w, t, b in zip(lanes.wires, tension, high) if t > b - 0.01]
+    short = ", ".join(f"{j} {v:+.3f} rad" for j, v in zip(axes.joints, shortfall) if abs(v) > TOLERANCE)
+    at = [f"{w} at F_min" for w, t, a in zip(axes.tendons, tension, low) if t < a + 0.01]
+    at += [f"{w} at F_max" for w, t, b in zip(axes.tendons, tension, high) if t > b - 0.01]
     cause = (
         f"; the nearest they hold has {' and '.join(at)}" if at else "; nearer ones are not stable or not on the ramp"
     )

@@ -27,12 +27,12 @@ def run_plan(plan: Plan, robot: Robot, estimator: Estimator, seed: int | None = 
     """
     from exodrake.diagrams import diagram as drake
 
-    lanes, reference = robot.machine.lanes, plan.reference(robot)
-    if (estimator.wires, estimator.joints) != (lanes.wires, lanes.joints):
+    axes, reference = robot.machine.axes, plan.reference(robot)
+    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
         raise InputError(f"estimator of wires {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
     diagram = drake.build_diagram(robot, reference, seed, estimator=estimator.weights)
     simulator, frames = drake.Simulator(diagram), len(reference.tension)
-    context, found = simulator.get_context(), np.empty((2, frames, len(lanes.joints)))
+    context, found = simulator.get_context(), np.empty((2, frames, len(axes.joints)))
     ports = [diagram.GetOutputPort(f"estimator.{wire}") for wire in ("angle_est", "angle_std")]
     for frame in range(frames):
         simulator.AdvanceTo(robot.machine.frame * (frame + 1))
@@ -42,7 +42,7 @@ def run_plan(plan: Plan, robot: Robot, estimator: Estimator, seed: int | None = 
     wires = {name: rows[:, at] for name, at in offsets(robot.machine).items()}
     log = log_of(Recording(robot, reference, robot.machine.frame * np.arange(frames), wires))
     for kind, rows in zip(("angle_est", "angle_std"), found):
-        log = log.with_array(kind, lanes.joints, rows)
+        log = log.with_array(kind, axes.joints, rows)
     return log
 
 

@@ -22,8 +22,8 @@ CLOSE = 0.03  # rad between plan and simulation
 
 def nominal(robot: Robot) -> Robot:
     """The robot with its own numbers and without effects."""
-    neutral = [entry.neutral for entry in robot.machine.entries]
-    return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, neutral)]))
+    null = [parameter.null for parameter in robot.machine.parameters]
+    return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, null)]))
 
 
 def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
@@ -34,7 +34,7 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
 
 def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
     """Whether a nominal robot, asked for these tensions (wires,) [N], gets to these angles (joints,) [rad]."""
-    lanes = robot.machine.lanes
-    targets = dict(zip(lanes.wires, np.asarray(tension, dtype=float).tolist()))
+    axes = robot.machine.axes
+    targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
     log = simulate(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None)
-    return bool(np.abs(at_hold(log, "angle", lanes.joints) - angles).max() <= CLOSE)
+    return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)

@@ -21,12 +21,12 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.systems.finger_statics import arms, follow
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 ROWS = 400  # rows of a log a fit looks at, equispaced: neighbours 20 ms apart say the same
 MIN_SPAN = 0.05  # rad, a joint that moved less says nothing about its stiffness
 
-Statics = Callable[[np.ndarray, Numbers], np.ndarray]
+Statics = Callable[[np.ndarray, Parameters], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,17 @@ class Stiffness:
     q0_error: tuple[float, ...]
     rmse: tuple[float, ...]
 
-    def numbers(self, n: Numbers) -> Numbers:
+    def parameters(self, n: Parameters) -> Parameters:
         """The numbers with the fitted stiffness and rest posture in."""
         return n._replace(kappa=self.kappa, q0=self.q0)
 
 
-def linear(n: Numbers) -> Numbers:
+def linear(n: Parameters) -> Parameters:
     """The numbers without end stops: constant stiffness, as the paper's model-based estimate has it."""
     return n._replace(A=(0.0, 0.0, 0.0))
 
 
-def router_arms(angle: np.ndarray, n: Numbers) -> np.ndarray:
+def router_arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
     """R of Eq. 21 at one posture (3,) rad: (3 joints, 3 wires) m, extensor arms positive while they extend."""
     return arms(angle[None], n)[0].T * np.array([1.0, 1.0, -1.0])
 
@@ -86,7 +86,7 @@ def tension_map_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
     return _printed_map(r, kappa, kappa[0])
 
 
-def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Numbers, statics: Statics = follow) -> Stiffness:
+def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics = follow) -> Stiffness:
     """Least squares in angle for kappa and q0 of each joint; the rest of `n` (routers, end stops) is taken as known.
 
     tension (rows, 3) N, angle (rows, 3) rad, slow enough to be quasi-static. statics: `follow` for rows of a log in
@@ -104,7 +104,9 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Numbers, statics: S
     return Stiffness(kappa, q0, kappa_error, q0_error, rmse)
 
 
-def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers, statics: Statics) -> tuple[float, ...]:
+def _fit_joint(
+    joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics
+) -> tuple[float, ...]:
     """kappa, q0, their standard errors and the RMSE of one joint. Fitted in (log kappa, q0): stiffness stays
     positive."""
     from scipy.optimize import least_squares
@@ -130,7 +132,7 @@ def _fit_joint(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers, s
     return kappa, float(best.x[1]), kappa * spread[0], spread[1], float(np.sqrt(np.mean(error**2)))
 
 
-def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Numbers) -> np.ndarray:
+def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters) -> np.ndarray:
     """(log kappa, q0) of the line through torque against angle between the end stops; those of `n` if it falls."""
     inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
     if inside.sum() >= 10:

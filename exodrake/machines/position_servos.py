@@ -1,4 +1,6 @@
-"""Machines of joints that go where they are told: commands -> joints -> reading. They differ in shelf and numbers."""
+"""Machines of joints that go where they are told: commands -> joints -> reading. They differ in effect library and
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +9,19 @@ from dataclasses import replace
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
-from exodrake.core.signal import JOINTS, ONE, Lanes, Wire
+from exodrake.core.signal import JOINTS, SCALAR, Axes, Signal
 from exodrake.systems import angle_reading, joint, joint_command
 
-ASKED = (Wire("angle_ref", "rad", JOINTS), Wire("angle_start", "rad", JOINTS))
-BEND = Wire("bend", "rad", JOINTS)
+ASKED = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
+BEND = Signal("bend", "rad", JOINTS)
 REST = (
-    Wire("noise_angle", "-", JOINTS),
-    Wire("command", "rad", JOINTS),
-    Wire("origin", "rad", JOINTS),
-    Wire("setting", "rad", JOINTS),
-    Wire("ready", "-", ONE),
-    Wire("angle", "rad", JOINTS),
-    Wire("angle_read", "rad", JOINTS),
+    Signal("noise_angle", "-", JOINTS),
+    Signal("command", "rad", JOINTS),
+    Signal("origin", "rad", JOINTS),
+    Signal("setting", "rad", JOINTS),
+    Signal("ready", "-", SCALAR),
+    Signal("angle", "rad", JOINTS),
+    Signal("angle_read", "rad", JOINTS),
 )
 
 
@@ -32,7 +34,7 @@ def joint_machine(
     name: str,
     part: str,
     joints: tuple[str, ...],
-    shelf: tuple[Effect, ...],
+    library: tuple[Effect, ...],
     frame: float,
     depth: int,
     bent: bool = False,
@@ -45,22 +47,22 @@ def joint_machine(
     asked = (*ASKED, BEND) if bent else ASKED
     return Machine(
         name=name,
-        lanes=Lanes((), joints),
-        wires=(*asked, *REST),
-        blocks=(
-            replace(joint.BLOCK, name=part),
-            joint_command.SET_BLOCK if bent else joint_command.BLOCK,
-            angle_reading.BLOCK,
+        axes=Axes((), joints),
+        signals=(*asked, *REST),
+        parts=(
+            replace(joint.PART, name=part),
+            joint_command.SET_PART if bent else joint_command.PART,
+            angle_reading.PART,
         ),
-        given=(*(w.name for w in asked), "noise_angle"),
+        inputs=(*(w.name for w in asked), "noise_angle"),
         columns=(*(Column(w.name, w.name) for w in asked), Column("angle", "angle_read")),
-        shelf=shelf,
+        effects=library,
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),
         resolution=tuple(f"reading.step.{j}" for j in joints),
         compared=("angle",),
-        floors=floors,
+        noise_std=floors,
         segments={part: "angle"},
-        depth=depth,
+        max_effects=depth,
     )

@@ -50,7 +50,7 @@ def file_of(path: Path, name: str) -> Path:
     return found
 
 
-def numbers(path: Path, **options) -> np.ndarray:
+def parameters(path: Path, **options) -> np.ndarray:
     """A NumPy file, or a text table with `options` of numpy.loadtxt. InputError for one that does not parse."""
     try:
         return np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(path, ndmin=2, **options)

@@ -3,11 +3,11 @@
 A file either holds all numbers (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
 
     base: exo_index
-    numbers: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
+    parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
     effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
     parts: [controller_as_printed]                                       # variants of parts, by page
-    scatter:                                                             # what differs from one such robot to the next
-      - {each: ["tendon.k.{w}"], how: scales, spread: 0.03, limit: 0.10}
+    tolerances:                                                          # what differs from one such robot to the next
+      - {parameters: ["tendon.k.{w}"], transform: relative, prior_std: 0.03, max_deviation: 0.10}
 
 `machine` is a built-in one or `package.page`, a page with a function of its last name that returns the Machine.
 """
@@ -26,7 +26,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, parse_yaml, read_bytes, write_text
-from exodrake.core.parameter import Scatter
+from exodrake.core.parameter import Tolerance
 from exodrake.core.robot import MACHINES, VARIANTS, Robot, checked, flatten, machine_of, refuse_negative
 from exodrake.core.robot_schema import check_content
 
@@ -62,12 +62,12 @@ def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
     """The robot with what a file's content says of parts, numbers, effects, limits and grasps."""
     for page in content.get("parts") or ():
         robot = robot.with_part(page)
-    numbers = content.get("numbers") or {}
-    robot = robot.with_numbers(numbers, robot.source)
-    robot = refuse_negative(replace(robot, **stated(numbers, robot)))
+    parameters = content.get("parameters") or {}
+    robot = robot.with_parameters(parameters, robot.source)
+    robot = refuse_negative(replace(robot, **stated(parameters, robot)))
     for identity, given in (content.get("effects") or {}).items():
-        lanes = {lane for v in given.values() if isinstance(v, Mapping) for lane in v}
-        robot = robot.splice(identity, given, [lane for lane in lanes if lane])
+        channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
+        robot = robot.splice(identity, given, [channel for channel in channels if channel])
     limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, robot.source)
     return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
 
@@ -86,35 +86,40 @@ def blank(content: Mapping[str, Any], source: str) -> Robot:
     name = str(content.get("machine"))
     module = MACHINES.get(name, name)
     try:
-        machine = machine_of(module, scatter_of(content.get("scatter") or ()))
+        machine = machine_of(module, tolerances_of(content.get("tolerances") or ()))
     except (ImportError, AttributeError, ValueError):
         raise InputError(f"{source}: machine {name!r} is none of {', '.join(MACHINES)}, nor a page to import") from None
-    named = {n for n, _ in flatten(content.get("numbers") or {})}
-    for entry in machine.entries:
-        if entry.neutral is None and entry.name not in named and entry.name.rsplit(".", 1)[0] not in named:
-            raise InputError(f"{source}: number {entry.name} is missing")
-    return Robot(machine, np.array([e.neutral if e.neutral is not None else math.nan for e in machine.entries]))
+    named = {n for n, _ in flatten(content.get("parameters") or {})}
+    for parameter in machine.parameters:
+        if parameter.null is None and parameter.name not in named and parameter.name.rsplit(".", 1)[0] not in named:
+            raise InputError(f"{source}: number {parameter.name} is missing")
+    return Robot(machine, np.array([e.null if e.null is not None else math.nan for e in machine.parameters]))
 
 
-def scatter_of(entries: Iterable[Mapping[str, Any]]) -> tuple[Scatter, ...]:
-    """The `scatter` list of a robot file, whose form is checked."""
-    return tuple(Scatter(tuple(e["each"]), e["how"], float(e["spread"]), float(e["limit"])) for e in entries)
+def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, ...]:
+    """The `tolerances` list of a robot file, whose form is checked."""
+    return tuple(
+        Tolerance(tuple(e["parameters"]), e["transform"], float(e["prior_std"]), float(e["max_deviation"]))
+        for e in parameters
+    )
 
 
-def stated(numbers: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
+def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
     """Sources and ranges that a file states beside its values; checks that a value lies in its range."""
     sources, ranges = dict(robot.sources), dict(robot.ranges)
-    for group, fields in numbers.items():
+    for group, fields in parameters.items():
         for name, item in fields.items() if isinstance(fields, Mapping) else ():
             if not (isinstance(item, Mapping) and "value" in item):
                 continue
             for i in robot.places(f"{group}.{name}"):
-                entry = robot.machine.entries[i]
-                if item.get("unit", entry.unit) != entry.unit:
-                    raise InputError(f"{robot.source}: {entry.name} has unit {item['unit']!r}, wanted {entry.unit!r}")
-                sources[entry.name] = str(item.get("source", ""))
+                parameter = robot.machine.parameters[i]
+                if item.get("unit", parameter.unit) != parameter.unit:
+                    raise InputError(
+                        f"{robot.source}: {parameter.name} has unit {item['unit']!r}, wanted {parameter.unit!r}"
+                    )
+                sources[parameter.name] = str(item.get("source", ""))
                 if "range" in item:
-                    ranges[entry.name] = (float(item["range"][0]), float(item["range"][1]))
+                    ranges[parameter.name] = (float(item["range"][0]), float(item["range"][1]))
     return {"sources": sources, "ranges": ranges}
 
 
@@ -143,16 +148,16 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
     import yaml
 
     base = load_robot(robot.machine.name)
-    numbers = {
+    parameters = {
         e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
-        for e, v, b in zip(robot.machine.entries, robot.values, base.values, strict=True)
-        if e.neutral is None and v != b
+        for e, v, b in zip(robot.machine.parameters, robot.values, base.values, strict=True)
+        if e.null is None and v != b
     }
     effects = {
         identity: {name: values.get("", values) for name, values in present.items()}
         for identity, present in robot.effects().items()
     }
     parts = [p for p, (point, _, _) in VARIANTS.items() if point in robot.machine.variants]
-    content = {"base": robot.machine.name, "numbers": numbers, "effects": effects, "parts": parts, "notes": notes}
+    content = {"base": robot.machine.name, "parameters": parameters, "effects": effects, "parts": parts, "notes": notes}
     text = yaml.safe_dump({k: v for k, v in content.items() if v}, sort_keys=False)
     write_text(path, text)

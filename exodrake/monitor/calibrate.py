@@ -24,7 +24,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.companion import Companion, channels
 from exodrake.monitor.gap import Gap, Reading, floors
 from exodrake.monitor.motion import session
-from exodrake.monitor.twin import KINDS
+from exodrake.monitor.simulator import KINDS
 from exodrake.simulation.simulate import simulate
 
 MINUTE = 60.0  # s

@@ -78,8 +78,8 @@ class Found:
 
 
 def tried(nominal: Robot, floor: np.ndarray, effect: str, seed: int, robots: int) -> Found:
-    """Scattered robots with an effect of typical size on all its lanes; the long run is made only where the short one
-    raised nothing."""
+    """Scattered robots with an effect of typical size on all its channels; the long run is made only where the short
+    one raised nothing."""
     soon, late, shown_one = 0, 0, None
     for k in range(robots):
         own = seed + k
@@ -99,7 +99,7 @@ def effects(seed: int, robots: int) -> None:
     nominal = load_robot()
     floor, total = floors(nominal), []
     click.echo(f"| effect | within {SOON:g} min | within {LATE:g} min | first alarm |\n|---|---|---|---|")
-    for k, effect in enumerate(nominal.machine.shelf):
+    for k, effect in enumerate(nominal.machine.effects):
         found = tried(nominal, floor, effect.id, SPAN * seed + 100 * k, robots)
         total.append(found)
         click.echo(f"| `{effect.id}` | {found.soon}/{robots} | {found.late}/{robots} | {shown(found.alarm)} |")

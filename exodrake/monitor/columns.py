@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.units import check_unit, to_si
 from exodrake.data.formats.table import split_heading
-from exodrake.monitor.twin import KINDS
+from exodrake.monitor.simulator import KINDS
 
 NEEDED = ("tension_ref", "tension", "stroke")
 
@@ -18,7 +18,7 @@ NEEDED = ("tension_ref", "tension", "stroke")
 def wanted(wires: tuple[str, ...], joints: tuple[str, ...]) -> tuple[str, ...]:
     """Columns of a row: time, references, then the signals in the order of `twin.KINDS`."""
     names = ["time", *(f"tension_ref_{w}" for w in wires)]
-    return (*names, *(f"{k}_{lane}" for k in KINDS for lane in (joints if k == "angle" else wires)))
+    return (*names, *(f"{k}_{channel}" for k in KINDS for channel in (joints if k == "angle" else wires)))
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""A robot's model beside its growing log: the twin in closed loop and the replay of each segment, and how far the log
-is from them.
+"""A robot's model beside its growing log: the compiled simulator in closed loop and the replay of each segment, and
+how far the log is from them.
 
 Rows are frames; `SIGNALS` are the columns of what is measured, `CHANNELS` those of a residual: twice every signal, once
-against the twin and once against the replay of the segment that ends at it. A residual comes out `LAG` frames after its
-frame.
+against the compiled simulator and once against the replay of the segment that ends at it. A residual comes out `LAG`
+frames after its frame.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.core.robot import Robot
 from exodrake.monitor.feed import LAG, Delay, Hold, Smoother
 from exodrake.monitor.segments import ControllerReplay, FingerReplay, MotorReplay, TendonReplay
-from exodrake.monitor.twin import KINDS, Twin
+from exodrake.monitor.simulator import KINDS, ClosedLoop
 
 TENSION, STROKE, COMMAND, ANGLE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)  # places of `KINDS` in a row
 FED = [*range(0, 6), *range(9, 12)]
@@ -29,25 +29,25 @@ class Channel:
 
     segment: str
     kind: str
-    lane: str
+    channel: str
 
     @property
     def column(self) -> str:
         """The log's column."""
-        return f"{self.kind}_{self.lane}"
+        return f"{self.kind}_{self.channel}"
 
 
 def signals(robot: Robot) -> tuple[tuple[str, str], ...]:
-    """Kind and lane of each measured column, in the order of `KINDS`."""
-    lanes = robot.machine.lanes
-    return tuple((k, lane) for k in KINDS for lane in (lanes.joints if k == "angle" else lanes.wires))
+    """Kind and channel of each measured column, in the order of `KINDS`."""
+    axes = robot.machine.axes
+    return tuple((k, channel) for k in KINDS for channel in (axes.joints if k == "angle" else axes.tendons))
 
 
 def channels(robot: Robot) -> tuple[Channel, ...]:
-    """All channels: against the twin, then against the replays."""
+    """All channels: against the compiled simulator, then against the replays."""
     listed = signals(robot)
-    loop = tuple(Channel(LOOP, kind, lane) for kind, lane in listed)
-    return loop + tuple(Channel(SEGMENTS[kind], kind, lane) for kind, lane in listed)
+    loop = tuple(Channel(LOOP, kind, channel) for kind, channel in listed)
+    return loop + tuple(Channel(SEGMENTS[kind], kind, channel) for kind, channel in listed)
 
 
 class Companion:
@@ -55,7 +55,7 @@ class Companion:
 
     def __init__(self, robot: Robot) -> None:
         frame = robot.machine.frame
-        self.twin = Twin(robot, LAG)
+        self.simulator = ClosedLoop(robot, LAG)
         self.controller, self.motor = ControllerReplay(robot), MotorReplay(robot)
         self.tendon, self.finger = TendonReplay(robot), FingerReplay(robot, 0)
         self.hold_reference, self.hold = Hold(3), Hold(9)
@@ -68,7 +68,7 @@ class Companion:
         frames will come, and those that wait come out, too.
         """
         asked = self.hold_reference.push(reference)
-        looped = self.twin.push(asked, last)
+        looped = self.simulator.push(asked, last)
         whole = self.hold.push(measured[:, FED])
         fed, rate = (thirds(x) for x in self.smooth.push(whole, last))
         rows = self.rows.push(np.concatenate([asked, whole, measured], axis=1), last)

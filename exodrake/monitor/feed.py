@@ -13,11 +13,11 @@ LAG = WINDOW // 2  # frames by which smoothing lags
 class Hold:
     """A missing sample (NaN) keeps the last value known, 0 before any is."""
 
-    def __init__(self, lanes: int) -> None:
-        self.held = np.zeros(lanes)
+    def __init__(self, channels: int) -> None:
+        self.held = np.zeros(channels)
 
     def push(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, lanes) without gaps."""
+        """Rows (n, channels) without gaps."""
         out = rows.copy()
         if not np.isfinite(out).all():
             for row in out:
@@ -31,11 +31,11 @@ class Hold:
 class Delay:
     """Rows that come out `LAG` frames later."""
 
-    def __init__(self, lanes: int) -> None:
-        self.waiting = np.zeros((0, lanes))
+    def __init__(self, channels: int) -> None:
+        self.waiting = np.zeros((0, channels))
 
     def push(self, rows: np.ndarray, last: bool) -> np.ndarray:
-        """Rows (n, lanes) of the next frames; returns those whose time has come, all if no more will."""
+        """Rows (n, channels) of the next frames; returns those whose time has come, all if no more will."""
         whole = np.concatenate([self.waiting, rows])
         count = len(whole) if last else max(len(whole) - LAG, 0)
         self.waiting = whole[count:]
@@ -56,7 +56,7 @@ class Smoother:
         self.tail: np.ndarray | None = None
 
     def push(self, rows: np.ndarray, last: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Rows (n, lanes) of the next frames; returns values and rates [1/s] of those `LAG` back, of all if no more
+        """Rows (n, channels) of the next frames; returns values and rates [1/s] of those `LAG` back, of all if no more
         will come."""
         if self.tail is None:
             self.tail = np.repeat(rows[:1], LAG, axis=0)

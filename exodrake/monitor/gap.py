@@ -15,11 +15,11 @@ from exodrake.core.robot import Robot
 from exodrake.diagnosis.floor import sensor_floor
 from exodrake.monitor.companion import Companion, channels
 from exodrake.monitor.motion import session
-from exodrake.monitor.twin import KINDS
+from exodrake.monitor.simulator import KINDS
 from exodrake.simulation.simulate import simulate
 
 WINDOW = 10  # s
-SKIP = 3  # s at the start that are not counted: the twin starts at rest, the robot may not
+SKIP = 3  # s at the start that are not counted: the compiled simulator starts at rest, the robot may not
 HEARD = 0.5  # share of a window's samples that must be there
 OWN = 120.0  # s of the robot's own motion that the floor comes from
 WILD = 1e4  # residuals are clipped here [floors], as in `diagnosis.problem`

@@ -51,7 +51,9 @@ def controller_frames(state, speed_cmd, p, reference, tension, out):
 
 
 @njit(cache=True)
-def motor_frames(states, wires, numbers, slots, clock, command, tension, rate, lottery, measured, pull, share, out):
+def motor_frames(
+    states, wires, parameters, slots, clock, command, tension, rate, packet_arrival, measured, pull, share, out
+):
     """Strokes [m] of bus, drive and encoder from commands [m/s] and tensions [N].
 
     states, numbers: of motor, encoder, bus; wires: stroke, wire_speed, spool_angle, stroke_read, speed_applied,
@@ -60,7 +62,7 @@ def motor_frames(states, wires, numbers, slots, clock, command, tension, rate, l
     last a frame, then `share`: a motor integrates, so that a replay would wander.
     """
     motor, encoder, bus = states
-    motor_p, encoder_p, bus_p = numbers
+    motor_p, encoder_p, bus_p = parameters
     stroke, wire_speed, spool_angle, stroke_read, speed_applied, load = wires
     for frame in range(len(out)):
         for slot in range(clock[1]):
@@ -68,11 +70,11 @@ def motor_frames(states, wires, numbers, slots, clock, command, tension, rate, l
             fed(load, tension, rate, frame, (slot + 0.5) * clock[0] - clock[2])
             for j in range(3):
                 load[j] = max(load[j], 0.0)
-            for lane in range(3):
-                if slot == slots[0][lane]:
-                    encoder__leaf__read(encoder, stroke_read, encoder_p, lane, spool_angle)
-                if slot == slots[1][lane]:
-                    bus__leaf__write(bus, speed_applied, bus_p, lane, command[frame], lottery)
+            for channel in range(3):
+                if slot == slots[0][channel]:
+                    encoder__leaf__read(encoder, stroke_read, encoder_p, channel, spool_angle)
+                if slot == slots[1][channel]:
+                    bus__leaf__write(bus, speed_applied, bus_p, channel, command[frame], packet_arrival)
         out[frame, :] = stroke_read
         for j in range(3):
             off = measured[frame, j] - stroke_read[j]
@@ -97,14 +99,14 @@ def posture(finger, angle, rate, now, arms):
 
 
 @njit(cache=True)
-def tendon_frames(states, wires, numbers, slots, clock, stroke_in, stroke_rate, angle_in, angle_rate, arms, out):
+def tendon_frames(states, wires, parameters, slots, clock, stroke_in, stroke_rate, angle_in, angle_rate, arms, out):
     """Readings of the cells [N] from strokes [m] and angles [rad]; `out` (frames, 3).
 
     states, numbers: of finger, sensor; wires: angle, rate, tension_finger, stroke, wire_speed, tension, cell,
     tension_read, quiet, now.
     """
     finger, sensor = states
-    finger_p, sensor_p = numbers
+    finger_p, sensor_p = parameters
     angle, rate, tension_finger, stroke, wire_speed, tension, cell, tension_read, quiet, now = wires
     for frame in range(len(out)):
         for slot in range(clock[1]):
@@ -117,21 +119,21 @@ def tendon_frames(states, wires, numbers, slots, clock, stroke_in, stroke_rate, 
             wire_speed[:] = stroke_rate[frame]
             finger__leaf__output_tension(finger, finger_p, stroke, tension)
             sensor__leaf__output(sensor, sensor_p, tension, cell)
-            for lane in range(3):
-                if slot == slots[lane]:
-                    sensor__leaf__read(sensor, tension_read, sensor_p, lane, cell, quiet)
+            for channel in range(3):
+                if slot == slots[channel]:
+                    sensor__leaf__read(sensor, tension_read, sensor_p, channel, cell, quiet)
         out[frame, :] = tension_read
 
 
 @njit(cache=True)
-def finger_frames(states, wires, numbers, slot_seen, clock, tension_in, tension_rate, soft, out):
+def finger_frames(states, wires, parameters, slot_seen, clock, tension_in, tension_rate, soft, out):
     """Pictures [rad] of the finger under given tensions [N], and how late they are [s]; `out` (frames, 4).
 
     states, numbers: of finger (its wires as soft as `soft` [N/m], so that a stroke is a force) and mocap; wires: angle,
-    rate, tension_finger, stroke, wire_speed, angle_read, mocap_lateness, quiet.
+    rate, tension_finger, stroke, wire_speed, angle_read, mocap_delay, quiet.
     """
     finger, mocap = states
-    finger_p, mocap_p = numbers
+    finger_p, mocap_p = parameters
     angle, rate, tension_finger, stroke, wire_speed, angle_read, lateness, quiet = wires
     for frame in range(len(out)):
         for slot in range(clock[1]):

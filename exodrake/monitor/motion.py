@@ -37,5 +37,5 @@ def piece(robot: Robot, kind: str, rng: np.random.Generator) -> np.ndarray:
         ).tension
     if kind == "holds":
         return protocols.holds(robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).tension
-    floor = [robot.limits["F_min"][wire] for wire in robot.machine.lanes.wires]
+    floor = [robot.limits["F_min"][wire] for wire in robot.machine.axes.tendons]
     return np.tile(floor, (round(rng.uniform(5.0, 15.0) / robot.machine.frame), 1))

@@ -35,7 +35,7 @@ class Tail:
     """The lines of a file that have come since the last look."""
 
     def __init__(self, path: Path, wires: tuple[str, ...], joints: tuple[str, ...]) -> None:
-        self.path, self.lanes = path, (wires, joints)
+        self.path, self.channels = path, (wires, joints)
         self.stream: io.BufferedReader | None = None
         self.columns: Columns | None = None
         self.begin_file()
@@ -107,7 +107,7 @@ class Tail:
             if self.columns is None or tuple(cells) == self.columns.heading:
                 if found:
                     yield self.piece(found, first)
-                self.columns, found, first = read_heading(cells, str(self.path), *self.lanes), [], self.row + 1
+                self.columns, found, first = read_heading(cells, str(self.path), *self.channels), [], self.row + 1
                 self.fresh = True
                 continue
             self.row += 1

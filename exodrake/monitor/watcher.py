@@ -92,12 +92,12 @@ def follow(watch: Watch, path: Path, idle: float | None) -> Iterator[Reading | N
     idle: seconds without a new row after which it ends; None: never. A log that is no CSV is read as it is. InputError
     for a file that cannot be a log, and for one that did not appear in time.
     """
-    lanes, grid = watch.robot.machine.lanes, Grid(str(path), watch.robot.machine.frame)
+    axes, grid = watch.robot.machine.axes, Grid(str(path), watch.robot.machine.frame)
     if ending(path) not in (".csv", None) and path.exists():
-        yield from take(watch, grid, whole(path, lanes.wires, lanes.joints))
+        yield from take(watch, grid, whole(path, axes.tendons, axes.joints))
         yield from watch.end()
         return
-    tail, quiet = Tail(path, lanes.wires, lanes.joints), time.monotonic()
+    tail, quiet = Tail(path, axes.tendons, axes.joints), time.monotonic()
     while True:
         for piece in tail.poll():
             yield from take(watch, grid, piece)

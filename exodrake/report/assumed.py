@@ -42,7 +42,7 @@ UNKNOWN_NEXT = (
 
 SEPARATED = (
     "Every other single candidate explains clearly less of the gap, so these logs do separate the effect from the "
-    "rest of the shelf."
+    "rest of the effect library."
 )
 
 

@@ -47,7 +47,7 @@ class Evidence:
 
     @cached_property
     def shown(self) -> int:
-        """Number of the held-out trial with the largest gap: the one that is drawn."""
+        """EffectParameter of the held-out trial with the largest gap: the one that is drawn."""
         return int(np.argmax([np.nanmean(runs[NOMINAL] ** 2) for runs in self.residuals]))
 
     @property
@@ -60,14 +60,16 @@ class Evidence:
         return [i for i, column in enumerate(self.columns) if column.rsplit("_", 1)[0] == kind]
 
     def worst(self) -> int:
-        """Number of the column with the largest gap of the retuned robot [floors], speed command left aside."""
+        """EffectParameter of the column with the largest gap of the retuned robot [floors], speed command left
+        aside.
+        """
         power = np.mean([np.nanmean(runs[RETUNED] ** 2, axis=0) for runs in self.residuals], axis=0)
         plain = [i for i, column in enumerate(self.columns) if not column.startswith("speed_cmd")]
         return max(plain or range(len(power)), key=lambda i: power[i])
 
 
 def gather(diagnosis: Diagnosis, problem: Problem) -> Evidence:
-    """Simulates the held-out logs with the nominal, the retuned and the improved robot, by the compiled twin."""
+    """Simulates the held-out logs with the nominal, the retuned and the improved robot, by the compiled simulator."""
     names = [name for name in ROBOTS if name in diagnosis.robots]
     rows = np.array([problem.silent(diagnosis.robots[name]) for name in names])
     runs = (dict(zip(names, problem.predict(rows, trial))) for trial in problem.holdout)
@@ -90,8 +92,8 @@ def top_condition(diagnosis: Diagnosis, evidence: Evidence) -> Condition | None:
     if not diagnosis.where.regime:
         return None
     column = evidence.worst()
-    lane = regime.lane_of(evidence.problem, evidence.columns[column])
-    table = regime.conditions(evidence.problem, evidence.trial, lane)
+    channel = regime.channel_of(evidence.problem, evidence.columns[column])
+    table = regime.conditions(evidence.problem, evidence.trial, channel)
     runs = evidence.residuals[evidence.shown]
     before, after = runs[RETUNED][:, column], runs[IMPROVED][:, column]
     known = np.isfinite(before) & np.isfinite(after)
@@ -121,9 +123,9 @@ def spectra(evidence: Evidence, robot: str, kind: str) -> tuple[np.ndarray, np.n
     return frequency, np.mean(same, axis=0)
 
 
-def changed_numbers(diagnosis: Diagnosis) -> list[tuple[str, str, float, float]]:
+def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, str, float, float]]:
     """Nominal numbers that the last robot changes: name, unit, before, after [SI]; the largest change first."""
     nominal, improved = diagnosis.robots[NOMINAL], diagnosis.robots[IMPROVED]
-    rows = zip(nominal.machine.entries, nominal.values, improved.values)
-    found = [(e.name, e.unit, float(a), float(b)) for e, a, b in rows if e.neutral is None and a != b]
+    rows = zip(nominal.machine.parameters, nominal.values, improved.values)
+    found = [(e.name, e.unit, float(a), float(b)) for e, a, b in rows if e.null is None and a != b]
     return sorted(found, key=lambda row: -abs(row[3] - row[2]) / (abs(row[2]) or WHOLE))

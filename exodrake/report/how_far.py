@@ -36,8 +36,8 @@ def key_numbers(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if where.block != "none":
         found.insert(0, (where.block, w.seat(where.wires, where.joints) or "where the gap arises"))
     if diagnosis.verdict == NAMED and diagnosis.effects:
-        chance = min(e.probability for e in diagnosis.effects)
-        found.append((w.share(min(chance, SURE)), "probability of this explanation among those tried"))
+        noise_inputs = min(e.probability for e in diagnosis.effects)
+        found.append((w.share(min(noise_inputs, SURE)), "probability of this explanation among those tried"))
     return found
 
 
@@ -82,9 +82,9 @@ def gap_table(diagnosis: Diagnosis) -> str:
     header = ("Signal", "Nominal", "Retuned", "After", "Noise floor", "After / floor", "Closure")
     rows = []
     for name, s in diagnosis.closure.signals.items():
-        kind, lane = name.rsplit("_", 1)
+        kind, channel = name.rsplit("_", 1)
         rows.append(
-            (f"{w.KINDS.get(kind, kind)} {lane}", *row_of(s.before, s.retuned, s.after, s.floor, s.closure, s.unit))
+            (f"{w.KINDS.get(kind, kind)} {channel}", *row_of(s.before, s.retuned, s.after, s.floor, s.closure, s.unit))
         )
     sums = [
         (f"{w.KINDS[g.kind]}, all", *row_of(g.before, g.retuned, g.after, g.floor, g.closure, g.unit))

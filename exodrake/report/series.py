@@ -1,4 +1,6 @@
-"""Measured against simulated, before and after: small multiples over the lanes of a kind, with strips of residuals."""
+"""Measured against simulated, before and after: small multiples over the channels of a kind, with strips of
+residuals.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ RARE = 99.5  # percentile
 
 
 def signals_svg(evidence: Evidence, kind: str) -> str:
-    """One row of small multiples: the lanes of a kind on the held-out log with the largest gap."""
+    """One row of small multiples: the channels of a kind on the held-out log with the largest gap."""
     chosen = evidence.of_kind(kind)
     with house_style():
         figure = new_figure(WIDTH, HEIGHT)
@@ -45,7 +47,7 @@ def signals_svg(evidence: Evidence, kind: str) -> str:
 def unit_of(evidence: Evidence, kind: str) -> str:
     """SI unit of a kind of column."""
     machine = evidence.problem.robot.machine
-    return next(machine.wire[c.wire].unit for c in machine.columns if c.kind == kind)
+    return next(machine.signal[c.signal].unit for c in machine.columns if c.kind == kind)
 
 
 def factor_of(evidence: Evidence, kind: str) -> float:
@@ -55,20 +57,20 @@ def factor_of(evidence: Evidence, kind: str) -> float:
 
 def draw_signal(axes: Any, evidence: Evidence, column: int) -> None:
     """Measured on top of the nominal and the improved robot's run."""
-    kind, lane = evidence.columns[column].rsplit("_", 1)
+    kind, channel = evidence.columns[column].rsplit("_", 1)
     factor, runs = factor_of(evidence, kind), evidence.simulated[evidence.shown]
     time = evidence.period * np.arange(len(evidence.trial.measured))
     axes.plot(time, factor * evidence.trial.measured[:, column], color=MEASURED, lw=1.5, alpha=0.45, rasterized=True)
     axes.plot(time, factor * runs[NOMINAL][:, column], color=BEFORE, lw=0.9, rasterized=True)
     axes.plot(time, factor * runs[IMPROVED][:, column], color=AFTER, lw=0.9, rasterized=True)
-    axes.set_title(lane)
+    axes.set_title(channel)
     axes.set_xlim(0.0, time[-1] if len(time) > 1 else None)
     axes.grid(axis="y", color=RULE, lw=0.5)
     axes.tick_params(labelbottom=False, length=0)
 
 
 def strip_reach(evidence: Evidence, chosen: list[int]) -> float:
-    """Half the height of the strips [SI]: the larger of the residuals of all lanes, rare ones left aside."""
+    """Half the height of the strips [SI]: the larger of the residuals of all channels, rare ones left aside."""
     runs, floor = evidence.residuals[evidence.shown], evidence.problem.floor[chosen]
     sizes = [np.nanpercentile(np.abs(runs[name][:, chosen] * floor), RARE) for name in (NOMINAL, IMPROVED)]
     return REACH * max(*sizes, 2.0 * float(floor.max()))

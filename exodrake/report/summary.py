@@ -53,7 +53,9 @@ def verdict_panel(diagnosis: Diagnosis) -> Panel:
 
 
 def effects_table(diagnosis: Diagnosis) -> Table:
-    """Effects with parameters, intervals and probability; several lanes that share a parameter are told one by one."""
+    """Effects with parameters, intervals and probability; several channels that share a parameter are told one by
+    one.
+    """
     table = plain_table(("effect", "parameter", ">value", ">90 % interval"))
     for effect in diagnosis.effects:
         first = True
@@ -64,12 +66,12 @@ def effects_table(diagnosis: Diagnosis) -> Table:
 
 
 def parameter_rows(effect: NamedEffect) -> list[tuple[str, str, str]]:
-    """Parameter (with its lane), value and interval."""
+    """Parameter (with its channel), value and interval."""
     rows = []
     for name, item in effect.parameters.items():
-        lanes = effect.lanes.get(name, {})
-        rows += [(f"{name} {lane}", *w.interval_words(one)) for lane, one in lanes.items()]
-        rows += [] if lanes else [(name, *w.interval_words(item))]
+        channels = effect.channels.get(name, {})
+        rows += [(f"{name} {channel}", *w.interval_words(one)) for channel, one in channels.items()]
+        rows += [] if channels else [(name, *w.interval_words(item))]
     return rows
 
 

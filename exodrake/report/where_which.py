@@ -9,7 +9,7 @@ from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Diagnosis, Name
 from exodrake.report import markup as m
 from exodrake.report import words as w
 from exodrake.report.charts import MOST, bars_svg, condition_svg, ranking_svg
-from exodrake.report.evidence import Evidence, changed_numbers, top_condition
+from exodrake.report.evidence import Evidence, changed_parameters, top_condition
 
 SEGMENTS = {
     "motor": "motor: command to stroke",
@@ -70,9 +70,9 @@ def wiring(machine: Machine, shares: dict[str, float]) -> str:
 
 def part_shares(machine: Machine, shares: dict[str, float]) -> dict[str, float]:
     """Shares of blocks as the effects name them, as shares of the machine's parts that hold those effects."""
-    found = {block.name: 0.0 for block in machine.blocks}
+    found = {block.name: 0.0 for block in machine.parts}
     for name, value in shares.items():
-        hosts = [b.name for b in machine.blocks for e in machine.effects_on(b) if e.block == name]
+        hosts = [b.name for b in machine.parts for e in machine.effects_on(b) if e.block == name]
         if hosts:
             found[max(set(hosts), key=hosts.count)] += value
     return found
@@ -123,13 +123,13 @@ RANKING = (
 
 
 def effect_table(diagnosis: Diagnosis, effect: NamedEffect) -> str:
-    """Parameters of an effect with intervals, lane by lane where they differ."""
+    """Parameters of an effect with intervals, channel by channel where they differ."""
     rows = []
     for name, item in effect.parameters.items():
-        lanes = effect.lanes.get(name, {})
-        several = len(lanes) > 1
+        channels = effect.channels.get(name, {})
+        several = len(channels) > 1
         rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval_words(item)))
-        rows += [(f"`{name}` {lane}", *w.interval_words(one)) for lane, one in lanes.items() if several]
+        rows += [(f"`{name}` {channel}", *w.interval_words(one)) for channel, one in channels.items() if several]
     place = w.seat(effect.wires, effect.joints)
     title = f"{w.name_of(effect.id).capitalize()}{f' on {place}' if place else ''}"
     about = (
@@ -153,14 +153,14 @@ def candidate_table(diagnosis: Diagnosis) -> str:
 def retuned_table(diagnosis: Diagnosis) -> str:
     """Nominal numbers that the last robot changes."""
     rows = []
-    for name, unit, before, after in changed_numbers(diagnosis):
+    for name, unit, before, after in changed_parameters(diagnosis):
         change = f"{100 * (after / before - 1):+.1f} %" if abs(before) > abs(after - before) else "–"
         if before and abs(after / before - 1) > 0.999 * FAR and unit != "rad":
             change += " (as far as a fit may go)"
         rows.append((f"`{name}`", w.quantity(before, unit), w.quantity(after, unit), change))
     if not rows:
         return ""
-    header = ("Number", "Nominal", "Retuned", "Change")
+    header = ("EffectParameter", "Nominal", "Retuned", "Change")
     rest = (
         m.folded(f"{len(rows) - TOLD} smaller changes", m.table(header, rows[TOLD:], wide=False))
         if len(rows) > TOLD

@@ -124,9 +124,9 @@ def name_of(identity: str) -> str:
 
 
 def summary_of(diagnosis: Diagnosis, identity: str) -> str:
-    """What an effect is, from the shelf of the robot; empty if the shelf lacks it."""
+    """What an effect is, from the effect library of the robot; empty if the effect library lacks it."""
     for robot in diagnosis.robots.values():
-        for effect in robot.machine.shelf:
+        for effect in robot.machine.effects:
             if effect.id == identity:
                 return effect.summary
     return ""

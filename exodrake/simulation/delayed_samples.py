@@ -24,11 +24,11 @@ def seen_late(machine: Machine, records: np.ndarray, places: list[int]) -> np.nd
 
     at = offsets(machine)
     chosen = records[:, :, places]
-    if "mocap_lateness" not in at:
+    if "mocap_delay" not in at:
         return chosen
     angles = [k for k, p in enumerate(places) if at["angle_read"].start <= p < at["angle_read"].stop]
     for row, record in enumerate(records):
-        late = record[:, at["mocap_lateness"].start]
+        late = record[:, at["mocap_delay"].start]
         if angles and late.any():
             chosen[row][:, angles] = cubic(chosen[row][:, angles], np.arange(len(late)) - late / machine.frame)
     return chosen

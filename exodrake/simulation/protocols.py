@@ -24,7 +24,7 @@ LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
 
 def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> np.ndarray:
     """Target tensions (wires,) [N] of a mode, or those given; InputError naming mode, wire or value that is wrong."""
-    wires = robot.machine.lanes.wires
+    wires = robot.machine.axes.tendons
     if targets is None and mode not in robot.grasps:
         hint = nearest(mode, list(robot.grasps))
         raise InputError(f"unknown grasp mode {mode!r}{hint}; there are {', '.join(robot.grasps)}")
@@ -73,7 +73,7 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
     period: of one sweep up and down [s]; 48 of them take 240 s.
     """
     robot = robot or load_robot()
-    wires = len(robot.machine.lanes.wires)
+    wires = len(robot.machine.axes.tendons)
     crossed = [
         one_sweep(robot, wire, [*levels[:wire], 0.0, *levels[wire:]], period)
         for wire in range(wires)
@@ -88,7 +88,7 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
     The first wire sweeps against the second, all later ones against the first. period: of one sweep [s].
     """
     robot = robot or load_robot()
-    wires = len(robot.machine.lanes.wires)
+    wires = len(robot.machine.axes.tendons)
     chosen = []
     for wire, level in product(range(wires), LEVELS):
         levels = np.zeros(wires)

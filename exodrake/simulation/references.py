@@ -73,7 +73,7 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
 def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
     """The tension references of a log, as they are; InputError for an unknown wire, a missing sample, another clock."""
     robot = robot or load_robot()
-    log, wires = read_log(path, required=("tension_ref",)), robot.machine.lanes.wires
+    log, wires = read_log(path, required=("tension_ref",)), robot.machine.axes.tendons
     for wire in log.names("tension_ref"):
         if wire not in wires:
             raise InputError(f"{log.label}: tension_ref of an unknown wire {wire!r}; the robot has {', '.join(wires)}")

@@ -2,7 +2,7 @@
 
 protocol: caging                  # name with options (chirp:high=1.5), or reference: log.csv, beside this file
 robot: exo_index                  # built-in, or a robot file's content
-numbers: {finger.kappa.MCP: 0.09}
+parameters: {finger.kappa.MCP: 0.09}
 effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.0, AE: 0.0}}}
 parts: [controller_as_printed]
 seed: 0                           # of the noise; null runs without
@@ -41,7 +41,7 @@ class Scenario:
     protocol: str = ""
     reference: str = ""
     robot: str | Mapping[str, Any] = "exo_index"
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     parts: Sequence[str] = ()
     seed: int | None = 0
@@ -68,9 +68,9 @@ class Scenario:
         robot = load_robot(self.robot) if isinstance(self.robot, str) else build(self.robot, "scenario's robot")
         for part in self.parts:
             robot = robot.with_part(part)
-        robot = robot.with_numbers(self.numbers)
+        robot = robot.with_parameters(self.parameters)
         for identity, given in self.effects.items():
-            robot = robot.splice(identity, given, lanes_of(given))
+            robot = robot.splice(identity, given, channels_of(given))
         return robot
 
     def build_reference(self, robot: Robot) -> Reference:
@@ -94,9 +94,9 @@ class Scenario:
         return log
 
 
-def lanes_of(given: Mapping[str, Any]) -> list[str]:
-    """Lanes named by an effect's per-lane numbers, in order."""
-    return list(dict.fromkeys(lane for value in given.values() if isinstance(value, Mapping) for lane in value))
+def channels_of(given: Mapping[str, Any]) -> list[str]:
+    """Lanes named by an effect's per-channel numbers, in order."""
+    return list(dict.fromkeys(channel for value in given.values() if isinstance(value, Mapping) for channel in value))
 
 
 def read_scenario(path: str | Path) -> Scenario:
@@ -110,7 +110,7 @@ def read_scenario(path: str | Path) -> Scenario:
     for key in content:
         if key not in known:
             raise InputError(f"{name}: unknown key {key!r}{nearest(str(key), known)}")
-    check_content({key: content[key] for key in ("numbers", "effects", "parts") if key in content}, name)
+    check_content({key: content[key] for key in ("parameters", "effects", "parts") if key in content}, name)
     for key in ("protocol", "reference", "engine"):
         if not isinstance(content.get(key, ""), str):
             raise InputError(f"{name}: {key} is {content[key]!r}, wanted text")
@@ -150,7 +150,7 @@ def parse_number(text: str, robot: Robot) -> tuple[str, float]:
         found = float(number)
     except ValueError:
         raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI") from None
-    wanted = robot.machine.entries[robot.places(name)[0]].unit
+    wanted = robot.machine.parameters[robot.places(name)[0]].unit
     if unit:
         if si_unit(unit, name) != wanted:
             raise InputError(f"{name} is in [{wanted}], not in [{unit.strip()}]")
@@ -163,21 +163,23 @@ def parse_number(text: str, robot: Robot) -> tuple[str, float]:
 def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
     """`id:parameter=value,...@AF,MF` as the id and all its numbers, typical where left out, beside what the robot has.
 
-    InputError naming the effect, parameter, value or lane that is wrong.
+    InputError naming the effect, parameter, value or channel that is wrong.
     """
-    head, at, lanes = text.partition("@")
+    head, at, channels = text.partition("@")
     identity, given = split_options(head)
-    chosen = [lane.strip() for lane in lanes.split(",") if lane.strip()]
+    chosen = [channel.strip() for channel in channels.split(",") if channel.strip()]
     if at and not chosen:
         raise InputError(f"{text!r}: no wire or joint after @")
     effect = robot.machine.effect(identity)
     there = robot.splice(identity, given, chosen)
     return identity, {
-        n.name: one_or_lanes({lane: float(there.values[i]) for lane, i in there.lane_places(effect.id, n.name, n.over)})
-        for n in effect.numbers
+        n.name: one_or_channels(
+            {channel: float(there.values[i]) for channel, i in there.channel_indices(effect.id, n.name, n.axis)}
+        )
+        for n in effect.parameters
     }
 
 
-def one_or_lanes(values: dict[str, float]) -> dict[str, float] | float:
-    """Values per lane, or the one value of a number without lanes."""
+def one_or_channels(values: dict[str, float]) -> dict[str, float] | float:
+    """Values per channel, or the one value of a number without channels."""
     return values.get("", values)

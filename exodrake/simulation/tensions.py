@@ -11,7 +11,7 @@ from exodrake.core.robot import Robot
 
 def limits(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     """Floor F_min and ceiling F_max of the wires (wires,) [N]; InputError if the robot states no F_max for a wire."""
-    wires, ceiling, floor = robot.machine.lanes.wires, robot.limits.get("F_max", {}), robot.limits.get("F_min", {})
+    wires, ceiling, floor = robot.machine.axes.tendons, robot.limits.get("F_max", {}), robot.limits.get("F_min", {})
     for wire in wires:
         if wire not in ceiling:
             raise InputError(f"{robot.source or robot.machine.name}: no tension limit F_max.{wire}")

@@ -3,12 +3,12 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS
 from exodrake.systems.rounding import rounded
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Noise and resolution of each joint's reading, and by how much runs of one motion differ (no equation uses it)."""
 
     sigma: Annotated[tuple, Unit("rad", JOINTS)]
@@ -38,10 +38,10 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="reading",
-    page=sys.modules[__name__],
-    numbers=Numbers,
+    module=sys.modules[__name__],
+    parameters=Parameters,
     states=(State("reading", JOINTS, unit="rad"),),
     tasks=(Task("read", ("angle", "noise_angle"), slots=(3,)),),
     outputs=(Output("output", ("angle_read",)),),

@@ -3,32 +3,32 @@
 import sys
 from typing import NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task
-from exodrake.core.signal import WIRES
+from exodrake.core.part import Output, Part, Point, State, Task
+from exodrake.core.signal import TENDONS
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """The bus has no numbers of its own."""
 
 
 DEPTH = 12  # commands remembered per wire, the newest first
 
 
-def sent(e, z, j, command, history, first, applied, lottery):
+def sent(e, z, j, command, history, first, applied, packet_arrival):
     """Point: speed [m/s] that reaches drive j.
 
     Args: command: the newest [m/s]; history: commands of all wires, the newest of this one at `first`, older ones
-        after it; applied: speed held so far [m/s]; lottery: uniform number in 0 .. 1 of this frame.
+        after it; applied: speed held so far [m/s]; packet_arrival: uniform number in 0 .. 1 of this frame.
     """
     return command
 
 
-def write(x, z, n, e, j, speed_cmd, lottery):
+def write(x, z, n, e, j, speed_cmd, packet_arrival):
     """The bus writes to drive j; wire [m/s], uniform numbers."""
     for k in range(DEPTH - 1, 0, -1):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]
-    x[3 * DEPTH + j] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[3 * DEPTH + j], lottery[j])
+    x[3 * DEPTH + j] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[3 * DEPTH + j], packet_arrival[j])
 
 
 def output(x, z, n, e, speed_applied):
@@ -42,13 +42,13 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="bus",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("history", WIRES, DEPTH, "m/s"), State("applied", WIRES, unit="m/s")),
-    tasks=(Task("write", ("speed_cmd", "lottery"), slots=(5, 6, 7), lanes=True),),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
+    tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
     outputs=(Output("output", ("speed_applied",)),),
-    points=(Point("sent", WIRES),),
+    points=(Point("sent", TENDONS),),
     group="timing",
 )

@@ -9,11 +9,11 @@ speed away after the push, at most all of it, so that a fixed step never turns a
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import ONE
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import SCALAR
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Moving mass, the motor's inertia included."""
 
     M: Annotated[float, Unit("kg")]
@@ -65,12 +65,12 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="carriage",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("place", ONE, unit="m"), State("speed", ONE, unit="m/s"), State("started", ONE)),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("place", SCALAR, unit="m"), State("speed", SCALAR, unit="m/s"), State("started", SCALAR)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output("output", ("position",)),),
-    points=(Point("pushed", ONE), Point("braked", ONE), Point("settle", ONE)),
+    points=(Point("pushed", SCALAR), Point("braked", SCALAR), Point("settle", SCALAR)),
 )

@@ -9,11 +9,11 @@ dF/dt is a backward difference over one frame, 0 in the first. This is the paper
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, State, Task, Unit
-from exodrake.core.signal import ONE, WIRES
+from exodrake.core.part import Output, Part, State, Task, Unit
+from exodrake.core.signal import SCALAR, TENDONS
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Gains, speed limit and the frame that they were tuned for."""
 
     kp: Annotated[float, Unit("m/(s N)")]
@@ -51,11 +51,11 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="controller",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("command", WIRES, unit="m/s"), State("before", WIRES, unit="N"), State("started", ONE)),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("command", TENDONS, unit="m/s"), State("before", TENDONS, unit="N"), State("started", SCALAR)),
     tasks=(Task("control", ("tension_ref", "tension_read"), slots=(4,)),),
     outputs=(Output("output", ("speed_cmd",)),),
 )

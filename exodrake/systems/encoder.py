@@ -3,12 +3,12 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import WIRES
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import TENDONS
 from exodrake.systems.rounding import rounded
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Resolution at the gear's output, and the spool radius that turns it into wire."""
 
     q_theta: Annotated[float, Unit("rad")]
@@ -37,12 +37,12 @@ def start(x, z, n, e, start_stroke):
         x[j] = start_stroke[j]
 
 
-BLOCK = Block(
+PART = Part(
     name="encoder",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("reading", WIRES, unit="m"),),
-    tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), lanes=True),),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("reading", TENDONS, unit="m"),),
+    tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
     outputs=(Output("output", ("stroke_read",)),),
-    points=(Point("homed", WIRES),),
+    points=(Point("homed", TENDONS),),
 )

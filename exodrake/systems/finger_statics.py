@@ -14,7 +14,7 @@ from numba import njit
 
 from exodrake.systems import finger, routers
 from exodrake.systems.routers import EXTENSOR, FLEXOR
-from exodrake.systems.tendon_finger import Numbers
+from exodrake.systems.tendon_finger import Parameters
 
 STEPS, STEP, HALVINGS = 40, 0.05, 46  # search: at most 2 rad in steps of 0.05 rad, then halved down to 1e-15 rad
 MF_JOINTS = 1  # the MCP flexor passes the first joint only
@@ -25,7 +25,7 @@ compiled = njit(error_model="numpy")
 path, end_stop = compiled(routers.path), compiled(finger.end_stop)
 
 
-def posture(tension: np.ndarray, n: Numbers) -> np.ndarray:
+def posture(tension: np.ndarray, n: Parameters) -> np.ndarray:
     """Joint angles at rest, (rows, 3) rad, under wire tensions (rows, 3) N: where a slow finger from q0 ends up.
 
     That is the first equilibrium along the torque. Arms grow with the angle, so a joint may have two beyond
@@ -34,12 +34,12 @@ def posture(tension: np.ndarray, n: Numbers) -> np.ndarray:
     return _postures(np.ascontiguousarray(tension, dtype=float), n)
 
 
-def follow(tension: np.ndarray, n: Numbers) -> np.ndarray:
+def follow(tension: np.ndarray, n: Parameters) -> np.ndarray:
     """As `posture`, but each row starts where the row before ended: a joint with two equilibria keeps its own."""
     return _followed(np.ascontiguousarray(tension, dtype=float), n)
 
 
-def arms(angle: np.ndarray, n: Numbers) -> np.ndarray:
+def arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
     """P = dl/dq at joint angles (rows, 3) rad: (rows, 3 wires, 3 joints) m, extensors negative."""
     return _arms(np.ascontiguousarray(angle, dtype=float), n)
 

@@ -8,7 +8,7 @@ A Gaussian process, already trained (`identification.estimator.gp`), reduced to 
 
 The sweep a new sample belongs to was never seen, so the covariance with the training points holds the linear and RBF
 part only, while the prior variance v_rest holds the per-sweep constant, the slow drift and the white noise. Sums run
-in a fixed order and without fast-math, so Drake leaf and compiled twin agree to the last bit; columns of L^-1 are
+in a fixed order and without fast-math, so Drake leaf and compiled simulator agree to the last bit; columns of L^-1 are
 packed so that the inner loop is a plain a += b c, which vectorises. No BLAS: no threads, no spikes.
 """
 

@@ -8,11 +8,11 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, ONE
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, SCALAR
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """How far a joint goes for its command, as its maker says."""
 
     ratio: Annotated[tuple, Unit("-", JOINTS)]
@@ -80,15 +80,15 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="joint",
-    page=sys.modules[__name__],
-    numbers=Numbers,
+    module=sys.modules[__name__],
+    parameters=Parameters,
     states=(
         State("angle", JOINTS, unit="rad"),
         State("aim", JOINTS, unit="rad"),
         State("moved", JOINTS, unit="rad"),
-        State("started", ONE),
+        State("started", SCALAR),
     ),
     tasks=(Task("update", ("command", "origin", "setting", "ready")),),
     outputs=(Output("output", ("angle",)),),

@@ -7,22 +7,22 @@ import sys
 from dataclasses import replace
 from typing import NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task
-from exodrake.core.signal import JOINTS, ONE
+from exodrake.core.part import Output, Part, Point, State, Task
+from exodrake.core.signal import JOINTS, SCALAR
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """None of its own."""
 
 
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
 
 
-def sent(e, z, j, command, history, first, applied, lottery):
+def sent(e, z, j, command, history, first, applied, packet_arrival):
     """Point: angle [rad] that reaches drive j.
 
     Args: history: commands of all joints, the newest of this one at `first`, older ones after it; applied: angle held
-        so far [rad]; lottery: 1, as no command is ever lost here.
+        so far [rad]; packet_arrival: 1, as no command is ever lost here.
     """
     return command
 
@@ -63,20 +63,20 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="command",
-    page=sys.modules[__name__],
-    numbers=Numbers,
+    module=sys.modules[__name__],
+    parameters=Parameters,
     states=(
         State("history", JOINTS, DEPTH, "rad"),
         State("held", JOINTS, unit="rad"),
         State("origin", JOINTS, unit="rad"),
         State("setting", JOINTS, unit="rad"),
-        State("started", ONE),
+        State("started", SCALAR),
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output("output", ("command", "origin", "setting", "ready")),),
     points=(Point("sent", JOINTS),),
     group="timing",
 )
-SET_BLOCK = replace(BLOCK, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))
+SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

@@ -3,12 +3,12 @@
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, State, Task, Unit
-from exodrake.core.signal import ONE
+from exodrake.core.part import Output, Part, State, Task, Unit
+from exodrake.core.signal import SCALAR
 from exodrake.systems.rounding import rounded
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Noise and resolution, and by how much runs of one motion differ (no equation uses it)."""
 
     sigma: Annotated[float, Unit("m")]
@@ -31,11 +31,11 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="scale",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("reading", ONE, unit="m"),),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("reading", SCALAR, unit="m"),),
     tasks=(Task("read", ("position", "noise_position"), slots=(1,)),),
     outputs=(Output("output", ("position_read",)),),
 )

@@ -6,11 +6,11 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, ONE
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, SCALAR
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Noise of an angle, time between pictures."""
 
     sigma_q: Annotated[float, Unit("rad")]
@@ -44,9 +44,9 @@ def output(x, z, n, e, angle_read):
         angle_read[i] = x[READING + i]
 
 
-def output_late(x, z, n, e, mocap_lateness):
+def output_late(x, z, n, e, mocap_delay):
     """How late the last picture is [s]."""
-    mocap_lateness[0] = x[LATE]
+    mocap_delay[0] = x[LATE]
 
 
 def start(x, z, n, e, start_stroke):
@@ -54,12 +54,12 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="mocap",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("reading", JOINTS, unit="rad"), State("lateness", ONE, unit="s"), State("pictures", ONE)),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("reading", JOINTS, unit="rad"), State("lateness", SCALAR, unit="s"), State("pictures", SCALAR)),
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
-    outputs=(Output("output", ("angle_read",)), Output("output_late", ("mocap_lateness",))),
-    points=(Point("seen", JOINTS), Point("late", ONE)),
+    outputs=(Output("output", ("angle_read",)), Output("output_late", ("mocap_delay",))),
+    points=(Point("seen", JOINTS), Point("late", SCALAR)),
 )

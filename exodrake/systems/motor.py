@@ -10,22 +10,22 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import WIRES
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import TENDONS
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Motor, gear, spool and drive of each wire; the gear ratio and the radius that all drives were told."""
 
-    kM: Annotated[tuple, Unit("N m/A", WIRES)]
-    J: Annotated[tuple, Unit("kg m2", WIRES)]
-    b: Annotated[tuple, Unit("N m s/rad", WIRES)]
+    kM: Annotated[tuple, Unit("N m/A", TENDONS)]
+    J: Annotated[tuple, Unit("kg m2", TENDONS)]
+    b: Annotated[tuple, Unit("N m s/rad", TENDONS)]
     N: Annotated[float, Unit("-")]
-    r: Annotated[tuple, Unit("m", WIRES)]
+    r: Annotated[tuple, Unit("m", TENDONS)]
     r_set: Annotated[float, Unit("m")]
-    Kp: Annotated[tuple, Unit("A s/rad", WIRES)]
-    Ki: Annotated[tuple, Unit("A/rad", WIRES)]
-    i_max: Annotated[tuple, Unit("A", WIRES)]
+    Kp: Annotated[tuple, Unit("A s/rad", TENDONS)]
+    Ki: Annotated[tuple, Unit("A/rad", TENDONS)]
+    i_max: Annotated[tuple, Unit("A", TENDONS)]
 
 
 def command(e, z, j, speed, tension):
@@ -138,12 +138,16 @@ POINTS = (
     "settle",
 )
 
-BLOCK = Block(
+PART = Part(
     name="motor",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("w", WIRES, unit="rad/s"), State("integral", WIRES, unit="A"), State("theta", WIRES, unit="rad")),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(
+        State("w", TENDONS, unit="rad/s"),
+        State("integral", TENDONS, unit="A"),
+        State("theta", TENDONS, unit="rad"),
+    ),
     tasks=(Task("update", ("speed_applied", "tension")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
-    points=tuple(Point(p, WIRES) for p in POINTS),
+    points=tuple(Point(p, TENDONS) for p in POINTS),
 )

@@ -10,11 +10,11 @@ with one frame to 3.3 %.
 import sys
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, State, Task, Unit
-from exodrake.core.signal import ONE
+from exodrake.core.part import Output, Part, State, Task, Unit
+from exodrake.core.signal import SCALAR
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Gains of the two loops, force per volt, frame; floor: by how much runs of one motion differ in force."""
 
     kp: Annotated[float, Unit("1/s")]
@@ -48,11 +48,11 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="drive",
-    page=sys.modules[__name__],
-    numbers=Numbers,
-    states=(State("force", ONE, unit="N"), State("before", ONE, 2, "m"), State("started", ONE)),
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("force", SCALAR, unit="N"), State("before", SCALAR, 2, "m"), State("started", SCALAR)),
     tasks=(Task("control", ("position_ref", "position_read", "speed_start"), slots=(2,)),),
     outputs=(Output("output", ("force",)),),
 )

@@ -9,12 +9,12 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import ONE, WIRES
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.systems.rounding import rounded
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Amplifier lag, noise and resolution in units of tension."""
 
     tau_F: Annotated[float, Unit("s")]
@@ -104,22 +104,22 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
-BLOCK = Block(
+PART = Part(
     name="sensor",
-    page=sys.modules[__name__],
-    numbers=Numbers,
+    module=sys.modules[__name__],
+    parameters=Parameters,
     states=(
-        State("cell", WIRES, unit="N"),
-        State("load", WIRES, unit="N"),
-        State("reading", WIRES, unit="N"),
-        State("clock", ONE, unit="s"),
-        State("tick", ONE, unit="s"),
-        State("slide", WIRES),
+        State("cell", TENDONS, unit="N"),
+        State("load", TENDONS, unit="N"),
+        State("reading", TENDONS, unit="N"),
+        State("clock", SCALAR, unit="s"),
+        State("tick", SCALAR, unit="s"),
+        State("slide", TENDONS),
     ),
     tasks=(
         Task("update", ("tension", "wire_speed")),
-        Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), lanes=True),
+        Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), per_channel=True),
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
-    points=tuple(Point(p, WIRES) for p in ("felt", "lag", "mixed", "settle", "reading")),
+    points=tuple(Point(p, TENDONS) for p in ("felt", "lag", "mixed", "settle", "reading")),
 )

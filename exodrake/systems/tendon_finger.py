@@ -11,8 +11,8 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
-from exodrake.core.part import Block, Output, Point, State, Task, Unit
-from exodrake.core.signal import JOINTS, ONE, WIRES
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 from exodrake.systems import finger, tendon, wire_paths
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
 from exodrake.systems.routers import applied_arm
@@ -21,10 +21,10 @@ from exodrake.systems.triples import along, column, dot, solve
 from exodrake.systems.wire_paths import heights, paths
 
 
-class Numbers(NamedTuple):
+class Parameters(NamedTuple):
     """Wires, routers (a, b, m, n per joint for flexor and extensor) and finger."""
 
-    k: Annotated[tuple, Unit("N/m", WIRES, "tendon")]
+    k: Annotated[tuple, Unit("N/m", TENDONS, "tendon")]
     presliding: Annotated[float, Unit("m", group="tendon")]
     a_f: Annotated[tuple, Unit("m", JOINTS, "router")]
     b_f: Annotated[tuple, Unit("m", JOINTS, "router")]
@@ -218,19 +218,19 @@ def start(x, z, n, e, start_stroke):
         x[TAKEN + j] = start_stroke[j] = taken[j]
 
 
-BLOCK = Block(
+PART = Part(
     name="finger",
-    page=sys.modules[__name__],
-    numbers=Numbers,
+    module=sys.modules[__name__],
+    parameters=Parameters,
     states=(
         State("angle", JOINTS, unit="rad"),
         State("rate", JOINTS, unit="rad/s"),
         State("angle_before", JOINTS, unit="rad"),
         State("rate_before", JOINTS, unit="rad/s"),
-        State("taken", WIRES, unit="m"),
-        State("slide", WIRES),
-        State("pull", WIRES, unit="N"),
-        State("clock", ONE, unit="s"),
+        State("taken", TENDONS, unit="m"),
+        State("slide", TENDONS),
+        State("pull", TENDONS, unit="N"),
+        State("clock", SCALAR, unit="s"),
     ),
     tasks=(Task("update", ("stroke", "wire_speed")),),
     outputs=(
@@ -239,13 +239,13 @@ BLOCK = Block(
     ),
     points=(
         Point("router_height", JOINTS, wire_paths),
-        Point("worn_height", WIRES, wire_paths),
-        Point("stretch", WIRES, tendon),
-        Point("elastic", WIRES, tendon),
-        Point("transmit", WIRES, tendon),
-        Point("settle", WIRES, tendon),
+        Point("worn_height", TENDONS, wire_paths),
+        Point("stretch", TENDONS, tendon),
+        Point("elastic", TENDONS, tendon),
+        Point("transmit", TENDONS, tendon),
+        Point("settle", TENDONS, tendon),
         Point("passive", JOINTS, finger),
-        Point("external", ONE, finger),
+        Point("external", SCALAR, finger),
         Point("relax", JOINTS, finger),
     ),
 )

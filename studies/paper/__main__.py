@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.main import OneLineErrors
+
 if TYPE_CHECKING:
     from studies.paper.reproduce import Reproduction
 
 
-@click.command()
+@click.command(cls=OneLineErrors)
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("paper"), show_default=True, help="Folder for the results."
 )

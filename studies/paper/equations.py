@@ -16,7 +16,7 @@ def chapter(robot) -> Chapter:
     """Equations that are wrong as printed."""
     from exodrake.report import markup
     from studies.paper import loop_sign
-    from studies.paper.study import numbers_of
+    from studies.paper.study import parameters_of
 
     rows = [
         (f"{degrees}°", f"{residue(degrees, False):.0e}", f"{residue(degrees, True):.2f}",
@@ -34,7 +34,7 @@ def chapter(robot) -> Chapter:
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"
         " not look as it does."
     )
-    claims = (*control(), *screws(), *statics(numbers_of(robot), robot.limits["F_max"]))
+    claims = (*control(), *screws(), *statics(parameters_of(robot), robot.limits["F_max"]))
     return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, markup.pair(drawing, table), claims)
 
 
@@ -106,12 +106,12 @@ def screws() -> tuple[Claim, ...]:
     )  # fmt: skip
 
 
-def statics(numbers, limits) -> tuple[Claim, ...]:
+def statics(parameters, limits) -> tuple[Claim, ...]:
     """Eq. 21, 22 and the sign rules of the text. limits: largest tension per wire [N]."""
     from exodrake.identification import stiffness
 
-    kappa, bent = np.array(numbers.kappa), np.array([0.0, PIP_ONLY, 0.0])
-    arms = stiffness.router_arms(bent, numbers)
+    kappa, bent = np.array(parameters.kappa), np.array([0.0, PIP_ONLY, 0.0])
+    arms = stiffness.router_arms(bent, parameters)
     inverse = stiffness.compliance(arms, kappa)
     off = [
         float(np.linalg.norm(inverse @ made(arms, kappa) - np.eye(3)))
@@ -129,8 +129,8 @@ def statics(numbers, limits) -> tuple[Claim, ...]:
             "The printed entry has another unit than its neighbours.",
         ),
         dip_alone(kappa),
-        pip_alone(stiffness.tension_map(arms, kappa) @ bent, numbers, limits),
-        alone(numbers),
+        pip_alone(stiffness.tension_map(arms, kappa) @ bent, parameters, limits),
+        alone(parameters),
     )  # fmt: skip
 
 
@@ -153,29 +153,29 @@ def dip_alone(kappa: np.ndarray) -> Claim:
     )  # fmt: skip
 
 
-def pip_alone(tension: np.ndarray, numbers, limits) -> Claim:
+def pip_alone(tension: np.ndarray, parameters, limits) -> Claim:
     """Wide pinch: the tensions that bend the PIP alone, from a rest posture of zero as in the paper, and from ours."""
     from exodrake.identification.stiffness import router_arms, tension_map
 
-    bent, rest = np.array([0.0, PIP_ONLY, 0.0]), np.array(numbers.q0)
-    ours = (tension_map(router_arms(rest + bent, numbers), np.array(numbers.kappa)) @ bent)[1]
+    bent, rest = np.array([0.0, PIP_ONLY, 0.0]), np.array(parameters.q0)
+    ours = (tension_map(router_arms(rest + bent, parameters), np.array(parameters.kappa)) @ bent)[1]
     why = (
         f"{PIP_ONLY} rad at the PIP, corrected Eq. 22, assumed stiffness. With nothing to spare: MCP and DIP have the"
         " same routers, so MF is zero at equal angles; from our rest posture, MCP bent more than DIP, it would be"
         f" {ours:+.1f} N."
     ).replace("-", "−")
-    over = [wire for wire, value in zip(limits, tension) if value > limits[wire]]
-    why += f" The tensions exceed the assumed limits of {' and '.join(over)}." if over else ""
+    axis = [wire for wire, value in zip(limits, tension) if value > limits[wire]]
+    why += f" The tensions exceed the assumed limits of {' and '.join(axis)}." if axis else ""
     words = "AF {:.1f}, MF {:.1f}, AE {:.1f} N".format(*(tension.round(9) + 0.0))
     good = AGREES if np.all(tension > -LIKELY) else DOES_NOT
     return Claim("2.2.2", "PIP alone is possible with these routers", "possible", words, good, why)
 
 
-def alone(numbers) -> Claim:
+def alone(parameters) -> Claim:
     """Narrow pinch: the MCP flexor by itself."""
     from exodrake.systems.finger_statics import posture
 
-    moved = posture(np.array([[0.0, 4.0, 0.0]]), numbers)[0] - np.array(numbers.q0)
+    moved = posture(np.array([[0.0, 4.0, 0.0]]), parameters)[0] - np.array(parameters.q0)
     good = abs(moved[1]) < LIKELY and abs(moved[2]) < LIKELY < moved[0]
     ours = "MCP {:+.2f}, PIP {:+.2f}, DIP {:+.2f} rad at 4 N".format(*(moved + 0.0).round(9))
     return Claim(

@@ -33,7 +33,7 @@ def staircase(robot, resolution: float, encoder: float) -> Staircase:
     from exodrake.compiled.inputs import Reference
     from exodrake.simulation.simulate import simulate
 
-    changed = robot.with_numbers({"sensor.q_F": resolution, "encoder.q_theta": encoder})
+    changed = robot.with_parameters({"sensor.q_F": resolution, "encoder.q_theta": encoder})
     rest, frames = round(1.0 / robot.machine.frame), round(SECONDS / robot.machine.frame)
     ramp = BASE + np.concatenate([np.zeros(2 * rest), np.linspace(0.0, RISE, frames)])
     log = simulate(changed, Reference(np.tile(ramp[:, None], (1, 3)), "ramp"), seed=None)
@@ -68,14 +68,14 @@ def chapter(robot, rate: float) -> Chapter:
 
 def schedule(machine) -> list[tuple[str, str, str]]:
     """Slot, time in the frame [ms], tasks."""
-    wires, rows = machine.lanes.wires, []
+    wires, rows = machine.axes.tendons, []
     for slot in range(machine.slots):
         tasks = []
-        for block in machine.blocks:
+        for block in machine.parts:
             for task in block.tasks:
                 if slot in task.slots:
-                    lane = f" {wires[task.slots.index(slot)]}" if task.lanes else ""
-                    tasks.append(f"{block.name}: {task.function}{lane}")
+                    channel = f" {wires[task.slots.index(slot)]}" if task.per_channel else ""
+                    tasks.append(f"{block.name}: {task.function}{channel}")
         at = 1e3 * machine.slot * (slot + 0.5)
         rows.append((str(slot), f"{at:.0f}", "; ".join(tasks) or IDLE.get(slot, "idle")))
     return rows
@@ -111,7 +111,7 @@ def timing_claims(machine, rate: float) -> tuple[Claim, ...]:
     """Frame, slots, and what one bus means for synchronisation."""
     frame, frequency = 1e3 * machine.frame, 1.0 / machine.slot
     exact = (round(frame, 9), machine.slots, round(frequency, 6)) == (20.0, 10, 500.0)
-    read = {b.name: t.slots for b in machine.blocks for t in b.tasks if t.slots}
+    read = {b.name: t.slots for b in machine.parts for t in b.tasks if t.slots}
     skew = [1e3 * machine.slot * (slot - read["mocap"][0]) for slot in read["sensor"]]
     return (
         Claim(

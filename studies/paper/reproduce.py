@@ -24,8 +24,8 @@ class Reproduction:
 
 
 def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
-    """Computes every chapter from simulation. Takes a minute on one core, and one more where the twin must be compiled
-    first."""
+    """Computes every chapter from simulation. Takes a minute on one core, and one more where the compiled simulator
+    must be compiled first."""
     from time import perf_counter
 
     from threadpoolctl import threadpool_limits

@@ -18,7 +18,7 @@ from exodrake.estimator.validate import Score, validate
 from studies.paper.claim import Effort
 
 MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
-CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the shelf's usual values
+CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the effect library's usual values
 HELD_OUT = 12  # sweeps of the 48
 FAST = 99.9  # percentile of the joint rates that counts as fastest
 DATA, MODEL = "Gaussian process", "constant stiffness"
@@ -64,14 +64,14 @@ def worn_robot(robot: Robot) -> Robot:
     return rubbing.splice("tendon.creep", {"stiffness": CREEP_STIFFNESS, "time_constant": CREEP_TIME})
 
 
-def numbers_of(robot: Robot):
+def parameters_of(robot: Robot):
     """The finger's `tendon_finger.Numbers` as plain floats."""
     from exodrake.core.part import fields_of
-    from exodrake.systems.tendon_finger import Numbers
+    from exodrake.systems.tendon_finger import Parameters
 
-    lanes = [robot.lanes(f"{field.group}.{field.name}").tolist() for field in fields_of(Numbers, "finger")]
-    plain: list[Any] = [tuple(lane) if len(lane) > 1 else lane[0] for lane in lanes]
-    return Numbers(*plain)
+    channels = [robot.channels(f"{field.group}.{field.name}").tolist() for field in fields_of(Parameters, "finger")]
+    plain: list[Any] = [tuple(channel) if len(channel) > 1 else channel[0] for channel in channels]
+    return Parameters(*plain)
 
 
 def thinned(sweeps: Sweeps, every: int) -> Sweeps:
@@ -94,17 +94,17 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
     from exodrake.simulation.simulate import log_of, record
     from exodrake.systems.finger_statics import posture
 
-    numbers, reference = numbers_of(robot), protocol(robot)
+    parameters, reference = parameters_of(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
     rows = thinned(sweeps_from_logs([log_of(recording)]), effort.every)
     training, held = parted(rows, seed)
     prior = learn(training, effort.points)
     mean, std, _ = condition(prior, training, effort.points).predict(held.tension, held.stroke)
-    worn = compare(training, held, numbers, effort.points)
+    worn = compare(training, held, parameters, effort.points)
     return Study(
-        held, mean, std, posture(held.tension, worn.stiffness.numbers(linear(numbers))), worn,
+        held, mean, std, posture(held.tension, worn.stiffness.parameters(linear(parameters))), worn,
         clean_comparison(robot, reference, effort, seed), validate(prior, rows, effort.points, seed),
-        float(np.percentile(np.abs(recording.wires["rate"]), FAST)), float(recording.time[-1] + robot.machine.frame),
+        float(np.percentile(np.abs(recording.signals["rate"]), FAST)), float(recording.time[-1] + robot.machine.frame),
         rows.count, effort.points,
     )  # fmt: skip
 
@@ -115,4 +115,4 @@ def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comp
 
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
     training, held = parted(rows, seed)
-    return compare(training, held, numbers_of(robot), effort.clean_points)
+    return compare(training, held, parameters_of(robot), effort.clean_points)

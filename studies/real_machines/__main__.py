@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.main import OneLineErrors
 from exodrake.core.errors import InputError
 
 
-@click.command()
+@click.command(cls=OneLineErrors)
 @click.option(
     "--data",
     required=True,

@@ -78,7 +78,9 @@ def rung(problem: Problem, fitter: Fitter, point: Point, name: str) -> Rung:
     kept = values.copy()
     kept[noisy] = problem.robot.values[noisy]
     nominal = problem.robot
-    fitted = {e.name: "fitted" for e, a, b in zip(nominal.machine.entries, kept, nominal.values, strict=True) if a != b}
+    fitted = {
+        e.name: "fitted" for e, a, b in zip(nominal.machine.parameters, kept, nominal.values, strict=True) if a != b
+    }
     robot = Robot(nominal.machine, kept, {**nominal.sources, **fitted}, nominal.ranges, source=f"fitted: {name}")
     held = tuple(t.measured - problem.predict(values[None], t)[0] for t in problem.holdout)
     return Rung(name, robot, held)

@@ -54,8 +54,8 @@ def verdict(found: Diagnosis) -> str:
     rows: list[tuple[str, ...]] = [("effect", "parameter", "joint", "value", "90 % interval")]
     for effect in found.effects:
         for name, item in effect.parameters.items():
-            lanes = effect.lanes.get(name, {})
-            rows += [(effect.id, name, lane, *cells(one)) for lane, one in lanes.items()] or [
+            channels = effect.channels.get(name, {})
+            rows += [(effect.id, name, channel, *cells(one)) for channel, one in channels.items()] or [
                 (effect.id, name, "", *cells(item))
             ]
     return "\n".join([*lines, "", table(rows) if len(rows) > 1 else "", ""])

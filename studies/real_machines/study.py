@@ -54,7 +54,7 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
         rows.append((item.name, *force_errors(measured, item.held[0][:, force]), published))
     rows.append(("**what the diagnosis named**", *force_errors(measured, measured - after), ""))
     every = ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["emps"][:5])[-1]
-    numbers = [
+    parameters = [
         ("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error"),
         ("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"),
         ("regression of inverse dynamics, repeated here", *regressed(case)),
@@ -66,7 +66,7 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
     panels = [("force [N]", measured[span], before[span], after[span])]
     figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
     kept = {"emps_direction": rungs[5].robot, "emps_offset": rungs[4].robot}
-    return Result("emps", found, kept, {"Force error on held-out cycles": rows, "Numbers": numbers}, ("emps.png",))
+    return Result("emps", found, kept, {"Force error on held-out cycles": rows, "Numbers": parameters}, ("emps.png",))
 
 
 def force_errors(measured: np.ndarray, error: np.ndarray) -> tuple[str, str]:
@@ -124,7 +124,7 @@ def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> 
     """RMS error joint by joint with each further effect, and the cause that matters most in each joint."""
     problem = make_problem(case, robot)
     rungs = ladder(problem, LADDERS["so101"])
-    joints = robot.machine.lanes.joints
+    joints = robot.machine.axes.joints
     rows: list[tuple[str, ...]] = [("joint", *(r.name for r in rungs), "most of it")]
     for i, joint in enumerate(joints):
         leaders = dominant(problem, rungs[-1].robot, i)
@@ -144,13 +144,13 @@ def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> 
 
 def dominant(problem: Problem, robot: Robot, joint: int) -> str:
     """The effect without which a joint's held-out error grows most."""
-    lane = robot.machine.lanes.joints[joint]
+    channel = robot.machine.axes.joints[joint]
     grown = {}
-    for effect in robot.machine.shelf:
-        first = effect.numbers[0]
-        place = robot.machine.index[f"{effect.id}.{first.name}.{lane}"]
+    for effect in robot.machine.effects:
+        first = effect.parameters[0]
+        place = robot.machine.index[f"{effect.id}.{first.name}.{channel}"]
         values = robot.values.copy()
-        values[place] = first.neutral
+        values[place] = first.null
         left = predicted(problem, replace(robot, values=values), problem.holdout)
         error = [t.measured[:, joint] - p[:, joint] for t, p in zip(problem.holdout, left, strict=True)]
         grown[effect.id] = float(np.nanmean(np.concatenate(error) ** 2))
@@ -159,7 +159,7 @@ def dominant(problem: Problem, robot: Robot, joint: int) -> str:
 
 def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
     """RMS error of the moved joint run by run, and of one robot for all runs, with and without coupling."""
-    joints = robot.machine.lanes.joints
+    joints = robot.machine.axes.joints
     alone: list[tuple[str, ...]] = [("run", "joint", "gain and offset", "gain, offset and play")]
     for run in dict.fromkeys(item.protocol for item in case.logs):
         logs = tuple(item for item in case.logs if item.protocol == run)

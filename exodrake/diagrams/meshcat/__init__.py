@@ -53,7 +53,7 @@ def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None 
     readings = {
         "time": time.round(4).tolist(),
         "step": step,
-        "wires": robot.machine.lanes.wires,
+        "wires": robot.machine.axes.tendons,
         "joints": bones.joints,
     }
     readings |= {"tension": tension.round(2).tolist(), "angle": angle.round(3).tolist(), "top": top.tolist()}
@@ -62,8 +62,8 @@ def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None 
 
 def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Time (k,) [s], angles (k, joints) [rad], tensions (k, wires) [N], at most `FRAMES`; F_max (wires,) [N]."""
-    lanes = robot.machine.lanes
-    found = np.column_stack([log.time, log.array(angles, lanes.joints), log.array("tension", lanes.wires)])
+    axes = robot.machine.axes
+    found = np.column_stack([log.time, log.array(angles, axes.joints), log.array("tension", axes.tendons)])
     for i in range(1, found.shape[1]):
         known = np.isfinite(found[:, i])
         if not known.any():
@@ -72,9 +72,9 @@ def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarr
     stride = max(1, round(1.0 / (RATE * log.dt)), -(-len(log) // FRAMES)) if len(log) > 1 else 1
     count = max(1, len(found) // stride)
     means = found[: count * stride].reshape(count, -1, found.shape[1]).mean(axis=1)
-    cut = 1 + len(lanes.joints)
+    cut = 1 + len(axes.joints)
     ceiling = robot.limits.get("F_max", {})
-    top = np.array([ceiling.get(w, max(1.0, found[:, cut + j].max())) for j, w in enumerate(lanes.wires)])
+    top = np.array([ceiling.get(w, max(1.0, found[:, cut + j].max())) for j, w in enumerate(axes.tendons)])
     return means[:, 0], means[:, 1:cut], means[:, cut:], top
 
 

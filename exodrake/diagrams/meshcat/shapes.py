@@ -53,8 +53,8 @@ class Skeleton:
 def route(robot: Robot, wire: str) -> list[tuple[int, np.ndarray]]:
     """Routers of a wire from the hand to its end: (segment, point (3,) [m]) each."""
     suffix, side, lateral, count = ROUTES[wire]
-    a, b, m, n = (robot.lanes(f"router.{letter}_{suffix}") for letter in "abmn")
-    lengths = np.concatenate([[0.0], robot.lanes("finger.length")])
+    a, b, m, n = (robot.channels(f"router.{letter}_{suffix}") for letter in "abmn")
+    lengths = np.concatenate([[0.0], robot.channels("finger.length")])
     points = []
     for i in range(count or len(a)):
         points.append((i, np.array([lengths[i] - b[i], lateral, side * m[i]])))
@@ -65,17 +65,17 @@ def route(robot: Robot, wire: str) -> list[tuple[int, np.ndarray]]:
 def skeleton(robot: Robot) -> Skeleton:
     """Bones, routers and wires of a robot by its numbers. InputError for a phalanx without length or radius."""
     for name in ("finger.length", "finger.radius"):
-        if not (np.isfinite(robot.lanes(name)) & (robot.lanes(name) > 0)).all():
+        if not (np.isfinite(robot.channels(name)) & (robot.channels(name) > 0)).all():
             raise InputError(f"{robot.source}: a {name} is not above 0, so there is no finger to draw")
     pieces, routers = [], []
-    for wire in robot.machine.lanes.wires:
+    for wire in robot.machine.axes.tendons:
         points = route(robot, wire)
         routers += points
-        entry = np.array([HAND_END, *points[0][1][1:]])
-        for (first, start), (last, end) in zip([(0, entry), *points], points, strict=False):
+        parameter = np.array([HAND_END, *points[0][1][1:]])
+        for (first, start), (last, end) in zip([(0, parameter), *points], points, strict=False):
             pieces.append(Piece(wire, first, start, last, end))
-    lengths, radii = robot.lanes("finger.length"), robot.lanes("finger.radius")
-    return Skeleton(robot.machine.lanes.joints, lengths, radii, tuple(pieces), tuple(routers))
+    lengths, radii = robot.channels("finger.length"), robot.channels("finger.radius")
+    return Skeleton(robot.machine.axes.joints, lengths, radii, tuple(pieces), tuple(routers))
 
 
 def turn(angle: float) -> np.ndarray:
@@ -104,5 +104,5 @@ def along(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray, f
 def tip(robot: Robot, angle: np.ndarray) -> np.ndarray:
     """Fingertip (3,) [m] in the world; angle (joints,) [rad]."""
     direction = np.cumsum(angle)
-    lengths = robot.lanes("finger.length")
+    lengths = robot.channels("finger.length")
     return np.array([lengths @ np.cos(direction), 0.0, -lengths @ np.sin(direction)])

@@ -49,9 +49,9 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
         triad_of(points[:, 3 * k : 3 * k + 3], names, recording.source) for k, names in enumerate(layout.segments)
     )
     residual = _residuals(triads, points)
-    usual = np.nanmedian(residual, axis=1)
+    default = np.nanmedian(residual, axis=1)
     _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
-    limit = np.maximum(OUTLIER * usual, EXACT)[:, None]
+    limit = np.maximum(OUTLIER * default, EXACT)[:, None]
     bad = residual > limit
     suspects = np.flatnonzero(bad.any(axis=0))
     pairs = np.full(len(points), -1)
@@ -60,7 +60,7 @@ def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
         pairs = _grown(triads, points, residual, pairs, int(pair))
     spoilt = bad & (pairs < 0)
     swaps = _runs(np.flatnonzero(pairs >= 0), pairs[pairs >= 0], layout.finger)
-    return LabelCheck(triads, swaps, spoilt, _remarks(triads, usual, spoilt))
+    return LabelCheck(triads, swaps, spoilt, _remarks(triads, default, spoilt))
 
 
 def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
@@ -180,11 +180,11 @@ def _worst_change(points: np.ndarray, layout: Layout) -> float:
     return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())
 
 
-def _remarks(triads: tuple[Triad, ...], usual: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
+def _remarks(triads: tuple[Triad, ...], default: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
     remarks = []
     for k, triad in enumerate(triads):
         sides = np.sort(triad.sides)
-        if np.diff(sides).min() < 2 * max(OUTLIER * usual[k], EXACT):
+        if np.diff(sides).min() < 2 * max(OUTLIER * default[k], EXACT):
             near = 1e3 * np.diff(sides).min()
             remarks.append(f"{SEGMENTS[k]} triad: two sides differ by {near:.1f} mm only, some swaps would not be seen")
         if spoilt[k].any():

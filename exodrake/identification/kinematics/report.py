@@ -39,8 +39,8 @@ def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
 
 def length_rows(found: Kinematics) -> list[tuple[str, str, str, str]]:
     """Joint, the phalanx distal to it, its length and 95 % half width [mm]."""
-    numbers = zip(found.joints, LENGTHS, found.lengths, found.intervals, strict=True)
-    return [(joint.name, bone, f"{1e3 * length:.2f}", f"{1e3 * half:.2f}") for joint, bone, length, half in numbers]
+    parameters = zip(found.joints, LENGTHS, found.lengths, found.intervals, strict=True)
+    return [(joint.name, bone, f"{1e3 * length:.2f}", f"{1e3 * half:.2f}") for joint, bone, length, half in parameters]
 
 
 def table_csv(found: Kinematics) -> str:
@@ -112,7 +112,7 @@ def robot_yaml(found: Kinematics) -> str:
     """A robot file: the nominal robot with the phalanx lengths [m] found, each with its source."""
     name = Path(found.source).name
     lines = [f"# source: exodrake identify kinematics {name}, {len(found.time)} frames; lengths in m, 95 % half widths"]
-    lines += ["base: exo_index", "numbers:"]
+    lines += ["base: exo_index", "parameters:"]
     for joint, length, half in zip(found.joints, found.lengths, found.intervals, strict=True):
         lines.append(f"  finger.length.{joint.name}: {length:.5f}  # +- {half:.5f} m, source: markers, {name}")
     for joint in found.joints:

@@ -95,8 +95,8 @@ def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
     rise = start**3 * (10 - 15 * start + 6 * start**2)
     columns = []
     for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
-        beat = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
-        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(beat)))
+        update = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
+        columns.append(rise * ((low + high) / 2 + (high - low) / 2 * np.sin(update)))
     return np.stack(columns, axis=1)
 
 

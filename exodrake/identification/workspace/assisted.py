@@ -42,17 +42,17 @@ def assisted(robot, steps: int = 25) -> Assisted:
     """
     from exodrake.core.part import fields_of
     from exodrake.systems.finger_statics import posture
-    from exodrake.systems.tendon_finger import Numbers
+    from exodrake.systems.tendon_finger import Parameters
 
     if steps < 3:
         raise InputError(f"workspace: {steps} tensions per wire are too few; at least 3")
-    values = [robot.lanes(f"{field.group}.{field.name}") for field in fields_of(Numbers, "finger")]
-    numbers = Numbers(*[_plain(v) for v in values])
+    values = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
+    parameters = Parameters(*[_plain(v) for v in values])
     wires = [
         np.linspace(robot.limits["F_min"][wire], robot.limits["F_max"][wire], steps) for wire in ("AF", "MF", "AE")
     ]
     grid = np.stack(np.meshgrid(*wires, indexing="ij"), axis=-1)
-    angles = posture(grid.reshape(-1, 3), numbers).reshape(grid.shape)
+    angles = posture(grid.reshape(-1, 3), parameters).reshape(grid.shape)
     if np.isnan(angles).any():
         where = np.argwhere(np.isnan(angles).any(axis=-1))[0]
         af, mf, ae = grid[tuple(where)]
@@ -63,7 +63,7 @@ def assisted(robot, steps: int = 25) -> Assisted:
 
 
 def _plain(values: np.ndarray) -> Any:
-    """A number, or a tuple of one per lane, as the compiled functions take them."""
+    """A number, or a tuple of one per channel, as the compiled functions take them."""
     return tuple(values.tolist()) if len(values) > 1 else float(values[0])
 
 

@@ -29,8 +29,8 @@ def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: i
     rows = []
     for what in (FINGERTIP, DISTAL):
         drawn = monte_carlo(lengths, ranges, what, samples, seed)
-        numbers = (f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
-        rows.append(Row("K.M.", what, f"{1e6 * reach(lengths, ranges, what).area:.1f}", *numbers))
+        parameters = (f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
+        rows.append(Row("K.M.", what, f"{1e6 * reach(lengths, ranges, what).area:.1f}", *parameters))
     if wired is not None:
         for what in (FINGERTIP, DISTAL):
             rows.append(Row("A.M.", what, f"{1e6 * wired.region(lengths, what).area:.1f}", "", "", ""))

@@ -14,7 +14,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import file_of, halves, joint_log, numbers
+from exodrake.machines.recording_tools import file_of, halves, joint_log, parameters
 
 FRAME = 1.0  # s
 WRIST = slice(3, 6)
@@ -33,7 +33,7 @@ def case(path: Path) -> Case:
 
 def read(folder: Path, run: str) -> Log:
     """One run."""
-    wanted, seen = (numbers(file_of(folder, run + ending)) for ending in (WANTED, SEEN))
+    wanted, seen = (parameters(file_of(folder, run + ending)) for ending in (WANTED, SEEN))
     if wanted.shape != seen.shape or seen.ndim != 2 or seen.shape[1] < WRIST.stop:
         raise InputError(f"{folder / run}: shapes {wanted.shape} and {seen.shape}, wanted the same (n, 6)")
     known = ~np.all(seen == 0.0, axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from exodrake.core.machine import Column, Machine
-from exodrake.core.signal import JOINTS, Lanes, Wire
+from exodrake.core.signal import JOINTS, Axes, Signal
 from exodrake.effects import (
     carriage_coulomb_friction,
     carriage_direction,
@@ -17,7 +17,7 @@ from exodrake.effects import (
 )
 from exodrake.systems import carriage, linear_scale, position_drive
 
-SHELF = (
+EFFECTS = (
     carriage_viscous_friction.EFFECT,
     carriage_direction.EFFECT,
     carriage_offset.EFFECT,
@@ -26,13 +26,13 @@ SHELF = (
     carriage_presliding_friction.EFFECT,
 )
 TABLE = (
-    Wire("position_ref", "m", JOINTS),
-    Wire("position_start", "m", JOINTS),
-    Wire("speed_start", "m/s", JOINTS),
-    Wire("noise_position", "-", JOINTS),
-    Wire("force", "N", JOINTS),
-    Wire("position", "m", JOINTS),
-    Wire("position_read", "m", JOINTS),
+    Signal("position_ref", "m", JOINTS),
+    Signal("position_start", "m", JOINTS),
+    Signal("speed_start", "m/s", JOINTS),
+    Signal("noise_position", "-", JOINTS),
+    Signal("force", "N", JOINTS),
+    Signal("position", "m", JOINTS),
+    Signal("position_read", "m", JOINTS),
 )
 COLUMNS = (
     Column("position_ref", "position_ref"),
@@ -50,21 +50,21 @@ def floors(number: Callable[[str], float]) -> dict[str, float]:
 
 @cache
 def emps() -> Machine:
-    """The frictionless inertia under its drive, with every effect of its shelf at its neutral value."""
+    """The frictionless inertia under its drive, with every effect of its effect library at its neutral value."""
     return Machine(
         name="emps",
-        lanes=Lanes((), ("carriage",)),
-        wires=TABLE,
-        blocks=(carriage.BLOCK, linear_scale.BLOCK, position_drive.BLOCK),
-        given=("position_ref", "position_start", "speed_start", "noise_position"),
+        axes=Axes((), ("carriage",)),
+        signals=TABLE,
+        parts=(carriage.PART, linear_scale.PART, position_drive.PART),
+        inputs=("position_ref", "position_start", "speed_start", "noise_position"),
         columns=COLUMNS,
-        shelf=SHELF,
+        effects=EFFECTS,
         frame=1e-3,
         slots=16,  # so short that from reading to force takes the drive next to no time
         noise=("scale.sigma",),
         resolution=("scale.step",),
         compared=("position", "force"),
-        floors=floors,
+        noise_std=floors,
         segments={"drive": "force", "carriage": "position"},
-        depth=4,
+        max_effects=4,
     )

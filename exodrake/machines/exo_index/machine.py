@@ -7,32 +7,32 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.core.machine import Column, Machine, Steered
-from exodrake.core.signal import JOINTS, ONE, WIRES, Lanes, Wire
-from exodrake.effects import SHELF
+from exodrake.core.machine import Column, Machine, Observer
+from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
+from exodrake.effects import EFFECTS
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 
-LANES = Lanes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
+AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
 
 TABLE = (
-    Wire("tension_ref", "N", WIRES),
-    Wire("noise_tension", "-", WIRES),
-    Wire("noise_angle", "-", JOINTS),
-    Wire("lottery", "-", WIRES),
-    Wire("speed_cmd", "m/s", WIRES),
-    Wire("speed_applied", "m/s", WIRES),
-    Wire("stroke", "m", WIRES),
-    Wire("wire_speed", "m/s", WIRES),
-    Wire("spool_angle", "rad", WIRES),
-    Wire("tension", "N", WIRES),
-    Wire("tension_finger", "N", WIRES),
-    Wire("angle", "rad", JOINTS),
-    Wire("rate", "rad/s", JOINTS),
-    Wire("cell", "N", WIRES),
-    Wire("tension_read", "N", WIRES),
-    Wire("stroke_read", "m", WIRES),
-    Wire("angle_read", "rad", JOINTS),
-    Wire("mocap_lateness", "s", ONE),
+    Signal("tension_ref", "N", TENDONS),
+    Signal("noise_tension", "-", TENDONS),
+    Signal("noise_angle", "-", JOINTS),
+    Signal("packet_arrival", "-", TENDONS),
+    Signal("speed_cmd", "m/s", TENDONS),
+    Signal("speed_applied", "m/s", TENDONS),
+    Signal("stroke", "m", TENDONS),
+    Signal("wire_speed", "m/s", TENDONS),
+    Signal("spool_angle", "rad", TENDONS),
+    Signal("tension", "N", TENDONS),
+    Signal("tension_finger", "N", TENDONS),
+    Signal("angle", "rad", JOINTS),
+    Signal("rate", "rad/s", JOINTS),
+    Signal("cell", "N", TENDONS),
+    Signal("tension_read", "N", TENDONS),
+    Signal("stroke_read", "m", TENDONS),
+    Signal("angle_read", "rad", JOINTS),
+    Signal("mocap_delay", "s", SCALAR),
 )
 
 COLUMNS = (
@@ -65,27 +65,27 @@ TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step square
 
 @cache
 def exo_index() -> Machine:
-    """The nominal machine with every effect of the shelf at its neutral value."""
+    """The nominal machine with every effect of the effect library at its neutral value."""
     return Machine(
         name="exo_index",
-        lanes=LANES,
-        wires=TABLE,
-        blocks=(
-            tendon_finger.BLOCK,
-            motor.BLOCK,
-            sensor.BLOCK,
-            encoder.BLOCK,
-            mocap.BLOCK,
-            controller.BLOCK,
-            bus.BLOCK,
+        axes=AXES,
+        signals=TABLE,
+        parts=(
+            tendon_finger.PART,
+            motor.PART,
+            sensor.PART,
+            encoder.PART,
+            mocap.PART,
+            controller.PART,
+            bus.PART,
         ),
-        given=("tension_ref", "noise_tension", "noise_angle", "lottery"),
+        inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"),
         columns=COLUMNS,
-        shelf=SHELF,
+        effects=EFFECTS,
         noise=("sensor.sigma_F", "mocap.sigma_q"),
         resolution=("sensor.q_F", "encoder.q_theta"),
         compared=("tension", "stroke", "speed_cmd", "angle"),
-        floors=floors,
+        noise_std=floors,
         segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
-        steered=Steered("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
+        observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import halves, joint_log, numbers
+from exodrake.machines.recording_tools import halves, joint_log, parameters
 
 FRAME = 0.025  # s
 TIME, COMMAND, ANGLE, COLUMNS = 0, 1, 3, 8
@@ -44,7 +44,7 @@ def bend_of(file: Path) -> float:
 
 def read(file: Path) -> Log:
     """One configuration, a row for each time of the trajectory."""
-    rows = numbers(file, delimiter=",")
+    rows = parameters(file, delimiter=",")
     if rows.shape[1] != COLUMNS:
         raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
     rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]

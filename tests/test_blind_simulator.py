@@ -120,7 +120,7 @@ def test_plan_follows_the_mix_and_the_seed():
 
 
 def test_parameters_bear_the_librarys_names():
-    shelf = pytest.importorskip("exodrake.effects").SHELF
-    theirs = {effect.id: {number.name for number in effect.numbers} for effect in shelf}
+    shelf = pytest.importorskip("exodrake.effects").EFFECTS
+    theirs = {effect.id: {parameter.name for parameter in effect.parameters} for effect in shelf}
     for effect_id in set(LIBRARY) & set(theirs):
         assert set(LIBRARY[effect_id].ranges) <= theirs[effect_id], effect_id

@@ -34,7 +34,7 @@ def plain(value: Any) -> Any:
 
 def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
     """All results with units in the keys."""
-    lanes, point, model = result.robot.machine.lanes, result.point, result.model
+    axes, point, model = result.robot.machine.axes, result.point, result.model
     latency = result.latency
     return plain(
         {
@@ -45,9 +45,9 @@ def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
             "returns_after_kick": result.returns,
             "notes": list(result.notes),
             "operating_point": {
-                "tension_ref [N]": dict(zip(lanes.wires, point.references)),
-                "tension [N]": dict(zip(lanes.wires, point.tension)),
-                "angle [rad]": dict(zip(lanes.joints, point.angle)),
+                "tension_ref [N]": dict(zip(axes.tendons, point.references)),
+                "tension [N]": dict(zip(axes.tendons, point.tension)),
+                "angle [rad]": dict(zip(axes.joints, point.angle)),
                 "frames": point.frames,
                 "residual [excursion/frame]": point.residual,
                 "settled_by_own_gains": point.steady,

@@ -72,13 +72,13 @@ def case_of(robot, name: str, seeds: range) -> Case:
 @pytest.mark.parametrize("name", MACHINES)
 def test_both_engines_give_the_same_bits_with_every_effect(name):
     robot = load_robot(name)
-    for effect in robot.machine.shelf:
+    for effect in robot.machine.effects:
         robot = robot.splice(effect.id)
     reference = Reference(asked(name, 1)[:120])
-    twin, drake = (record(robot, reference, seed=3, engine=engine).wires for engine in ("compiled", "drake"))
-    assert all(np.array_equal(twin[wire], drake[wire]) for wire in twin)
-    plain = record(load_robot(name), reference, seed=3).wires
-    assert not np.array_equal(plain[robot.machine.columns[-1].wire], twin[robot.machine.columns[-1].wire])
+    simulator, drake = (record(robot, reference, seed=3, engine=engine).signals for engine in ("compiled", "drake"))
+    assert all(np.array_equal(simulator[wire], drake[wire]) for wire in simulator)
+    plain = record(load_robot(name), reference, seed=3).signals
+    assert not np.array_equal(plain[robot.machine.columns[-1].signal], simulator[robot.machine.columns[-1].signal])
 
 
 PLANTED = {
@@ -103,18 +103,18 @@ PLANTED = {
 def test_planted_effects_are_named_and_their_numbers_found(name):
     robot = load_robot(name)
     planted = robot
-    for identity, numbers in PLANTED[name].items():
-        lanes = {lane for v in numbers.values() if isinstance(v, dict) for lane in v}
-        planted = planted.splice(identity, numbers, sorted(lanes))
+    for identity, parameters in PLANTED[name].items():
+        channels = {channel for v in parameters.values() if isinstance(v, dict) for channel in v}
+        planted = planted.splice(identity, parameters, sorted(channels))
     found = diagnose(case_of(planted, name, range(4) if name == "tendon_sheath" else range(TWO_MOTIONS)), robot)
     assert found.verdict == "NAMED", found.reasons
     assert {e.id for e in found.effects} == set(PLANTED[name])
     improved = found.robots["improved"]
-    for identity, numbers in PLANTED[name].items():
-        for number, value in numbers.items():
-            for lane, wanted in (value if isinstance(value, dict) else {"": value}).items():
-                full = ".".join(part for part in (identity, number, lane) if part)
-                got = improved.lanes(full)[0]
+    for identity, parameters in PLANTED[name].items():
+        for number, value in parameters.items():
+            for channel, wanted in (value if isinstance(value, dict) else {"": value}).items():
+                full = ".".join(part for part in (identity, number, channel) if part)
+                got = improved.channels(full)[0]
                 assert got == pytest.approx(wanted, rel=0.1, abs=0.004), full
     assert found.closure.overall.value > 0.98
 
@@ -188,12 +188,12 @@ def test_friction_that_builds_up_is_told_from_friction_that_does_not():
         "carriage.presliding_friction": {"force": 6.0, "presliding": 2e-4},
     }
     made = robot
-    for identity, numbers in planted.items():
-        made = made.splice(identity, numbers)
+    for identity, parameters in planted.items():
+        made = made.splice(identity, parameters)
     problem = make_problem(case_of(made, "emps", range(TWO_MOTIONS)), robot)
     fitted = ladder(problem, [(identity, (identity,)) for identity in planted])[-1].robot
-    for identity, numbers in planted.items():
-        for name, value in numbers.items():
+    for identity, parameters in planted.items():
+        for name, value in parameters.items():
             assert fitted[f"{identity}.{name}"] == pytest.approx(value, rel=0.05), name
 
 
@@ -243,14 +243,15 @@ def test_a_dragged_joint_goes_from_one_stop_to_the_other():
 
 def test_a_robot_file_may_name_a_page_and_a_wrong_one_is_refused(tmp_path):
     file = tmp_path / "mine.yaml"
-    numbers = "numbers: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
-    file.write_text("machine: exodrake.machines.tendon_sheath.machine\n" + numbers)
+    parameters = "parameters: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
+    file.write_text("machine: exodrake.machines.tendon_sheath.machine\n" + parameters)
     assert load_robot(file).machine.name == "tendon_sheath"
-    file.write_text("machine: no.such.page\n" + numbers)
+    file.write_text("machine: no.such.page\n" + parameters)
     with pytest.raises(exo.InputError, match=r"no\.such\.page"):
         load_robot(file)
     file.write_text(
-        "machine: tendon_sheath\nscatter: [{each: [sheath.x], how: often, spread: 1, limit: 1}]\n" + numbers
+        "machine: tendon_sheath\n"
+        "tolerances: [{parameters: [sheath.x], transform: often, prior_std: 1, max_deviation: 1}]\n" + parameters
     )
     with pytest.raises(exo.InputError, match="often"):
         load_robot(file)

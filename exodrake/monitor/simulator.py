@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, prepared
-from exodrake.core.machine import offsets, state_size, wire_count
+from exodrake.core.machine import offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.simulation.delayed_samples import cubic
 
@@ -44,8 +44,8 @@ class Pictures:
         return seen
 
 
-class Twin:
-    """The compiled twin, stepped: what the robot of these numbers would have logged, without noise and rounding.
+class ClosedLoop:
+    """The compiled simulator, stepped: what the robot of these numbers would have logged, without noise and rounding.
 
     Rows of frame n come out `ahead` frames later. The same bits as `record(robot, reference, seed=None,
     quantisation=False)`.
@@ -53,12 +53,12 @@ class Twin:
 
     def __init__(self, robot: Robot, ahead: int) -> None:
         self.machine, self.values, self.module = robot.machine, silent(robot), compile_machine(robot.machine)
-        self.state, self.w = np.zeros(state_size(self.machine)), np.zeros(wire_count(self.machine))
+        self.state, self.w = np.zeros(state_size(self.machine)), np.zeros(signal_count(self.machine))
         self.module.begin(self.values, self.state)
         at = offsets(self.machine)
-        shown = {c.kind: c.wire for c in self.machine.columns}
+        shown = {c.kind: c.signal for c in self.machine.columns}
         self.plain = np.concatenate([np.arange(len(self.w))[at[shown[kind]]] for kind in KINDS[:3]])
-        self.angles, self.lateness = at[shown["angle"]], at["mocap_lateness"].start
+        self.angles, self.lateness = at[shown["angle"]], at["mocap_delay"].start
         self.pictures, self.ahead = Pictures(self.machine.frame, ahead), ahead
         self.waiting = np.zeros((0, len(self.plain)))
 

@@ -132,18 +132,18 @@ def test_page_is_offline_small_and_says_what_is_simulated(html):
 
 
 def test_command_writes_both_files(found, tmp_path, monkeypatch):
-    from exodrake.cli.main import cli
+    from studies.paper.__main__ import command
 
     monkeypatch.setattr("studies.paper.reproduce.reproduce", lambda effort, seed: found)
-    run = CliRunner().invoke(cli, ["paper", "--quick", "--out", str(tmp_path / "deep" / "out")])
+    run = CliRunner().invoke(command, ["--quick", "--out", str(tmp_path / "deep" / "out")])
     assert run.exit_code == 0, run.output
     assert {path.name for path in (tmp_path / "deep" / "out").iterdir()} == {"paper.html", "claims.csv"}
     assert "Fig. 11, simulated, whole sweeps held out" in run.output
 
 
 def test_command_refuses_a_file_as_folder(tmp_path):
-    from exodrake.cli.main import cli
+    from studies.paper.__main__ import command
 
     (tmp_path / "file").write_text("")
-    run = CliRunner().invoke(cli, ["paper", "--out", str(tmp_path / "file")])
+    run = CliRunner().invoke(command, ["--out", str(tmp_path / "file")])
     assert run.exit_code == 2 and "cannot be made" in run.output

@@ -12,7 +12,7 @@ from exodrake.monitor.feed import LAG
 from exodrake.monitor.gap import SKIP, Gap, floors
 from exodrake.monitor.motion import session
 from exodrake.monitor.segments import FingerReplay, MotorReplay, TendonReplay
-from exodrake.monitor.twin import KINDS, Twin, silent
+from exodrake.monitor.simulator import KINDS, ClosedLoop, silent
 from exodrake.simulation.simulate import simulate
 
 NOMINAL = exo.load_robot()
@@ -32,8 +32,8 @@ def log():
 def test_stepped_twin_is_the_batch_twin(robot, log):
     reference = log.array("tension_ref")
     batch = exo.simulate(robot, exo.Reference(reference), seed=None, quantisation=False)
-    twin = Twin(robot, LAG)
-    rows = [twin.push(reference[i : i + 1], last=i == len(reference) - 1) for i in range(len(reference))]
+    simulator = ClosedLoop(robot, LAG)
+    rows = [simulator.push(reference[i : i + 1], last=i == len(reference) - 1) for i in range(len(reference))]
     np.testing.assert_array_equal(np.concatenate(rows), measured(batch))
 
 
@@ -51,7 +51,7 @@ def test_pieces_give_the_bits_of_the_whole(log):
 def test_replays_are_those_of_the_interpreted_loop(log):
     n, reference = 250, log.array("tension_ref")
     rows = measured(log)[:n]
-    columns = tuple(f"{kind}_{lane}" for kind, lane in signals(NOMINAL))
+    columns = tuple(f"{kind}_{channel}" for kind, channel in signals(NOMINAL))
     trial = Trial("log", "fit", reference[:n], rows)
     case = Case("one log", {}, (CaseLog(log, "log", "fit", None, "log.csv"),))
     problem = Problem(NOMINAL, columns, np.ones(12), (trial,), (trial,), case)

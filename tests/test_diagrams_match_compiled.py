@@ -1,4 +1,4 @@
-"""The Drake Diagram and the compiled twin are the same to the last bit; both reproduce data/reference."""
+"""The Drake Diagram and the compiled simulator are the same to the last bit; both reproduce data/reference."""
 
 import os
 import subprocess
@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drake_runs import both, nominal, reference_log, wavy
+from diagram_runs import both, nominal, reference_log, wavy
 
 from exodrake.compiled.inputs import Reference
-from exodrake.effects import SHELF
+from exodrake.effects import EFFECTS
 from exodrake.simulation.simulate import record
 
 FORMS = pytest.mark.parametrize("fused", [True, False], ids=["fused", "leaf per part"])
@@ -32,7 +32,7 @@ def test_sub_steps(fused):
     np.testing.assert_array_equal(compiled, drake)
 
 
-@pytest.mark.parametrize("effect", SHELF, ids=lambda effect: effect.id)
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.id)
 def test_an_effect_at_typical_values(effect):
     robot = nominal().splice(effect.id)
     reference = wavy(3.0)
@@ -45,7 +45,7 @@ def test_an_effect_at_typical_values(effect):
 
 PRINTED = """
 import numpy as np
-from drake_runs import both, nominal, wavy
+from diagram_runs import both, nominal, wavy
 printed = nominal().with_part("controller_as_printed").with_part("routers_as_printed")
 compiled, drake = both(printed, wavy(2.0))
 np.testing.assert_array_equal(compiled, drake)
@@ -70,20 +70,20 @@ def test_reproduces_the_reference(name, engine):
     log = reference_log(name)
     run = record(nominal(), Reference(log.array("tension_ref")), seed=None, quantisation=False, engine=engine)
     for wire, bound in TIGHT.items():
-        error = run.wires[wire] - log.array(COLUMN[wire])
+        error = run.signals[wire] - log.array(COLUMN[wire])
         assert np.sqrt((error**2).mean()) < bound, wire
 
 
 def test_the_truth_wires_come_out_of_record():
     compiled, drake = (record(nominal(), wavy(1.0), engine=engine) for engine in ("compiled", "drake"))
-    assert list(compiled.wires) == list(drake.wires)
+    assert list(compiled.signals) == list(drake.signals)
     for name in ("tension", "tension_finger", "rate", "cell", "wire_speed"):
-        np.testing.assert_array_equal(compiled.wires[name], drake.wires[name])
+        np.testing.assert_array_equal(compiled.signals[name], drake.signals[name])
 
 
 def test_first_order_in_the_sub_step():
     """The spool moves on at its speed during a tick and the motor sees the tension before it: first order."""
-    runs = [record(nominal(), wavy(4.0), None, False, substeps=n).wires for n in (1, 2, 4, 8)]
+    runs = [record(nominal(), wavy(4.0), None, False, substeps=n).signals for n in (1, 2, 4, 8)]
     for name in ("angle", "tension"):
         steps = [np.sqrt(((a[name] - b[name]) ** 2).mean()) for a, b in pairwise(runs)]
         assert 1.6 < steps[0] / steps[1] < 2.6 and 1.6 < steps[1] / steps[2] < 2.6, (name, steps)

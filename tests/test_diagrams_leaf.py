@@ -7,14 +7,14 @@ from collections import Counter
 import numpy as np
 import pytest
 import yaml
-from drake_runs import nominal, wavy
+from diagram_runs import nominal, wavy
 from pydrake.systems.analysis import Simulator
 
 from benchmarks.diagram import multibody_speed
 from benchmarks.speed import Row, as_row
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.diagrams.diagram import FINE_LOG, assemble, build_diagram, logged, set_numbers
+from exodrake.diagrams.diagram import FINE_LOG, assemble, build_diagram, logged, set_parameters
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.parts import NAMED, MotorDynamics, part_class
 from exodrake.simulation.simulate import record
@@ -45,7 +45,7 @@ def test_a_part_on_its_own(cls):
 
 
 def test_every_part_of_the_machine_has_its_class():
-    assert set(NAMED) <= {block.name for block in nominal().machine.blocks}
+    assert set(NAMED) <= {block.name for block in nominal().machine.parts}
     with pytest.raises(InputError, match=r"motr.*did you mean motor"):
         part_class(nominal().machine, "motr")()
 
@@ -65,7 +65,7 @@ def test_a_motor_alone_reaches_its_speed():
 
 def test_no_loop_of_feedthrough_from_outside():
     diagram = build_diagram(nominal())
-    assert set(nominal().machine.given) == {
+    assert set(nominal().machine.inputs) == {
         diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())
     }
     assert not {pair for pair in through(diagram) if not pair[1].startswith("outside")}
@@ -77,10 +77,10 @@ def test_the_ports_are_named_by_part_and_wire(fused):
     diagram = build_diagram(nominal(), wavy(0.1), fused=fused)
     names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
     assert {"motor.stroke", "finger.angle", "sensor.tension_read", "outside.tension_ref"} <= set(names)
-    assert sorted(name.split(".")[1] for name in names) == sorted(wire.name for wire in machine.wires)
+    assert sorted(name.split(".")[1] for name in names) == sorted(wire.name for wire in machine.signals)
     context = diagram.CreateDefaultContext()
     angle = diagram.GetOutputPort("finger.angle").Eval(context)
-    np.testing.assert_array_equal(angle, nominal().lanes("finger.q0"))
+    np.testing.assert_array_equal(angle, nominal().channels("finger.q0"))
 
 
 @pytest.mark.parametrize("fused", [True, False])
@@ -100,22 +100,22 @@ def test_one_diagram_serves_many_robots(fused):
     reference = wavy(1.0)
     diagram = build_diagram(nominal(), reference, seed=3, fused=fused)
     simulator = Simulator(diagram)
-    other = nominal().with_numbers({"finger.kappa": 0.09, "finger.q0.PIP": 0.4}).splice("tendon.capstan_friction")
+    other = nominal().with_parameters({"finger.kappa": 0.09, "finger.q0.PIP": 0.4}).splice("tendon.capstan_friction")
     for robot in (other, nominal()):
         context = diagram.CreateDefaultContext()
-        set_numbers(robot, diagram, context)
+        set_parameters(robot, diagram, context)
         simulator.reset_context(context)
         simulator.AdvanceTo(1.0)
         rows = logged(robot.machine, diagram, context)
-        wanted = record(robot, reference, seed=3).wires
-        np.testing.assert_array_equal(rows, np.hstack([wanted[wire.name] for wire in robot.machine.wires]))
+        wanted = record(robot, reference, seed=3).signals
+        np.testing.assert_array_equal(rows, np.hstack([wanted[wire.name] for wire in robot.machine.signals]))
 
 
 def test_nine_hundred_python_events_a_second(monkeypatch):
     calls, plain = Counter(), Leaf._update
 
-    def counted(self, beat):
-        update = plain(self, beat)
+    def counted(self, update):
+        update = plain(self, update)
 
         def handler(context, discrete):
             calls[self_name] += 1
@@ -144,13 +144,13 @@ def test_rebuilt_diagrams_leave_nothing_behind():
 
 def test_the_seed_decides_and_the_given_wires_can_be_ones_own():
     robot, tension = nominal(), wavy(0.5).tension
-    given = dict(zip(robot.machine.given, (tension, *np.zeros((2, 25, 3)), np.ones((25, 3)))))
+    given = dict(zip(robot.machine.inputs, (tension, *np.zeros((2, 25, 3)), np.ones((25, 3)))))
     diagram = assemble(robot, given, 1, False, False)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.5)
-    quiet = record(robot, Reference(tension), seed=None).wires
+    quiet = record(robot, Reference(tension), seed=None).signals
     rows = logged(robot.machine, diagram, simulator.get_context())
-    np.testing.assert_array_equal(rows, np.hstack([quiet[wire.name] for wire in robot.machine.wires]))
+    np.testing.assert_array_equal(rows, np.hstack([quiet[wire.name] for wire in robot.machine.signals]))
 
 
 @pytest.mark.parametrize("step", [0.002, 0.0])
@@ -183,7 +183,7 @@ def test_the_estimator_listens(fused):
     robot, reference, weights = nominal(), wavy(0.5), made_up_weights()
     diagram = build_diagram(robot, reference, seed=5, fused=fused, estimator=weights)
     simulator = Simulator(diagram)
-    wires = record(robot, reference, seed=5).wires
+    wires = record(robot, reference, seed=5).signals
     mean, std, _ = predict_rows(wires["tension_read"], wires["stroke_read"], weights)
     assert np.isfinite(std).any()
     for frame in range(25):

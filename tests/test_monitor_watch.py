@@ -26,7 +26,7 @@ from exodrake.monitor.watcher import Watch, follow
 
 NOMINAL = exo.load_robot()
 CALM = write(exo.simulate(NOMINAL, exo.Reference(np.ones((6, 3))))).decode()
-WIRES, JOINTS = NOMINAL.machine.lanes
+TENDONS, JOINTS = NOMINAL.machine.axes
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def file(tmp_path, log):
 
 
 def tail_of(path):
-    return Tail(path, WIRES, JOINTS)
+    return Tail(path, TENDONS, JOINTS)
 
 
 def rows_of(pieces):
@@ -200,7 +200,7 @@ def test_limits_promise_what_they_keep():
 def test_command(tmp_path, file, log):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
-    loose = NOMINAL.splice("tendon.slack", lanes=["MF"])
+    loose = NOMINAL.splice("tendon.slack", channels=["MF"])
     write_log(exo.simulate(loose, session(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
     assert result.exit_code == 1 and "ALARM at" in result.stdout and "exodrake diagnose" in result.stdout

@@ -15,8 +15,8 @@ def machine():
 
 
 def true_numbers(machine, numbers):
-    lanes = machine.lanes.wires, machine.lanes.joints
-    found = truth(knobs(machine), lanes, numbers)
+    channels = machine.axes.tendons, machine.axes.joints
+    found = truth(knobs(machine), channels, numbers)
     return {knob.name.split()[0]: value for knob, value in zip(knobs(machine), found, strict=True)}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.compiled.inputs import Chance, Reference, prepared
+from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
 from exodrake.compiled.run import run_compiled
 from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
@@ -38,9 +38,9 @@ def wavy(seconds):
 
 
 def both(robot, reference, seed=1, substeps=1, **options):
-    """Rows of all wires by the compiled twin and by the Diagram, for the same draws."""
+    """Rows of all wires by the compiled simulator and by the Diagram, for the same draws."""
     from exodrake.diagrams.diagram import run_diagram
 
-    values, chance = prepared(robot), Chance.draw(len(reference.tension), seed, robot.machine)
-    compiled = run_compiled(robot.machine, values, reference, chance, substeps)
-    return compiled, run_diagram(robot, values, reference, chance, substeps, **options)
+    values, noise_inputs = prepared(robot), NoiseInputs.draw(len(reference.tension), seed, robot.machine)
+    compiled = run_compiled(robot.machine, values, reference, noise_inputs, substeps)
+    return compiled, run_diagram(robot, values, reference, noise_inputs, substeps, **options)
