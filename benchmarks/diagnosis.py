@@ -16,9 +16,9 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.closure import shown
 from exodrake.diagnosis.fit import Fitter
+from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
@@ -77,7 +77,7 @@ def diagram_residual(problem: Problem, wanted: Hypothesis, u: np.ndarray) -> np.
     robot = replace(problem.robot, values=wanted.apply(problem.robot.values, u))
     trial = problem.fit[0]
     run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine="drake")
-    return np.nan_to_num((trial.measured - shown(problem, run)) / problem.floor).ravel()
+    return np.nan_to_num((trial.measured - shown(problem, run)) / problem.noise_std).ravel()
 
 
 def rows(seconds: float = SECONDS) -> list[Row]:

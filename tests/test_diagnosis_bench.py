@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks import diagnosis as bench
 from benchmarks.speed import as_row
-from exodrake.diagnosis.candidates import hypothesis
+from exodrake.diagnosis.hypothesis import hypothesis
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -56,8 +56,8 @@ def test_scaling_cuts_logs_and_reads_exponents():
 
 def test_scaling_has_a_diagnosis_try_fewer_effects():
     from benchmarks.scaling import FRICTION, trying
-    from exodrake.diagnosis.candidates import NOTHING
     from exodrake.diagnosis.fit import Fitter
+    from exodrake.diagnosis.hypothesis import NOTHING
     from exodrake.diagnosis.screen import library
 
     fitter = Fitter(make_problem(bench.rubbing(load_robot(), 3.0), load_robot()))

@@ -8,13 +8,13 @@ import pytest
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import signals
-from exodrake.diagnosis.candidates import Hypothesis
-from exodrake.diagnosis.decide import thresholds
 from exodrake.diagnosis.fit import Point
+from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import WILD, make_problem
 from exodrake.diagnosis.search import LOSING, Fitted
 from exodrake.diagnosis.seconds import by_far, once, worth
+from exodrake.diagnosis.verdict import thresholds
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -73,10 +73,10 @@ def test_a_run_that_divides_by_zero_is_bad_not_fatal(robot):
     assert np.mean(np.abs(residual[1]) == WILD) > 0.1
 
 
-def fitted(misfit, *effects):
+def fitted(chi2, *effects):
     """A candidate that leaves so much [floor^2] in every sample."""
-    residual = np.full(SAMPLES, np.sqrt(misfit))
-    point = Point(Hypothesis(effects, ()), np.zeros(0), np.zeros(0), residual, 0.5 * SAMPLES * misfit)
+    residual = np.full(SAMPLES, np.sqrt(chi2))
+    point = Point(Hypothesis(effects, ()), np.zeros(0), np.zeros(0), residual, 0.5 * SAMPLES * chi2)
     return Fitted(point, residual)
 
 
@@ -96,7 +96,7 @@ def fitted(misfit, *effects):
 )
 def test_a_second_effect_must_be_worth_it(first, seconds, kept):
     problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(1001.0)
-    pairs = [fitted(misfit, "a", str(k)) for k, misfit in enumerate(seconds)]
+    pairs = [fitted(chi2, "a", str(k)) for k, chi2 in enumerate(seconds)]
     found = worth(problem, fitted(first, "a"), pairs, retuned, thresholds())
     assert found == pairs[:kept]
 

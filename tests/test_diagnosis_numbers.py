@@ -8,15 +8,15 @@ import pytest
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.candidates import Hypothesis, hypothesis
-from exodrake.diagnosis.decide import thresholds
 from exodrake.diagnosis.deeper import predicts_better
 from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.hypothesis import Hypothesis, hypothesis
 from exodrake.diagnosis.intervals import interval, spread
 from exodrake.diagnosis.place import traced
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.retune import CLOSE
 from exodrake.diagnosis.search import Fitted, Ranking
+from exodrake.diagnosis.verdict import thresholds
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -47,7 +47,7 @@ def test_slope_of_a_marker_gain_is_the_angle(robot, problem, central):
     slopes = fitter.slopes(point, central)[:, 0].reshape(-1, len(problem.columns))
     at = problem.columns.index("angle_PIP")
     angle = problem.predict(problem.silent()[None], problem.fit[0])[0][:, at]
-    assert slopes[:, at] == pytest.approx(-angle / problem.floor[at], abs=1e-6 * np.abs(slopes[:, at]).max())
+    assert slopes[:, at] == pytest.approx(-angle / problem.noise_std[at], abs=1e-6 * np.abs(slopes[:, at]).max())
     assert np.abs(np.delete(slopes, at, axis=1)).max() < 1e-9 * np.abs(slopes).max()
 
 
@@ -70,16 +70,16 @@ def test_retuned_numbers_near_the_floor_are_settled(robot):
     problem = make_problem(Case("softer", {}, (CaseLog(log, "holds", "fit", None, "holds"),)), robot)
     point = Ranking(problem).retuned().point
     again, _ = Fitter(problem).settled(point)
-    assert point.misfit < CLOSE and point.cost - again.cost < 0.5
+    assert point.chi2 < CLOSE and point.cost - again.cost < 0.5
 
 
 def test_the_most_promising_start_is_fitted_to_the_end():
     """However badly its first two steps went: a stiffening wire starts far off and ends at the floor."""
     after = {"promising": (400.0, 1.0), "b": (9.0, 8.0), "c": (10.0, 9.0), "d": (11.0, 10.0)}
 
-    def at(name, misfit):
-        residual = np.full(10, np.sqrt(misfit))
-        return Point(Hypothesis((name,), ()), np.zeros(0), np.zeros(0), residual, 5.0 * misfit)
+    def at(name, chi2):
+        residual = np.full(10, np.sqrt(chi2))
+        return Point(Hypothesis((name,), ()), np.zeros(0), np.zeros(0), residual, 5.0 * chi2)
 
     def fit(point, responses, steps, gram):
         return at(point.hypothesis.name, after[point.hypothesis.name][steps > 2])
@@ -87,7 +87,7 @@ def test_the_most_promising_start_is_fitted_to_the_end():
     ranking = Ranking.__new__(Ranking)
     ranking.progress, ranking.quick, ranking.begun = (lambda _: None), SimpleNamespace(fit=fit), lambda start: start
     found = ranking.race([at(name, 1e3) for name in after], np.zeros((10, 0)), np.zeros((0, 0)), survivors=1)
-    assert [(p.hypothesis.name, round(p.misfit, 9)) for p in found] == [
+    assert [(p.hypothesis.name, round(p.chi2, 9)) for p in found] == [
         ("promising", 1.0), ("b", 8.0), ("c", 10.0), ("d", 11.0),
     ]  # fmt: skip
 
@@ -97,7 +97,7 @@ def test_an_interval_is_that_of_so_many_frames_as_one(robot, problem):
     h = hypothesis(robot.machine, robot.machine.effect("mocap.gain"), ("PIP",))
     fitter = Fitter(problem, memory=25.0 * robot.machine.frame)
     point = fitter.at(h, np.zeros(1), np.zeros(len(fitter.knobs)))
-    point = replace(point, residual=point.residual / np.sqrt(point.misfit))
+    point = replace(point, residual=point.residual / np.sqrt(point.chi2))
     found = spread(fitter, point, np.zeros((len(point.residual), len(fitter.knobs))))
     slopes = fitter.slopes(point, central=True)[:, 0]
     assert found.deviations[0] == pytest.approx(np.sqrt(25.0 / np.sum(slopes**2)), rel=1e-6)

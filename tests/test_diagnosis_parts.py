@@ -8,16 +8,16 @@ import pytest
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import drops, line, replay, signals
-from exodrake.diagnosis.candidates import NOTHING, hypothesis
 from exodrake.diagnosis.closure import closure
-from exodrake.diagnosis.decide import decide
 from exodrake.diagnosis.fit import Fitter, bounded_solve
-from exodrake.diagnosis.floor import noise_floor, sensor_floor
 from exodrake.diagnosis.healthy import healthy_case, scattered
+from exodrake.diagnosis.hypothesis import NOTHING, hypothesis
+from exodrake.diagnosis.noise import noise_std, sensor_noise_std
 from exodrake.diagnosis.problem import columns_of, make_problem
 from exodrake.diagnosis.regime import explained, since_reversal
 from exodrake.diagnosis.retune import retuned
 from exodrake.diagnosis.search import Fitted, Search
+from exodrake.diagnosis.verdict import decide
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.delayed_samples import cubic
@@ -94,9 +94,9 @@ def test_cubic_interpolation_is_exact_for_a_parabola():
 def test_floor_from_repeats_and_from_numbers_agree_for_white_signals(robot):
     case = short_case(robot, repeats=True)
     columns = columns_of(case, robot.machine)
-    floor = dict(zip(columns, noise_floor(case, robot, columns), strict=True))
-    assert floor["angle_MCP"] == pytest.approx(sensor_floor(robot)["angle"], rel=0.15)
-    assert floor["tension_AF"] == pytest.approx(sensor_floor(robot)["tension"], rel=0.35)
+    floor = dict(zip(columns, noise_std(case, robot, columns), strict=True))
+    assert floor["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
+    assert floor["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
 
 
 def test_lost_commands_are_decoded(robot):
@@ -160,7 +160,7 @@ def test_a_planted_effect_is_recovered(robot, identity, parameters, channels):
     assert [k.value(u) for k, u in zip(h.knobs, found.u, strict=True)] == pytest.approx(
         [value] * len(h.knobs), rel=0.06
     )
-    assert found.misfit < 1.3
+    assert found.chi2 < 1.3
 
 
 def test_the_nominal_robot_shows_no_gap(robot):
@@ -196,7 +196,7 @@ def test_an_end_stop_on_the_other_side_is_found(robot):
     origin = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
     found = retuned(fitter, origin).point
     place = [knob.name for knob in fitter.knobs].index(stop)
-    assert found.misfit < 1.05 < origin.misfit
+    assert found.chi2 < 1.05 < origin.chi2
     assert found.x[place] == pytest.approx(-0.07, abs=0.02)
 
 

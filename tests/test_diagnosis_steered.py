@@ -31,7 +31,7 @@ def case_of(robot, seed, quantisation=True):
     return Case("steered", {}, tuple(logs))
 
 
-def misfit(problem, robot):
+def chi2(problem, robot):
     """Mean square residual on the fitted logs [floor^2] of a robot."""
     return float(np.mean(problem.residual(problem.silent(robot)[None], problem.fit) ** 2))
 
@@ -67,7 +67,7 @@ def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, par
     robot = nominal.splice(identity, parameters)
     problem = make_problem(case_of(robot, 5), nominal)
     steered = problem.steered()
-    assert misfit(steered, robot) < 1.6 < 0.25 * misfit(problem, robot)
+    assert chi2(steered, robot) < 1.6 < 0.25 * chi2(problem, robot)
 
 
 def test_an_effect_of_one_part_stays_in_its_part_when_steered(nominal):

@@ -172,7 +172,11 @@ def test_page_without_motion_capture_and_without_a_shelf_entry():
     keep = [i for i, c in enumerate(COLUMNS) if not c.startswith("angle")]
     held = tuple(replace(t, measured=t.measured[:, keep]) for t in runs.problem.holdout)
     problem = replace(
-        runs.problem, columns=tuple(COLUMNS[i] for i in keep), floor=runs.problem.floor[keep], holdout=held, fit=held
+        runs.problem,
+        columns=tuple(COLUMNS[i] for i in keep),
+        noise_std=runs.problem.noise_std[keep],
+        holdout=held,
+        fit=held,
     )
     runs = replace(runs, problem=problem, simulated=({n: rows[:, keep] for n, rows in runs.simulated[0].items()},))
     strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow"),))

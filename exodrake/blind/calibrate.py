@@ -27,9 +27,9 @@ from exodrake.blind.make import make_case
 from exodrake.blind.nuisance_coverage import MEMORIES, known
 from exodrake.core.parallel import each
 from exodrake.core.progress import counted, where_to_run
-from exodrake.diagnosis.decide import misfit, worst_column
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.search import Ranking
+from exodrake.diagnosis.verdict import chi2, worst_column
 from exodrake.machines.robot_file import load_robot
 
 HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
@@ -49,7 +49,7 @@ def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], li
     ranking = Ranking(problem)
     retuned = ranking.retuned()
     best = ranking.singles(quiet=True)[0][0]
-    limits = misfit(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
+    limits = chi2(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
     return limits, known(ranking, retuned, draw_case(drawn).spec.numbers)
 
 

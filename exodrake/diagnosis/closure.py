@@ -12,9 +12,9 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
+from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
-from exodrake.diagnosis.signals import mismatch
 from exodrake.simulation.simulate import Recording, record
 
 PART = 2.0  # s, longer than the loop's memory
@@ -28,7 +28,7 @@ def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.n
     for trial in problem.holdout:
         run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)
         gap = mismatch(trial.measured, shown(problem, run), problem.stopped, problem.robot.machine.frame)
-        found.append(np.nan_to_num(gap / problem.floor))
+        found.append(np.nan_to_num(gap / problem.noise_std))
     return found
 
 
@@ -68,7 +68,7 @@ def signal(
     problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]
 ) -> SignalGap:
     """Gap of one signal in its unit."""
-    floor = float(problem.floor[i])
+    floor = float(problem.noise_std[i])
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
     rms = [floor * float(np.sqrt(x.mean())) for x in (b, t, a)]
     kind = problem.kinds[i]

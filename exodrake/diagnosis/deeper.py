@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.candidates import Hypothesis
-from exodrake.diagnosis.decide import Thresholds, misfit
+from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import Fitted, Ranking
+from exodrake.diagnosis.verdict import Thresholds, chi2
 
 BETTER = 0.85  # of what is left in a signal, at most, on fitted and on held-out logs: assumed
 SPARE = 1.02  # a set without one effect that leaves at most this many times what the whole set leaves does as well
@@ -26,7 +26,7 @@ def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thre
     grown: list[Fitted] = []
     best = min(found, key=lambda f: f.score, default=None)
     for _ in range(problem.robot.machine.max_effects - 2):
-        if best is None or misfit(problem, best) <= limits.near:
+        if best is None or chi2(problem, best) <= limits.near:
             break
         further = [f for f in ranking.pairs(best) if f.score < best.score and predicts_better(problem, f, best, limits)]
         if not further:
@@ -56,7 +56,7 @@ def pruned(problem: Problem, ranking: Ranking, best: Fitted) -> list[Fitted]:
         if len(kept.point.hypothesis.effects) < 2:
             break
         less = without(ranking, kept, identity)
-        if misfit(problem, less) - 1.0 <= SPARE * (misfit(problem, kept) - 1.0):
+        if chi2(problem, less) - 1.0 <= SPARE * (chi2(problem, kept) - 1.0):
             dropped.append(less)
     return dropped[-1:]
 

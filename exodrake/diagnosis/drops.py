@@ -14,7 +14,7 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.signals import filled_columns
+from exodrake.diagnosis.filters import filled_columns
 
 STEP = 4e-3  # m/s: a smaller change of speed moves the stroke by less than two encoder counts a frame
 AHEAD = 3  # frames that decide; losses come in bursts

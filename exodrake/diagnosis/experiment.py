@@ -52,7 +52,7 @@ def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dic
         trial = Trial(
             name, "holdout", reference.tension, np.full((len(reference.tension), len(problem.columns)), np.nan)
         )
-        logs = problem.predict(rows, trial) / problem.floor
+        logs = problem.predict(rows, trial) / problem.noise_std
         apart = min(
             float(np.sqrt(np.mean((logs[i] - logs[k]) ** 2))) for i in range(len(rows)) for k in range(i + 1, len(rows))
         )

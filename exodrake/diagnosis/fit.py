@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.diagnosis import nuisance
-from exodrake.diagnosis.candidates import Hypothesis
+from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.problem import Problem
 
 # s of a log that count as one frame. 90 % intervals of the nominal numbers of 24 healthy development robots (seed
@@ -49,7 +49,7 @@ class Point:
     cost: float
 
     @property
-    def misfit(self) -> float:
+    def chi2(self) -> float:
         """Mean square of the residual [floor^2]."""
         return float(np.mean(self.residual**2))
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.signal import SCALAR, TENDONS
-from exodrake.diagnosis.candidates import Knob
 from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.hypothesis import Knob
 from exodrake.diagnosis.result import Interval, NamedEffect
 from exodrake.diagnosis.vocabulary import SELF_DEFINED
 
@@ -51,7 +51,7 @@ def covariance(fitter: Fitter, point: Point, responses: np.ndarray) -> np.ndarra
     count = len(scales)
     prior = np.concatenate([np.full(count, 1e-9), 1.0 / fitter.spread**2])
     normal = jacobian.T @ jacobian + np.diag(prior)
-    found = np.linalg.inv(normal + 1e-10 * np.diag(np.diag(normal))) * fitter.frames * max(1.0, point.misfit)
+    found = np.linalg.inv(normal + 1e-10 * np.diag(np.diag(normal))) * fitter.frames * max(1.0, point.chi2)
     units = np.concatenate([scales, np.ones(len(fitter.knobs))])
     return found * np.outer(units, units)
 

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagnosis.candidates import Hypothesis, hypothesis
+from exodrake.diagnosis.filters import Bands
 from exodrake.diagnosis.fit import Point
+from exodrake.diagnosis.hypothesis import Hypothesis, hypothesis
 from exodrake.diagnosis.intervals import LAW, MINOR, Z90
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.result import Interval, NamedEffect
-from exodrake.diagnosis.signals import Bands
 
 TREMOR = "finger.tremor"
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
@@ -127,7 +127,7 @@ def tremor(problem: Problem, values: np.ndarray, line: Line) -> Tremor:
         alone = u.copy()
         alone[[i for i in joints if i != joint]] = 0.0
         rows.append(extra.apply(values, alone))
-    logs = problem.predict(np.array(rows), problem.fit[0]) / problem.floor
+    logs = problem.predict(np.array(rows), problem.fit[0]) / problem.noise_std
     unit = [in_band(*spectrum(problem, log - logs[0]), line.frequency) for log in logs[1:]]
     scale = np.sqrt(line.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], line.power / scale)

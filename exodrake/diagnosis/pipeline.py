@@ -15,7 +15,6 @@ from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.decide import Decision, left_over, misfit, thresholds
 from exodrake.diagnosis.drops import probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.line import named
@@ -23,6 +22,7 @@ from exodrake.diagnosis.place import place
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import LOSING, Fitted, Search
+from exodrake.diagnosis.verdict import Decision, chi2, left_over, thresholds
 from exodrake.diagnosis.views import View, looked
 from exodrake.machines.robot_file import load_robot
 
@@ -100,9 +100,7 @@ def candidates_of(view: View) -> tuple[Candidate, ...]:
     """
     problem, search = view.problem, view.search
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
-    return tuple(
-        Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.misfit, f.held_misfit) for f in ranked
-    )
+    return tuple(Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.chi2, f.holdout_chi2) for f in ranked)
 
 
 def baselines_of(search: Search) -> dict[str, str]:
@@ -112,7 +110,7 @@ def baselines_of(search: Search) -> dict[str, str]:
     if not search.singles:
         return {"replay": "retune", "bic": "retune"}
     everything = (search.retuned, *search.singles)
-    smallest = min(search.singles, key=lambda f: f.misfit)
+    smallest = min(search.singles, key=lambda f: f.chi2)
 
     def bic(f: Fitted) -> float:
         return float(f.point.residual @ f.point.residual) + len(f.point.u) * np.log(len(f.point.residual))
@@ -162,14 +160,14 @@ def evidence_of(closed: View, chosen: View) -> dict[str, float]:
     best, steered = chosen.decision.best, {}
     if chosen.problem is not closed.problem:
         steered = {
-            "steered_retuned": misfit(chosen.problem, chosen.search.retuned),
-            "steered_best": misfit(chosen.problem, best),
+            "steered_retuned": chi2(chosen.problem, chosen.search.retuned),
+            "steered_best": chi2(chosen.problem, best),
         }
         best = closed.ranking.complete(closed.ranking.full.at(best.point.hypothesis, best.point.u, best.point.x))
     return {
-        "nominal": misfit(closed.problem, closed.search.nominal),
-        "retuned": misfit(closed.problem, closed.search.retuned),
-        "best": misfit(closed.problem, best),
+        "nominal": chi2(closed.problem, closed.search.nominal),
+        "retuned": chi2(closed.problem, closed.search.retuned),
+        "best": chi2(closed.problem, best),
         "unknown": float(chosen.decision.verdict == UNKNOWN),
         **steered,
     }

@@ -20,12 +20,12 @@ def block_shares(search: Search) -> dict[str, float]:
 
     Powers enter with an exponent that favours what explains nearly all of it over what explains half.
     """
-    before = search.retuned.misfit
+    before = search.retuned.chi2
     best: dict[str, float] = {}
     for fitted in (*search.singles,):
         block = fitted.point.hypothesis.effects[0].split(".")[0]
-        left = max(fitted.misfit - 1.0, 0.02)
-        best[block] = max(best.get(block, 0.0), max(before - fitted.misfit, 0.0) / left)
+        left = max(fitted.chi2 - 1.0, 0.02)
+        best[block] = max(best.get(block, 0.0), max(before - fitted.chi2, 0.0) / left)
     total = sum(best.values())
     return {b: v / total for b, v in sorted(best.items(), key=lambda i: -i[1])} if total else {}
 

@@ -16,8 +16,8 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.drops import Drops, decode
-from exodrake.diagnosis.floor import noise_floor, reference_rows
-from exodrake.diagnosis.signals import Bands, filled_columns, without
+from exodrake.diagnosis.filters import Bands, filled_columns, without
+from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.simulation.delayed_samples import seen_late
 
 
@@ -55,7 +55,7 @@ class Problem:
 
     robot: Robot
     columns: tuple[str, ...]
-    floor: np.ndarray
+    noise_std: np.ndarray
     fit: tuple[Trial, ...]
     holdout: tuple[Trial, ...]
     case: Case
@@ -111,7 +111,7 @@ class Problem:
                 simulated = self.predict(rows[some], trial)
                 np.nan_to_num(simulated, copy=False, nan=np.inf)
                 with np.errstate(over="ignore"):
-                    difference = (trial.measured - simulated) / self.floor
+                    difference = (trial.measured - simulated) / self.noise_std
                 np.nan_to_num(difference, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
                 difference.clip(-WILD, WILD, out=difference)
                 difference = without(self.stopped, difference, self.robot.machine.frame)
@@ -120,8 +120,8 @@ class Problem:
 
     def without(self, bands: Bands) -> Problem:
         """The problem with bands [Hz] filtered out of residuals and floors."""
-        floor = noise_floor(self.case, self.robot, self.columns, bands)
-        return replace(self, stopped=bands, floor=np.minimum(floor, self.floor))
+        floor = noise_std(self.case, self.robot, self.columns, bands)
+        return replace(self, stopped=bands, noise_std=np.minimum(floor, self.noise_std))
 
     def with_drops(self, trial: Trial) -> Trial:
         """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
@@ -157,7 +157,7 @@ class Problem:
         return replace(
             self,
             columns=tuple(c for c, k in zip(self.columns, kept, strict=True) if k),
-            floor=self.floor[kept],
+            noise_std=self.noise_std[kept],
             fit=tuple(map(follow, self.fit)),
             holdout=tuple(map(follow, self.holdout)),
         )
@@ -220,7 +220,7 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
     if not held and len(fit) > 1:
         held = [fit.pop()]
-    problem = Problem(robot, columns, noise_floor(case, robot, columns), tuple(fit), tuple(held or fit), case)
+    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
     return replace(
         problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit))
     )

@@ -21,9 +21,9 @@ from math import factorial
 import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows
+from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.loop import Loop
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.signals import filled_columns
 from exodrake.simulation.simulate import record
 from exodrake.systems import tendon_finger
 
@@ -145,7 +145,7 @@ def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[fro
     segments = problem.robot.machine.segments
     power, alone = {}, {}
     for fixed in subsets(segments):
-        difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.floor)
+        difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.noise_std)
         free = [k not in {segments[s] for s in fixed} for k in problem.kinds]
         power[fixed] = float(np.sum(difference[:, free] ** 2))
         if len(fixed) == len(segments) - 1:

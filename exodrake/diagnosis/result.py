@@ -118,8 +118,8 @@ class Candidate:
 
     id: str
     score: float
-    misfit: float
-    held_misfit: float
+    chi2: float
+    holdout_chi2: float
 
     def to_json(self) -> dict[str, Any]:
         """As in the JSON answer."""

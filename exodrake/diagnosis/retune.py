@@ -37,13 +37,13 @@ def retuned(fitter: Fitter, origin: Point) -> Retuned:
         better = fitter.fit(point, responses, steps=8)
         if ending(point, better) or turn == RETUNES - 1:
             better = leapt(fitter, better, responses)
-        if better.misfit < NEARBY:
+        if better.chi2 < NEARBY:
             base, kept = better, responses
         ended, point = ending(point, better), better
         if ended:
             break
     assert kept is not None
-    if point.misfit < CLOSE:
+    if point.chi2 < CLOSE:
         point, kept = fitter.settled(point)
         base = point
     return Retuned(point, base, kept)

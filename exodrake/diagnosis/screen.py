@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.effect import Effect
-from exodrake.diagnosis.candidates import Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
+from exodrake.diagnosis.hypothesis import Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.line import TREMOR
 from exodrake.diagnosis.vocabulary import COMMON
 

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.retune import CLOSE, Retuned, leapt, retuned
 from exodrake.diagnosis.screen import Start, screened
@@ -32,12 +32,12 @@ class Fitted:
         return self.point.hypothesis.name or "retune"
 
     @property
-    def misfit(self) -> float:
+    def chi2(self) -> float:
         """Mean square residual on the fitted logs [floor^2]."""
-        return self.point.misfit
+        return self.point.chi2
 
     @property
-    def held_misfit(self) -> float:
+    def holdout_chi2(self) -> float:
         """Mean square residual on held-out logs [floor^2]."""
         return float(np.mean(self.held**2))
 
@@ -194,7 +194,7 @@ class Ranking:
             self.progress(start.hypothesis.name)
             points.append(fitter.fit(self.begun(start), responses, steps=2, gram=gram))
         promising, ranked = points[:1], sorted(points, key=lambda p: p.cost)
-        hopeful = [p for p in ranked[:survivors] if p.misfit < HOPELESS * ranked[0].misfit]
+        hopeful = [p for p in ranked[:survivors] if p.chi2 < HOPELESS * ranked[0].chi2]
         hopeful += [p for p in promising if p not in hopeful]
         ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
         return sorted([*ended, *(p for p in ranked if p not in hopeful)], key=lambda p: p.cost)
@@ -226,9 +226,9 @@ class Ranking:
             found.append(start)
         found.sort(key=lambda p: p.cost)
         for k, p in enumerate(found[:count]):
-            ended = p.misfit <= FLOORED and fitter.strain(p) <= STRAINED
-            if not ended and (k == 0 or p.misfit < CONTENDS * found[0].misfit):
-                found[k] = self.settled(p, central=p.misfit < CLOSE)
+            ended = p.chi2 <= FLOORED and fitter.strain(p) <= STRAINED
+            if not ended and (k == 0 or p.chi2 < CONTENDS * found[0].chi2):
+                found[k] = self.settled(p, central=p.chi2 < CLOSE)
         return sorted(map(self.complete, found), key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:

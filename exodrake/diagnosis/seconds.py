@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from exodrake.diagnosis.decide import Thresholds, as_good, explains, left_over, misfit, simpler
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import LOSING, Fitted, Ranking
+from exodrake.diagnosis.verdict import Thresholds, as_good, chi2, explains, left_over, simpler
 
 
 def seconds(
@@ -22,7 +22,7 @@ def seconds(
     other = ranking.second_alone(pairs[0])
     better = other.score < singles[0].score
     singles = sorted((*singles, other), key=lambda f: f.score) if better else singles
-    if (better or left_over(problem, pairs[0], retuned) > limits.form) and misfit(problem, other) > limits.near:
+    if (better or left_over(problem, pairs[0], retuned) > limits.form) and chi2(problem, other) > limits.near:
         tried = once([*tried, *ranking.pairs(other)])
     pairs = worth(problem, singles[0], tried, retuned, limits)
     return singles, once([*pairs, *alternatives(problem, ranking, singles, pairs, limits)])
@@ -81,7 +81,7 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted
     which effects of every block take up alike: a second one then does far better than those of all other blocks, or
     leaves next to nothing. Near the floor it may also relieve the nominal numbers: then the cost tells.
     """
-    near = misfit(problem, single) <= limits.near
+    near = chi2(problem, single) <= limits.near
     by_cost = near or LOSING in single.point.hypothesis.effects
 
     def left(pair: Fitted) -> float:

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 
-from exodrake.diagnosis.decide import Decision, Thresholds, decide, is_quiet, left_over, misfit
 from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
@@ -22,6 +21,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import STRAINED, Progress, Ranking, Search
 from exodrake.diagnosis.seconds import by_far, seconds, with_losses
+from exodrake.diagnosis.verdict import Decision, Thresholds, chi2, decide, is_quiet, left_over
 
 CLEARLY = 0.75  # of what the closed view leaves, at most: what the steered one must leave to count
 
@@ -70,7 +70,7 @@ def settles(view: View, limits: Thresholds) -> bool:
     """Whether a view explains a case so well that no other is asked."""
     if view.decision.verdict in (NO_GAP, RETUNE) or not view.decision.best.point.hypothesis.effects:
         return True
-    return misfit(view.problem, view.decision.best) <= limits.near or view.left <= limits.form
+    return chi2(view.problem, view.decision.best) <= limits.near or view.left <= limits.form
 
 
 def closed_view(problem: Problem, limits: Thresholds, progress: Progress) -> View:
@@ -99,7 +99,7 @@ def tuned_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Sear
     if is_quiet(problem, nominal, limits):
         return Search(nominal, nominal)
     retuned = ranking.retuned()
-    if retuned.misfit <= limits.quiet and not is_quiet(problem, retuned, limits):
+    if retuned.chi2 <= limits.quiet and not is_quiet(problem, retuned, limits):
         whole = ranking.tuned_to_all()
         retuned = whole if is_quiet(problem, whole, limits) else retuned
     return Search(nominal, retuned)
@@ -118,11 +118,11 @@ def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, p
     decision, search, retuned = view.decision, view.search, view.search.retuned
     where = f"a line at {line.frequency:.1f} Hz stands out {line.prominence:.0f}-fold, alike in every log"
     why = f"{where}; its phase wanders, so that there only strength is compared"
-    wings = WINGS * float(np.mean(line.power * (whole.floor / problem.floor) ** 2))
+    wings = WINGS * float(np.mean(line.power * (whole.noise_std / problem.noise_std) ** 2))
     earned = decision.verdict in (NAMED, AMBIGUOUS) and view.left <= limits.pair
     if not earned and search.singles and by_far(retuned, search.singles, limits):
         decision, earned = decide(problem, search, replace(limits, explained=1.0)), True
-    if not earned and misfit(problem, retuned) <= max(limits.near, 1.0 + wings):
+    if not earned and chi2(problem, retuned) <= max(limits.near, 1.0 + wings):
         decision = Decision(NAMED, retuned, (retuned,), {}, ())
     return replace(view, decision=replace(decision, reasons=(*decision.reasons, why)), tremor=found)
 
@@ -135,7 +135,7 @@ def steered_view(closed: View, limits: Thresholds, progress: Progress) -> View |
     progress("once more, steered by the logs")
     ranking = Ranking(problem, progress, closed.search.retuned.point.x)
     nominal, retuned = ranking.nominal(), ranking.retuned()
-    if misfit(problem, retuned) <= limits.near:
+    if chi2(problem, retuned) <= limits.near:
         return None
     search = causes(problem, ranking, Search(nominal, retuned), limits)
     decision = decide(problem, search, replace(limits, explained=limits.steered))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.floor import sensor_floor
+from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.monitor.companion import Companion, channels
 from exodrake.monitor.motion import session
 from exodrake.monitor.simulator import KINDS
@@ -32,7 +32,7 @@ def floors(robot: Robot) -> np.ndarray:
     log = simulate(robot, reference, seed=0)
     measured = np.concatenate([log.array(kind) for kind in KINDS], axis=1)
     own = Companion(robot).push(reference.tension, measured, last=True)[round(SKIP / robot.machine.frame) :]
-    sensors = np.array([sensor_floor(robot)[c.kind] for c in channels(robot)])
+    sensors = np.array([sensor_noise_std(robot)[c.kind] for c in channels(robot)])
     return np.maximum(np.sqrt(np.nanmean(own**2, axis=0)), sensors)
 
 

@@ -41,7 +41,7 @@ class Evidence:
     @cached_property
     def residuals(self) -> tuple[dict[str, np.ndarray], ...]:
         """For each trial, robot -> (measured - simulated) / floor (n, columns), NaN where nothing was measured."""
-        floor = self.problem.floor
+        floor = self.problem.noise_std
         pairs = zip(self.problem.holdout, self.simulated)
         return tuple({name: (t.measured - rows) / floor for name, rows in runs.items()} for t, runs in pairs)
 

@@ -71,7 +71,7 @@ def draw_signal(axes: Any, evidence: Evidence, column: int) -> None:
 
 def strip_reach(evidence: Evidence, chosen: list[int]) -> float:
     """Half the height of the strips [SI]: the larger of the residuals of all channels, rare ones left aside."""
-    runs, floor = evidence.residuals[evidence.shown], evidence.problem.floor[chosen]
+    runs, floor = evidence.residuals[evidence.shown], evidence.problem.noise_std[chosen]
     sizes = [np.nanpercentile(np.abs(runs[name][:, chosen] * floor), RARE) for name in (NOMINAL, IMPROVED)]
     return REACH * max(*sizes, 2.0 * float(floor.max()))
 
@@ -79,7 +79,7 @@ def strip_reach(evidence: Evidence, chosen: list[int]) -> float:
 def draw_strip(axes: Any, evidence: Evidence, column: int, reach: float) -> None:
     """Residuals before and after over the band of twice the noise floor."""
     kind = evidence.columns[column].rsplit("_", 1)[0]
-    factor, floor = factor_of(evidence, kind), evidence.problem.floor[column]
+    factor, floor = factor_of(evidence, kind), evidence.problem.noise_std[column]
     runs = evidence.residuals[evidence.shown]
     time = evidence.period * np.arange(len(evidence.trial.measured))
     axes.axhspan(-2.0 * factor * floor, 2.0 * factor * floor, color=BAND, lw=0)

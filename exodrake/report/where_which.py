@@ -141,7 +141,7 @@ def effect_table(diagnosis: Diagnosis, effect: NamedEffect) -> str:
 def candidate_table(diagnosis: Diagnosis) -> str:
     """Misfits of all candidates, behind a line that opens them."""
     rows = [
-        (f"`{c.id}`", f"{100 * c.score:.1f} %", w.digits(c.misfit), w.digits(c.held_misfit))
+        (f"`{c.id}`", f"{100 * c.score:.1f} %", w.digits(c.chi2), w.digits(c.holdout_chi2))
         for c in diagnosis.candidates
     ]
     header = ("Candidate", "Explained", "Misfit, fitted logs [floor²]", "Misfit, held-out logs [floor²]")

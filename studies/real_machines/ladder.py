@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.candidates import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.problem import Problem
 
 ROUNDS, STEPS = 4, 8  # of fitting, with responses taken anew in each

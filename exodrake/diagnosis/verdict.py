@@ -58,10 +58,10 @@ class Decision:
     reasons: tuple[str, ...]
 
 
-def misfit(problem: Problem, fitted: Fitted) -> float:
+def chi2(problem: Problem, fitted: Fitted) -> float:
     """Mean square residual over fitted and held-out logs alike [floor^2]."""
     a, b = len(fitted.point.residual), len(fitted.held)
-    return (a * fitted.misfit + b * fitted.held_misfit) / (a + b)
+    return (a * fitted.chi2 + b * fitted.holdout_chi2) / (a + b)
 
 
 def signal_misfits(problem: Problem, fitted: Fitted) -> np.ndarray:
@@ -77,19 +77,19 @@ def worst_column(problem: Problem, fitted: Fitted) -> float:
 
 def is_quiet(problem: Problem, fitted: Fitted, limits: Thresholds) -> bool:
     """Whether a robot explains a case to its floor."""
-    return misfit(problem, fitted) <= limits.quiet and worst_column(problem, fitted) <= limits.quiet_column
+    return chi2(problem, fitted) <= limits.quiet and worst_column(problem, fitted) <= limits.quiet_column
 
 
 def left_over(problem: Problem, fitted: Fitted, before: Fitted) -> float:
     """Share of the gap of `before` that `fitted` leaves."""
-    gap = misfit(problem, before) - 1.0
-    return max(misfit(problem, fitted) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
+    gap = chi2(problem, before) - 1.0
+    return max(chi2(problem, fitted) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
 
 
 def explains(problem: Problem, fitted: Fitted, before: Fitted, limits: Thresholds) -> bool:
     """Whether a candidate explains enough of a gap to be named: nearly all, or half of it and what is left is small."""
     left = left_over(problem, fitted, before)
-    return left <= limits.explained or (left <= limits.half and misfit(problem, fitted) <= limits.near)
+    return left <= limits.explained or (left <= limits.half and chi2(problem, fitted) <= limits.near)
 
 
 def probabilities(problem: Problem, candidates: list[Fitted], best: float) -> dict[str, float]:
@@ -104,7 +104,7 @@ def as_good(problem: Problem, fitted: Fitted, best: Fitted, limits: Thresholds) 
 
     Of the noise, as among effects that are not there at all; or of the law, where the best itself leaves something.
     """
-    final = misfit(problem, best)
+    final = chi2(problem, best)
     samples = len(best.point.residual) + len(best.held)
     form = (limits.alike - 1.0) * max(final - limits.quiet, 0.0) * 0.5 * samples
     return fitted.score - best.score <= limits.margin * max(final, 1.0) + form
@@ -127,8 +127,8 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
         return Decision(
             RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",)
         )
-    noise_inputs = probabilities(problem, ranked, misfit(problem, best))
-    left, final = left_over(problem, best, search.retuned), misfit(problem, best)
+    noise_inputs = probabilities(problem, ranked, chi2(problem, best))
+    left, final = left_over(problem, best, search.retuned), chi2(problem, best)
     if not explains(problem, best, search.retuned, limits):
         if search.lossy:
             lost = next(f for f in ranked if LOSING in f.point.hypothesis.effects)

@@ -17,18 +17,18 @@ from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.diagnosis.signals import Bands, filled, without
+from exodrake.diagnosis.filters import Bands, filled, without
 from exodrake.simulation.simulate import simulate
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
 
 
-def sensor_floor(robot: Robot) -> dict[str, float]:
+def sensor_noise_std(robot: Robot) -> dict[str, float]:
     """Floor per kind of signal from the robot's numbers [SI]; none for a machine that states none."""
     return robot.machine.noise_std(robot.__getitem__) if robot.machine.noise_std else {}
 
 
-def repeat_floor(case: Case, column: str, stopped: Bands, period: float) -> float | None:
+def repeat_noise_std(case: Case, column: str, stopped: Bands, period: float) -> float | None:
     """Standard deviation of one trial about its repeats, robust to rare events; None where nothing repeats."""
     spreads = []
     for group in case.repeat_groups:
@@ -48,24 +48,24 @@ def reference_rows(machine: Machine, log: Log) -> np.ndarray:
     )
 
 
-def simulated_floor(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
+def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
     """Standard deviation of a run about its repeat [unit of the column], by simulating the first fitted reference."""
     reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "floor")
     a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
 
-def noise_floor(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Bands = ()) -> np.ndarray:
+def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Bands = ()) -> np.ndarray:
     """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say.
 
     stopped: bands [Hz] that are left out.
     """
-    parameters = sensor_floor(robot)
-    expected = {} if case.repeat_groups else simulated_floor(case, robot, columns)
+    parameters = sensor_noise_std(robot)
+    expected = {} if case.repeat_groups else simulated_noise_std(case, robot, columns)
     found = []
     for column in columns:
         kind = column.rsplit("_", 1)[0]
-        differ = repeat_floor(case, column, stopped, robot.machine.frame)
+        differ = repeat_noise_std(case, column, stopped, robot.machine.frame)
         found.append(max(parameters.get(kind, 0.0), differ or expected.get(column, 0.0)))
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
