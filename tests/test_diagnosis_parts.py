@@ -7,7 +7,7 @@ import pytest
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis import drops, line, replay, signals
+from exodrake.diagnosis import drops, filters, line, replay
 from exodrake.diagnosis.closure import closure
 from exodrake.diagnosis.fit import Fitter, bounded_solve
 from exodrake.diagnosis.healthy import healthy_case, scattered
@@ -216,7 +216,7 @@ def test_a_line_in_the_spectrum_is_told_from_noise(robot):
 def test_the_band_of_a_slow_line_can_be_filtered(robot):
     """A line at the slow end has no band below zero, which no filter takes."""
     slow = line.Line(1.0, np.zeros(1), 10.0, 1.0)
-    left = signals.without(slow.bands(25.0), np.ones((500, 1)), robot.machine.frame)
+    left = filters.without(slow.bands(25.0), np.ones((500, 1)), robot.machine.frame)
     assert np.isfinite(left).all()
 
 
