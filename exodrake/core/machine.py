@@ -17,11 +17,16 @@ from exodrake.core.signal import Axes, Signal
 
 @dataclass(frozen=True)
 class Column:
-    """A log column family: its kind and the wire that it shows."""
+    """A log column family: its kind, the signal that it shows, and its label and unit in figures and reports.
+
+    An empty label is made from the kind, an empty unit from the signal's (`display.SHOWN`).
+    """
 
     kind: str
     signal: str
     required: bool = True
+    label: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class Machine:
         scatter: numbers that differ from one such machine to the next, as the robot file says.
         depth: effects that a diagnosis may name together.
         steered: how a run can follow a log, if it can.
+        colours: of channels in figures; the others take theirs from a palette.
     """
 
     name: str
@@ -75,6 +81,7 @@ class Machine:
     tolerances: tuple[Tolerance, ...] = ()
     max_effects: int = 2
     observer: Observer | None = None
+    colours: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_wiring(self)

@@ -55,7 +55,7 @@ def joint_machine(
             angle_reading.PART,
         ),
         inputs=(*(w.name for w in asked), "noise_angle"),
-        columns=(*(Column(w.name, w.name) for w in asked), Column("angle", "angle_read")),
+        columns=(*(Column(w.name, w.name) for w in asked), Column("angle", "angle_read", label="Joint angle")),
         effects=library,
         frame=frame,
         slots=4,

@@ -39,9 +39,12 @@ COLUMNS = (
     Column("tension_ref", "tension_ref"),
     Column("tension", "tension_read"),
     Column("stroke", "stroke_read"),
-    Column("speed_cmd", "speed_cmd", required=False),
-    Column("angle", "angle_read", required=False),
+    Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
+    Column("angle", "angle_read", required=False, label="Joint angle"),
 )
+COLOURS = {  # tendons: Okabe and Ito; joints: Tol's muted scheme
+    "AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00", "MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933",
+}  # fmt: skip
 
 
 def floors(number: Callable[[str], float]) -> dict[str, float]:
@@ -88,4 +91,5 @@ def exo_index() -> Machine:
         noise_std=floors,
         segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
+        colours=COLOURS,
     )

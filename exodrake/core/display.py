@@ -1,0 +1,50 @@
+"""How quantities are shown to people: label and unit of a log column, colour of a channel."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from exodrake.core.machine import Machine
+from exodrake.core.units import KINDS, UNITS
+
+# SI unit -> unit shown, unless the machine's column names another
+SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}
+SYMBOLS = {"deg": "°", "deg/s": "°/s", "-": ""}
+PALETTE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito: told apart by all eyes
+
+
+class Display(NamedTuple):
+    """How a kind of signal is shown: label, unit, and factor from SI to that unit."""
+
+    label: str
+    unit: str
+    factor: float
+
+    @property
+    def axis(self) -> str:
+        """Label of a figure's axis: `Joint angle [°]`."""
+        symbol = SYMBOLS.get(self.unit, self.unit)
+        return f"{self.label} [{symbol}]" if symbol else self.label
+
+
+def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
+    """The unit in which a quantity is shown, and its factor from SI: "rad" -> ("deg", 57.3)."""
+    name = unit or SHOWN.get(si, si)
+    if name == si or name not in UNITS:
+        return si, 1.0
+    _, numerator, denominator = UNITS[name]
+    return name, float(denominator / numerator)
+
+
+def display_of(kind: str, machine: Machine | None = None) -> Display:
+    """Label, unit and factor of a kind of column, from the machine's column where it has one."""
+    column = next((c for c in machine.columns if c.kind == kind), None) if machine else None
+    if machine is None or column is None:
+        return Display(kind.replace("_", " ").capitalize(), *shown_unit(KINDS.get(kind, ("-",))[0]))
+    si = machine.signal[column.signal].unit
+    return Display(column.label or kind.replace("_", " ").capitalize(), *shown_unit(si, column.unit))
+
+
+def colour_of(channel: str, index: int, machine: Machine | None = None) -> str:
+    """Colour of a channel: the machine's own, else by its index."""
+    return (machine.colours if machine else {}).get(channel) or PALETTE[index % len(PALETTE)]
