@@ -18,8 +18,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import process_time
-from typing import Any
-from unittest.mock import patch
 
 import click
 import numpy as np
@@ -91,8 +89,7 @@ def cost(case: Case, library: int | None = None) -> Cost:
 
     load_everything(case)
     begun = process_time()
-    with trying(library):
-        verdict = diagnose(case).verdict
+    verdict = diagnose(case, tried=trying(library)).verdict
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
 
@@ -108,20 +105,16 @@ def load_everything(case: Case) -> None:
     measure(problem, nominal, nominal, nominal)
 
 
-def trying(library: int | None) -> Any:
-    """Context in which only some effects are tried, the true one among them: a diagnosis itself has no such choice."""
-    from exodrake.diagnosis import screen
-
-    tried = sorted(common(), key=lambda identity: identity not in FRICTION[1])[:library]
-    return patch.object(screen, "COMMON", frozenset(tried))
+def trying(library: int | None) -> frozenset[str]:
+    """Ids of the effects to try, the true one among them; all for None."""
+    return frozenset(sorted(common(), key=lambda identity: identity not in FRICTION[1])[:library])
 
 
 def common() -> list[str]:
     """Ids of the effects that a diagnosis tries."""
-    from exodrake.diagnosis.vocabulary import COMMON
     from exodrake.machines.robot_file import load_robot
 
-    return [effect.id for effect in load_robot().machine.effects if effect.id in COMMON]
+    return [effect.id for effect in load_robot().machine.effects if not effect.not_tried]
 
 
 def costs(tasks: list[tuple]) -> Iterator[Cost]:

@@ -15,6 +15,7 @@ from exodrake.blind.protocols import grasps, protocols_of
 from exodrake.blind.robot_spec import FRAME, Planted, Protocol, RealitySpec
 from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
+from exodrake.machines.exo_index.machine import exo_index
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad
@@ -120,7 +121,6 @@ def test_plan_follows_the_mix_and_the_seed():
 
 
 def test_parameters_bear_the_librarys_names():
-    shelf = pytest.importorskip("exodrake.effects").EFFECTS
-    theirs = {effect.id: {parameter.name for parameter in effect.parameters} for effect in shelf}
+    theirs = {effect.id: {parameter.name for parameter in effect.parameters} for effect in exo_index().effects}
     for effect_id in set(LIBRARY) & set(theirs):
         assert set(LIBRARY[effect_id].ranges) <= theirs[effect_id], effect_id

@@ -11,9 +11,10 @@ import pytest
 from diagram_runs import both, nominal, reference_log, wavy
 
 from exodrake.compiled.inputs import Reference
-from exodrake.effects import EFFECTS
+from exodrake.machines.exo_index.machine import exo_index
 from exodrake.simulation.simulate import record
 
+EFFECTS = exo_index().effects
 FORMS = pytest.mark.parametrize("fused", [True, False], ids=["fused", "leaf per part"])
 TIGHT = {"tension_read": 1e-3, "stroke_read": 0.5e-6, "angle_read": 5e-5}  # RMS [N], [m], [rad]
 COLUMN = {"tension_read": "tension", "stroke_read": "stroke", "angle_read": "angle"}

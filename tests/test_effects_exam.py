@@ -7,8 +7,9 @@ import pytest
 from effects_motion import motion, nominal, place, row_of, run_rows
 
 from exodrake.core.effect import Effect
-from exodrake.effects import EFFECTS
+from exodrake.machines.exo_index.machine import exo_index
 
+EFFECTS = exo_index().effects
 PERIOD = 0.02
 FLOORS = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_delay": 0.005}
 BOUNDS = {"tension": 500.0, "tension_finger": 500.0, "stroke": 0.5, "angle": 6.0, "rate": 1e3, "tension_read": 500.0}

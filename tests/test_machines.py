@@ -11,21 +11,25 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import (
+    carriage_offset,
+    joint_bend_loss,
+    joint_sag,
+    joint_sheath_play,
+)
+from exodrake.effects.friction import (
     carriage_coulomb_friction,
     carriage_direction,
-    carriage_offset,
     carriage_presliding_friction,
     carriage_stribeck_friction,
     carriage_viscous_friction,
-    joint_bend_loss,
-    joint_coupling,
     joint_drag,
+)
+from exodrake.effects.signal import (
+    joint_coupling,
     joint_gain,
     joint_lag,
     joint_offset,
     joint_play,
-    joint_sag,
-    joint_sheath_play,
 )
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate

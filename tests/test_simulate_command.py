@@ -8,9 +8,10 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.cli.main import cli
-from exodrake.effects import EFFECTS
+from exodrake.machines.exo_index.machine import exo_index
 from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
 
+EFFECTS = exo_index().effects
 SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
     from exodrake.diagnosis.result import Diagnosis
 
@@ -30,13 +31,15 @@ CANDIDATE = 3  # % for each candidate
 @click.option("--report", **FILE, help="Write a report as one HTML page.")
 @click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
 @click.option("--robot", default="", metavar="FILE", help="Nominal robot: a file, or the name of a built-in robot.")
+@click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
+@click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
     cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
-    jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
+    only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -47,10 +50,10 @@ def command(
         from exodrake.cli.diagnose_many import diagnose_many
 
         refuse_files(json_file, report, out_robot)
-        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, (only, without))
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
-    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs)
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without))
 
 
 def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
@@ -61,8 +64,9 @@ def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | 
 
 
 def diagnose_case(
-    case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None
-) -> None:
+    case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None,
+    choice: tuple[str, str] = ("", ""),
+) -> None:  # fmt: skip
     """One case: summary and files."""
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
@@ -73,15 +77,25 @@ def diagnose_case(
         check_target(path)
     limit_cores(jobs)
     nominal = load_robot(robot) if robot else load_robot()
+    tried = tried_of(nominal.machine, *choice)
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
     with progress_bar() as say:
         from exodrake.diagnosis.pipeline import diagnose
 
-        found = diagnose(read, nominal, progress=say)
+        found = diagnose(read, nominal, say, tried)
         say("drawing the report")
         contents = contents_of(found, read, nominal, json_file, report, out_robot)
     print_summary(found)
     write_all(contents)
+
+
+def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
+    """Ids of the effects to try, from lists with commas; None for the default ones."""
+    if not only and not without:
+        return None
+    from exodrake.diagnosis.screen import chosen
+
+    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
 
 
 def check_target(path: Path | None) -> None:

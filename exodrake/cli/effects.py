@@ -37,18 +37,11 @@ def command(identity: str, as_json: bool, robot: str) -> None:
 
 
 def equation(effect: Effect) -> str:
-    """The effect's page of equations: the docstring of its module."""
-    from contextlib import suppress
-    from importlib import import_module
+    """The effect's equation: the docstring of its module."""
+    import sys
     from inspect import cleandoc
 
-    function = next(iter(effect.at.values()))
-    pages = [import_module(function.__module__)]
-    slug = f"exodrake.effects.{effect.slug}"
-    if pages[0].__name__ != slug:  # a law shared by effects: the effect's own page says more
-        with suppress(ModuleNotFoundError):
-            pages.insert(0, import_module(slug))
-    return "\n\n".join(dict.fromkeys(cleandoc(page.__doc__ or "") for page in pages))
+    return cleandoc(sys.modules[next(iter(effect.at.values())).__module__].__doc__ or "")
 
 
 def finite(value: float) -> float | str:

@@ -22,7 +22,7 @@ from exodrake.compiled.fused import print_fused
 from exodrake.compiled.leaf_functions import print_leaves
 from exodrake.compiled.schedule import print_frame
 from exodrake.compiled.splice import compose_point
-from exodrake.core.machine import Machine, module_name, part_modules
+from exodrake.core.machine import Machine, module_name, part_modules, prefix
 
 # Pages allocate nothing: without reference counts an array costs a call nothing, with them some ten nanoseconds.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -33,7 +33,7 @@ class Page:
     """Source of one page: its functions, constants and imports as syntax trees."""
 
     def __init__(self, module: ModuleType) -> None:
-        self.module, self.name = module, module_name(module)
+        self.module, self.name, self.prefix = module, module_name(module), prefix(module.__name__)
         tree = ast.parse(inspect.getsource(module))
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
         self.classes = [node.name for node in tree.body if isinstance(node, ast.ClassDef)]
@@ -42,24 +42,24 @@ class Page:
 
     def siblings(self) -> list[ModuleType]:
         """Pages from which this one imports functions."""
-        names = [node.module for node in self.imports if node.module and is_page(node.module)]
+        names = [node.module for node in self.imports if node.module and self.equations(node.module)]
         return [importlib.import_module(name) for name in names]
+
+    def equations(self, module: str) -> bool:
+        """Whether a module that this one imports from holds equations: one of the library or of the same package."""
+        parts = module.split(".")
+        if parts[0] == "exodrake":
+            return len(parts) > 2 and parts[1] in ("systems", "effects")
+        return parts[0] == self.module.__name__.split(".")[0]
 
     def renames(self) -> dict[str, str]:
         """How the page's own and imported names are called in the printed module."""
-        table = {name: f"{self.name}__{name}" for name in (*self.functions, *self.classes)}
-        table |= {name: f"{self.name}__{name}" for node in self.constants for name in constant_names(node)}
+        table = {name: f"{self.prefix}__{name}" for name in (*self.functions, *self.classes)}
+        table |= {name: f"{self.prefix}__{name}" for node in self.constants for name in constant_names(node)}
         for node in self.imports:
-            if node.module and is_page(node.module):
-                prefix = node.module.rsplit(".", 1)[-1]
-                table |= {alias.asname or alias.name: f"{prefix}__{alias.name}" for alias in node.names}
+            if node.module and self.equations(node.module):
+                table |= {alias.asname or alias.name: f"{prefix(node.module)}__{alias.name}" for alias in node.names}
         return table
-
-
-def is_page(module: str) -> bool:
-    """Whether an imported module is a page (and not a package of pages)."""
-    parts = module.split(".")
-    return parts[0] == "exodrake" and len(parts) > 2 and parts[1] in ("systems", "effects")
 
 
 def constant_names(node: ast.Assign) -> list[str]:
@@ -112,11 +112,11 @@ def all_pages(machine: Machine) -> dict[str, Page]:
 
     def add(module: ModuleType) -> None:
         page = Page(module)
-        if page.name in found:
+        if page.prefix in found:
             return
         for sibling in page.siblings():
             add(sibling)
-        found[page.name] = page
+        found[page.prefix] = page
 
     for part in machine.parts:
         for module in part_modules(part):
@@ -131,9 +131,9 @@ def all_pages(machine: Machine) -> dict[str, Page]:
 
 def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
     """Constants and functions of all pages, points composed with their effects."""
-    points = {f"{module_name(p.module or b.module)}.{p.name}": (b, p) for b in machine.parts for p in b.points}
-    tasks = {f"{module_name(b.module)}.{t.function}" for b in machine.parts for t in (*b.tasks, *b.outputs)}
-    owners = {module_name(p): Flatten(machine, b) for b in machine.parts for p in part_modules(b)}
+    points = {(p.module or b.module, p.name): (b, p) for b in machine.parts for p in b.points}
+    tasks = {(b.module, t.function) for b in machine.parts for t in (*b.tasks, *b.outputs)}
+    owners = {prefix(p.__name__): Flatten(machine, b) for b in machine.parts for p in part_modules(b)}
     lines = []
     for page in pages.values():
         table = page.renames()
@@ -141,17 +141,17 @@ def print_pages(machine: Machine, pages: dict[str, Page]) -> list[str]:
             tree = ast.parse(ast.unparse(node)).body[0]
             lines.append(ast.unparse(Rename(table, set()).visit(tree)))
         for name, function in page.functions.items():
-            key = f"{page.name}.{name}"
+            key, own = f"{page.name}.{name}", (page.module, name)
             if key in machine.variants:
                 other = machine.variants[key]
-                home = pages[module_name(sys.modules[other.__module__])]
-                lines.append(copy_function(home.functions[other.__name__], home.renames(), f"{page.name}__{name}"))
-            elif key in points and (spliced := [e for e in machine.effects if key in e.at]):
-                part, point = points[key]
+                home = pages[prefix(other.__module__)]
+                lines.append(copy_function(home.functions[other.__name__], home.renames(), f"{page.prefix}__{name}"))
+            elif own in points and (spliced := [e for e in machine.effects if key in e.at]):
+                part, point = points[own]
                 lines.append(compose_point(machine, part, point, function, spliced))
             else:
-                flatten = owners.get(page.name)
-                lines.append(copy_function(function, table, f"{page.name}__{name}", flatten, key in tasks))
+                flatten = owners.get(page.prefix)
+                lines.append(copy_function(function, table, f"{page.prefix}__{name}", flatten, own in tasks))
     return lines
 
 

@@ -37,7 +37,11 @@ def plant_machine(machine: Machine) -> Machine | None:
         return None
     wires = tuple(w for w in machine.signals if w.name in written)
     given = tuple(w.name for w in machine.signals if w.name in read)
-    return replace(machine, name=GROUP, signals=wires, parts=members, inputs=given, columns=(), variants={})
+    acting = {effect.id for part in members for effect in machine.effects_on(part)}
+    effects = tuple(effect for effect in machine.effects if effect.id in acting)
+    return replace(
+        machine, name=GROUP, signals=wires, parts=members, inputs=given, columns=(), variants={}, effects=effects
+    )
 
 
 def sampled(plant: Machine) -> dict[tuple[int, ...], list[Task]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from exodrake.compiled.splice import print_effects
-from exodrake.core.machine import Machine, module_name
+from exodrake.core.machine import Machine, prefix
 from exodrake.core.part import Part
 
 
@@ -55,7 +55,7 @@ def print_entries(machine: Machine, part: Part) -> list[str]:
 def entry(machine: Machine, part: Part, name: str, given: list[str], calls: list) -> str:
     """One entry function: calls of the page's functions, (function, arguments) each."""
     own, extra = machine.part_size(part)
-    page, parameters = module_name(part.module), f"fill_{part.name}_n(p), fill_{part.name}_e(p)"
+    page, parameters = prefix(part.module.__name__), f"fill_{part.name}_n(p), fill_{part.name}_e(p)"
     body = [f"x, z, n, e = state[:{own}], state[{own}:{own + extra}], {parameters}"]
     body += [f"{page}__{function}(x, z, n, e, {', '.join(arguments)})" for function, arguments in calls]
     head = f"@njit(cache=True)\ndef {part.name}__leaf__{name}({', '.join(given)}):\n"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from exodrake.core.machine import Machine, feedthrough_order, module_name
+from exodrake.core.machine import Machine, feedthrough_order, prefix
 from exodrake.core.part import Part, Task
 
 
@@ -31,7 +31,7 @@ def views(machine: Machine, wires: bool = True) -> list[str]:
 
 def call(part: Part, function: str, arguments: list[str]) -> str:
     """A call of a page's function on a block."""
-    page = module_name(part.module)
+    page = prefix(part.module.__name__)
     return f"{page}__{function}({part.name}_x, {part.name}_z, {part.name}_n, {part.name}_e, {', '.join(arguments)})"
 
 

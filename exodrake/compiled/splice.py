@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import ast
 import math
-import sys
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.machine import Machine, module_name
+from exodrake.core.machine import Machine, module_name, prefix
 from exodrake.core.part import Part, Point
 from exodrake.core.signal import SCALAR
 
@@ -60,7 +59,10 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
     """The function of a point and its spliced twin."""
     key = point_key(part, point)
     names = [a.arg for a in function.args.args]
-    name, flag = key.replace(".", "__"), [point_key(part, p) for p in part.points].index(key)
+    name, flag = (
+        f"{prefix((point.module or part.module).__name__)}__{point.name}",
+        [point_key(part, p) for p in part.points].index(key),
+    )
     header, summary = f"({', '.join(names)}):", f'    """{ast.get_docstring(function)}"""'
     body, value = spliced_body(machine, part, point, names, effects)
     call = f"        return {name}__spliced({', '.join(names)})"
@@ -87,7 +89,7 @@ def spliced_body(
         states = state_places(machine, part, effect, own)
         parameters = [value_of(machine, part, effect, n, own) for n in effect.parameters]
         arguments = ", ".join([value, *context, *parameters, *states])
-        call = f"{module_name(sys.modules[act.__module__])}__{act.__name__}({arguments})"
+        call = f"{prefix(act.__module__)}__{act.__name__}({arguments})"
         target = value if key not in effect.advances else ", ".join(states)
         advances = advances or key in effect.advances
         body += [f"    if {guard(machine, part, effect, own)}:", f"        {target} = {call}"]

@@ -11,18 +11,19 @@ from exodrake.core.signal import SCALAR
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect: where it is absent, what is plausible, how a fit should move it.
+    """A parameter of an effect.
 
     Attributes:
         name: parameter name as in reports.
         unit: SI unit.
-        neutral: value at which the effect is absent, bit for bit (that of the effect's first number decides).
-        low, high: plausible range, used to draw and to bound fits.
-        over: `WIRES`, `JOINTS` or `ONE`.
-        usual: value taken when the effect is spliced without saying.
-        free: whether a fit may move it.
-        scale: how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose neutral value is infinite).
-        period: values that differ by it mean the same and are told from `low` on; 0 for none.
+        null: value at which the effect is absent, bit for bit (that of the effect's first parameter decides).
+        low: lower end of the plausible range, used to draw values and to bound fits [unit].
+        high: upper end of the plausible range [unit].
+        axis: `TENDONS`, `JOINTS` or `SCALAR`.
+        default: value of an effect that is added without parameters [unit]; the middle of the range if None.
+        fitted: whether a fit may change it.
+        transform: how a fit sees it: "linear", "log" or "reciprocal" (for a stiffness whose null value is infinite).
+        period: values that differ by it mean the same and are reported from `low` on [unit]; 0 for none.
     """
 
     name: str
@@ -42,7 +43,7 @@ class EffectParameter:
 
     @property
     def initial(self) -> float:
-        """A plausible value to start from [unit of the number]."""
+        """Plausible value to start a fit from [unit]."""
         if self.default is not None:
             return self.default
         if self.transform != "linear" and self.low > 0:
@@ -50,23 +51,31 @@ class EffectParameter:
         return 0.5 * (self.low + self.high)
 
     def wrapped(self, value: float) -> float:
-        """The value as reports state it: of those that mean the same, the one within a period from `low`."""
+        """Value as reports state it: the equivalent one within a period from `low` [unit]."""
         return self.low + (value - self.low) % self.period if self.period else value
+
+
+LAST = 1000  # order of an effect that states none: after the effects of the library
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A piece of physics that the nominal model leaves out, and the point where it sits.
+    """A piece of physics that the nominal model leaves out, and the points where it acts.
 
     Attributes:
-        id: `block.name`, the vocabulary of reports.
-        summary: one sentence: what it is.
-        signature: one sentence: how it shows in logs.
+        id: `block.name`, as in reports.
+        summary: what it is, in one sentence.
+        signature: how it shows in logs, in one sentence.
         source: where equation and range come from.
-        at: mapping from point ("part.point") to the page's function that acts there.
-        numbers: parameters; the effect is absent where the first has its neutral value.
-        states: own states, zero at start, advanced at a point whose value is the dummy `dt` (see `advances`).
+        at: mapping from point ("module.point") to the function that acts there.
+        parameters: the effect is absent where the first one has its null value.
+        states: own states, zero at start, updated at the points in `advances`.
         advances: points (of those in `at`) where the function returns the effect's new states instead of a value.
+        family: kind of law, e.g. "friction", "backlash", "elasticity".
+        same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
+            delay; those of friction or creep belong to the fitted law, and reality follows another.
+        not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
+        order: where several effects act at one point, those of lower order act first; equal ones by id.
     """
 
     id: str
@@ -77,18 +86,17 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     states: tuple[State, ...] = ()
     advances: tuple[str, ...] = ()
+    family: str = ""
+    same_meaning: bool = False
+    not_tried: str = ""
+    order: int = LAST
 
     @property
     def block(self) -> str:
-        """The block that a report names: the id's prefix."""
+        """Block that a report names: the id's prefix."""
         return self.id.split(".")[0]
 
     @property
     def axis(self) -> str:
-        """What the effect runs over: `WIRES`, `JOINTS` or `ONE`."""
+        """Axis of the effect: `TENDONS`, `JOINTS` or `SCALAR`."""
         return self.parameters[0].axis
-
-    @property
-    def slug(self) -> str:
-        """The id as an identifier."""
-        return self.id.replace(".", "_")

@@ -4,7 +4,7 @@ numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -86,6 +86,7 @@ class Machine:
     def __post_init__(self) -> None:
         check_wiring(self)
         check_schedule(self)
+        check_effects(self)
 
     @property
     def slot(self) -> float:
@@ -164,9 +165,40 @@ def module_name(page) -> str:
     return page.__name__.rsplit(".", 1)[-1]
 
 
+def prefix(module: str) -> str:
+    """Prefix of a module's names in generated code: the last name for the library's parts, else all of them."""
+    parts = module.split(".")
+    return parts[-1] if parts[:2] == ["exodrake", "systems"] else "_".join(parts[parts[0] == "exodrake" :])
+
+
 def part_modules(part: Part) -> list:
     """The block's page and those that hold its other points."""
     return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
+
+
+def points_of(parts: Iterable[Part]) -> dict[str, Part]:
+    """The part of each point ("module.point") where effects may act."""
+    return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}
+
+
+def check_effects(machine: Machine) -> None:
+    """Names of part modules and ids of effects are unique, and each effect acts at known points of one part."""
+    homes: dict[str, object] = {}
+    for module in (m for part in machine.parts for m in part_modules(part)):
+        if homes.setdefault(module_name(module), module) is not module:
+            raise InputError(f"{machine.name}: two modules of parts are called {module_name(module)!r}")
+    points = points_of(machine.parts)
+    for i, effect in enumerate(machine.effects):
+        if effect.id in {other.id for other in machine.effects[:i]}:
+            raise InputError(f"{machine.name}: two effects have the id {effect.id!r}")
+        for point in effect.at:
+            if point not in points:
+                raise InputError(
+                    f"{effect.id} acts at {point!r}, which {machine.name} lacks{nearest(point, list(points))}"
+                )
+        parts = sorted({points[point].name for point in effect.at})
+        if len(parts) > 1:
+            raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")
 
 
 def check_wiring(machine: Machine) -> None:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.effect import Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.hypothesis import Knob
 from exodrake.diagnosis.result import Interval, NamedEffect
-from exodrake.diagnosis.vocabulary import SELF_DEFINED
 
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 # relative standard deviation between the parameters of two laws of one effect: development cases of the blind package
@@ -75,11 +75,9 @@ def lead(knobs: tuple[Knob, ...], effect: str) -> str:
     return next(k.number.name for k in knobs if k.effect == effect)
 
 
-def describe(estimate: Spread, effect: str, axis: str, probability: float, channels: tuple[str, ...]) -> NamedEffect:
-    """An effect with its channels, parameters and intervals.
-
-    Args: over: what the effect runs over; channels: all channels of that kind.
-    """
+def describe(estimate: Spread, named: Effect, probability: float, channels: tuple[str, ...]) -> NamedEffect:
+    """An effect with its channels, parameters and intervals; channels: all those of its axis."""
+    effect, axis, law = named.id, named.axis, SAME_LAW if named.same_meaning else LAW
     point, knobs = estimate.point, estimate.point.hypothesis.knobs
     chosen = (
         affected(estimate, effect)
@@ -91,13 +89,13 @@ def describe(estimate: Spread, effect: str, axis: str, probability: float, chann
     if chosen:
         number = knobs[chosen[0]].number
         by_channel[number.name] = {
-            knobs[i].channels[0]: interval(knobs[i], point.u[i], estimate.deviations[i]) for i in chosen
+            knobs[i].channels[0]: interval(knobs[i], point.u[i], estimate.deviations[i], law) for i in chosen
         }
         mean, deviation = pooled(point.u[chosen], estimate.covariance[np.ix_(chosen, chosen)])
-        parameters[number.name] = interval(knobs[chosen[0]], mean, deviation)
+        parameters[number.name] = interval(knobs[chosen[0]], mean, deviation, law)
     for i, knob in enumerate(knobs):
         if knob.effect == effect and knob.number.name not in parameters and i not in chosen:
-            parameters[knob.number.name] = interval(knob, point.u[i], estimate.deviations[i])
+            parameters[knob.number.name] = interval(knob, point.u[i], estimate.deviations[i], law)
     wires = sits if axis == TENDONS else ()
     return NamedEffect(
         effect, wires, sits if axis not in (TENDONS, SCALAR) else (), parameters, by_channel, probability
@@ -113,11 +111,10 @@ def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     return mean, float(np.hypot(own, np.std(values, ddof=1) / np.sqrt(len(values))))
 
 
-def interval(knob: Knob, u: float, deviation: float) -> Interval:
+def interval(knob: Knob, u: float, deviation: float, law: float = LAW) -> Interval:
     """90 % interval of a parameter in its own unit, the error of its law included; one of unknown magnitude ends at the
     number's plausible range.
     """
-    law = SAME_LAW if knob.effect in SELF_DEFINED else LAW
     whole = float(np.hypot(deviation, law if knob.number.transform == "log" else law * abs(u)))
     low, high = u - Z90 * whole, u + Z90 * whole
     if knob.number.transform == "log":

@@ -96,8 +96,8 @@ def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarr
 
 
 def seen(problem: Problem, point: Point) -> Line | None:
-    """The line of a tremor in what a fitted point leaves, if there is one and the machine can tremble."""
-    if all(effect.id != TREMOR for effect in problem.robot.machine.effects):
+    """The line of a tremor in what a fitted point leaves, if there is one and a tremor is tried."""
+    if TREMOR not in problem.tried:
         return None
     line = find(problem, by_trial(point.residual, problem.fit))
     return line if line.certain else None

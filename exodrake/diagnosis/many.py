@@ -35,21 +35,25 @@ def stored(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def configured(robot: str) -> dict[str, str]:
-    """The configuration, with a digest of the nominal robot's numbers if it is another than the built-in one."""
+def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
+    """The configuration, with a digest of the nominal robot's numbers if it is another than the built-in one, and the
+    effects tried if they are chosen.
+    """
+    choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
     if not robot:
-        return configuration()
-    return configuration() | {"robot": hashlib.sha256(load_robot(robot).values.tobytes()).hexdigest()[:12]}
+        return configuration() | choice
+    return configuration() | choice | {"robot": hashlib.sha256(load_robot(robot).values.tobytes()).hexdigest()[:12]}
 
 
-def diagnose_one(case: Case, robot: str, wanted: dict[str, str]) -> dict[str, Any]:
+def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:
     """A case's answer as plain data. RuntimeError where another configuration is installed than was asked for."""
     from exodrake.diagnosis.pipeline import diagnose
 
-    here = configured(robot)
+    here = configured(robot, tried)
     if here != wanted:
         raise RuntimeError(f"this worker has {told(here)}; asked for is {told(wanted)}")
-    return diagnose(case, load_robot(robot) if robot else None).to_json() | {"configuration": wanted}
+    found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
+    return found.to_json() | {"configuration": wanted}
 
 
 def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) -> list[Path]:
@@ -105,6 +109,7 @@ def diagnose_all(
     progress: Progress = lambda done, failed, total: None,
     redo: bool = False,
     robot: str = "",
+    tried: frozenset[str] | None = None,
 ) -> dict[str, str]:
     """Diagnose the unfinished of many cases; an interruption loses nothing that was done.
 
@@ -114,6 +119,7 @@ def diagnose_all(
             (which each worker reads itself); the built-in one if empty.
         progress: called with how many are answered, have failed, and are there.
         redo: answer anew what was answered with another configuration.
+        tried: ids of the effects to try; None: the default ones.
     Returns:
         {name of the answer's folder: reason} for those that failed; they stay unfinished.
     Raises:
@@ -122,11 +128,11 @@ def diagnose_all(
     from exodrake.diagnosis.problem import required_of
 
     machine = (load_robot(robot) if robot else load_robot()).machine
-    required, wanted = required_of(machine), configured(robot)
+    required, wanted = required_of(machine), configured(robot, tried)
     waiting = unanswered(places, wanted, redo)
     book, sent = Book(places, waiting, progress), []
 
-    def readable() -> Iterator[tuple[Case, str, dict[str, str]]]:
+    def readable() -> Iterator[tuple[Case, str, dict[str, str], frozenset[str] | None]]:
         for case in waiting:
             try:
                 read = read_case(case, required, machine.frame)
@@ -134,7 +140,7 @@ def diagnose_all(
                 book.fail(case, f"{type(error).__name__}: {error}")
                 continue
             sent.append(case)
-            yield read, robot, wanted
+            yield read, robot, wanted, tried
 
     with closing(each(diagnose_one, readable(), jobs, cluster)) as outcomes:
         for outcome in outcomes:

@@ -29,20 +29,26 @@ from exodrake.machines.robot_file import load_robot
 Progress = Callable[[str], None]
 
 
-def diagnose(case: Case | str | Path, robot: Robot | None = None, progress: Progress = lambda _: None) -> Diagnosis:
+def diagnose(
+    case: Case | str | Path,
+    robot: Robot | None = None,
+    progress: Progress = lambda _: None,
+    tried: frozenset[str] | None = None,
+) -> Diagnosis:
     """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
 
     Args:
         case: a case, or its folder.
         robot: the nominal robot; the built-in one if None.
         progress: called with what is being done.
+        tried: ids of the effects to try (`screen.chosen`); by default all that are not `not_tried`.
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
     begun = time.perf_counter()
     robot = robot or load_robot()
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
-    problem = make_problem(case, robot)
+    problem = make_problem(case, robot, tried)
     progress("measuring the gap")
     with one_blas_thread():
         closed, chosen = looked(problem, thresholds(), progress)
@@ -73,8 +79,8 @@ def effects_of(view: View) -> tuple[NamedEffect, ...]:
         fitter, responses = ranking.full, ranking.own.get(fitted.name)
         estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
         for identity in fitted.point.hypothesis.effects:
-            axis = machine.effect(identity).axis
-            effect = describe(estimate, identity, axis, noise_inputs.get(fitted.name, 0.0), machine.axes.of(axis))
+            effect = machine.effect(identity)
+            effect = describe(estimate, effect, noise_inputs.get(fitted.name, 0.0), machine.axes.of(effect.axis))
             found.append(counted(problem, effect) if identity == LOSING else effect)
     if view.tremor:
         found.append(named(view.tremor, machine.axes.joints))

@@ -51,6 +51,7 @@ class Problem:
         columns: (c,) names. floor: (c,) [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the floor only.
         case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
+        tried: ids of the effects that the diagnosis tries.
     """
 
     robot: Robot
@@ -60,6 +61,7 @@ class Problem:
     holdout: tuple[Trial, ...]
     case: Case
     stopped: Bands = ()
+    tried: frozenset[str] = frozenset()
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -209,9 +211,9 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
     return Trial(item.file, item.role, np.nan_to_num(reference), np.column_stack([log[c] for c in columns]))
 
 
-def make_problem(case: Case, robot: Robot) -> Problem:
+def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
     """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only;
-    without held-out logs the last fitted one is held out.
+    without held-out logs the last fitted one is held out. tried: ids of the effects to try; None: the machine's own.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
@@ -221,6 +223,6 @@ def make_problem(case: Case, robot: Robot) -> Problem:
     if not held and len(fit) > 1:
         held = [fit.pop()]
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
-    return replace(
-        problem, fit=tuple(map(problem.with_drops, fit)), holdout=tuple(map(problem.with_drops, held or fit))
-    )
+    tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
+    with_losses = {"fit": map(problem.with_drops, fit), "holdout": map(problem.with_drops, held or fit)}
+    return replace(problem, tried=tried, **{role: tuple(trials) for role, trials in with_losses.items()})

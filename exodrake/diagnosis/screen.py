@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
 from exodrake.diagnosis.hypothesis import Hypothesis, Knob, hypothesis
 from exodrake.diagnosis.line import TREMOR
-from exodrake.diagnosis.vocabulary import COMMON
 
 PROBE = 0.6  # amplitude at which an effect is tried, in units of its typical value
 FAR = 0.7  # of the way through its range at which a further number is tried
@@ -34,9 +35,27 @@ class Start:
 
 
 def library(fitter: Fitter, point: Point) -> list[Effect]:
-    """Common effects that are not yet in the hypothesis of a point; a tremor is seen (`line.py`), not fitted."""
+    """Effects to try beside those of a point's hypothesis; a tremor is detected (`line.py`), not fitted."""
     known = {TREMOR, *point.hypothesis.effects}
-    return [e for e in fitter.problem.robot.machine.effects if e.id in COMMON and e.id not in known]
+    return [e for e in fitter.problem.robot.machine.effects if e.id in fitter.problem.tried and e.id not in known]
+
+
+def chosen(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = ()) -> frozenset[str]:
+    """Ids of the effects that a diagnosis shall try.
+
+    Args:
+        machine: whose effects.
+        only: ids to try, also of effects that are `not_tried` by default; empty: the default ones.
+        without: ids to leave out.
+    Raises:
+        InputError: for an unknown id, or where nothing is left.
+    """
+    named = {identity: machine.effect(identity) for identity in (*only, *without)}
+    default = [effect.id for effect in machine.effects if not effect.not_tried]
+    tried = frozenset(only or default) - set(without)
+    if not tried - {TREMOR}:
+        raise InputError(f"no effect is left to try without {', '.join(named)}")
+    return tried
 
 
 def screened(fitter: Fitter, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[Start]:

@@ -19,7 +19,7 @@ from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import STRAINED, Progress, Ranking, Search
+from exodrake.diagnosis.search import LOSING, STRAINED, Progress, Ranking, Search
 from exodrake.diagnosis.seconds import by_far, seconds, with_losses
 from exodrake.diagnosis.verdict import Decision, Thresholds, chi2, decide, is_quiet, left_over
 
@@ -155,7 +155,7 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     singles, pairs = seconds(problem, ranking, singles, retuned, limits)
     if problem.robot.machine.max_effects > 2:
         pairs += deeper(problem, ranking, pairs, limits)
-    losing = lossy([t.drops for t in problem.fit if t.drops])
+    losing = LOSING in problem.tried and lossy([t.drops for t in problem.fit if t.drops])
     if losing:
         singles, pairs = with_losses(problem, ranking, singles, pairs, retuned, limits)
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)

@@ -1,108 +1,75 @@
-"""The effect library: one line per effect, by block and, at one point, in the order in which they act."""
+"""The effect library, a module for each effect: errors of signals in `signal/`, friction laws in `friction/`.
 
-from exodrake.core.effect import Effect
-from exodrake.effects import (
-    encoder_homing_offset,
-    finger_co_activation,
-    finger_contact,
-    finger_coupling,
-    finger_gravity,
-    finger_hardening,
-    finger_hysteresis,
-    finger_router_height,
-    finger_router_migration,
-    finger_spasticity,
-    finger_stiffness,
-    finger_tremor,
-    finger_viscoelasticity,
-    finger_voluntary_torque,
-    mocap_gain,
-    mocap_offset,
-    mocap_skin_artefact,
-    motor_current_limit,
-    motor_dead_zone,
-    motor_friction,
-    motor_gear_efficiency,
-    motor_slow_velocity_loop,
-    motor_speed_droop,
-    motor_spool_growth,
-    motor_spool_layers,
-    sensor_creep,
-    sensor_crosstalk,
-    sensor_drift,
-    sensor_gain,
-    sensor_hysteresis,
-    sensor_lag,
-    sensor_nonlinearity,
-    sensor_offset,
-    sensor_pulley_friction,
-    tendon_bouc_wen,
-    tendon_capstan_friction,
-    tendon_compliance,
-    tendon_coulomb_friction,
-    tendon_creep,
-    tendon_prandtl_ishlinskii,
-    tendon_presliding,
-    tendon_slack,
-    tendon_stiffening,
-    tendon_stribeck_friction,
-    tendon_viscous_friction,
-    timing_command_latency,
-    timing_dropped_commands,
-    timing_jitter,
-    timing_mocap_clock_skew,
-    timing_mocap_delay,
-)
+Where several effects act at one point, they act in the order of their field `order`.
+"""
 
-EFFECTS: tuple[Effect, ...] = (
-    motor_slow_velocity_loop.EFFECT,
-    motor_dead_zone.EFFECT,
-    motor_speed_droop.EFFECT,
-    motor_current_limit.EFFECT,
-    motor_friction.EFFECT,
-    motor_gear_efficiency.EFFECT,
-    motor_spool_growth.EFFECT,
-    motor_spool_layers.EFFECT,
-    tendon_slack.EFFECT,
-    tendon_creep.EFFECT,
-    tendon_stiffening.EFFECT,
-    tendon_bouc_wen.EFFECT,
-    tendon_compliance.EFFECT,
-    tendon_capstan_friction.EFFECT,
-    tendon_coulomb_friction.EFFECT,
-    tendon_stribeck_friction.EFFECT,
-    tendon_presliding.EFFECT,
-    tendon_prandtl_ishlinskii.EFFECT,
-    tendon_viscous_friction.EFFECT,
-    sensor_pulley_friction.EFFECT,
-    sensor_crosstalk.EFFECT,
-    sensor_lag.EFFECT,
-    sensor_creep.EFFECT,
-    sensor_hysteresis.EFFECT,
-    sensor_nonlinearity.EFFECT,
-    sensor_gain.EFFECT,
-    sensor_offset.EFFECT,
-    sensor_drift.EFFECT,
-    finger_router_height.EFFECT,
-    finger_router_migration.EFFECT,
-    finger_stiffness.EFFECT,
-    finger_hardening.EFFECT,
-    finger_co_activation.EFFECT,
-    finger_viscoelasticity.EFFECT,
-    finger_hysteresis.EFFECT,
-    finger_spasticity.EFFECT,
-    finger_coupling.EFFECT,
-    finger_gravity.EFFECT,
-    finger_contact.EFFECT,
-    finger_tremor.EFFECT,
-    finger_voluntary_torque.EFFECT,
-    timing_command_latency.EFFECT,
-    timing_jitter.EFFECT,
-    timing_dropped_commands.EFFECT,
-    timing_mocap_delay.EFFECT,
-    timing_mocap_clock_skew.EFFECT,
-    encoder_homing_offset.EFFECT,
-    mocap_gain.EFFECT,
-    mocap_skin_artefact.EFFECT,
-    mocap_offset.EFFECT,
-)
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from importlib import import_module
+from pkgutil import walk_packages
+
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import points_of
+from exodrake.core.part import Part
+
+
+def discover(package: str) -> tuple[Effect, ...]:
+    """Effects that the modules of a package define, in the order in which they act.
+
+    Args:
+        package: name of an importable package; its sub-packages are searched, too.
+    Raises:
+        InputError: for two effects of one id.
+    """
+    found: dict[str, tuple[Effect, str]] = {}
+    for info in walk_packages(import_module(package).__path__, f"{package}."):
+        for value in vars(import_module(info.name)).values():
+            if not isinstance(value, Effect):
+                continue
+            other, home = found.setdefault(value.id, (value, info.name))
+            if other is not value:
+                raise InputError(f"effect {value.id!r} is defined in both {home} and {info.name}")
+    return in_order(effect for effect, _ in found.values())
+
+
+def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Effects in the order in which they act at one point."""
+    return tuple(sorted(effects, key=lambda effect: (effect.order, effect.id)))
+
+
+LIBRARY = {effect.id: effect for effect in discover(__name__)}
+
+
+def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
+    """Effects of the library whose points are all points of these parts, in the order in which they act."""
+    points = set(points_of(parts))
+    return tuple(effect for effect in LIBRARY.values() if set(effect.at) <= points)
+
+
+def for_machine(
+    library_id: str, identity: str, points: Mapping[str, str] | None = None, **parameters: EffectParameter
+) -> Effect:
+    """The same law on another machine, under its own id; its parameters do not count as of `same_meaning`.
+
+    Args:
+        library_id: id in the library.
+        identity: id on the machine.
+        points: the machine's own point for each point of the effect that has another name there.
+        parameters: parameters, by name, that replace those of the library (another range or axis).
+    Raises:
+        InputError: for an id that the library does not have.
+    """
+    if library_id not in LIBRARY:
+        raise InputError(f"unknown effect {library_id!r}{nearest(library_id, list(LIBRARY))}")
+    effect, moved = LIBRARY[library_id], dict(points or {})
+    return replace(
+        effect,
+        id=identity,
+        at={moved.get(point, point): function for point, function in effect.at.items()},
+        parameters=tuple(parameters.get(n.name, n) for n in effect.parameters),
+        advances=tuple(moved.get(point, point) for point in effect.advances),
+        same_meaning=False,
+    )

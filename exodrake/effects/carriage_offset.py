@@ -18,4 +18,6 @@ EFFECT = Effect(
     source="Janot, Gautier, Brunot 2019 (EMPS): -3.16 N",
     at={"carriage.pushed": pushed},
     parameters=(EffectParameter("force", "N", null=0.0, low=-15.0, high=15.0, default=3.0),),
+    family="offset",
+    order=115,
 )

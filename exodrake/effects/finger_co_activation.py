@@ -24,4 +24,7 @@ EFFECT = Effect(
         EffectParameter("gain", "-", null=0.0, low=0.05, high=2.0, axis=JOINTS, default=0.5),
         EffectParameter("frequency", "Hz", null=0.2, low=0.02, high=2.0, axis=SCALAR, default=0.2, transform="log"),
     ),
+    family="disturbance",
+    not_tried="rare: the wearer's own course of stiffness; finger.stiffness is tried",
+    order=425,
 )

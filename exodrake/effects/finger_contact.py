@@ -44,4 +44,6 @@ EFFECT = Effect(
         EffectParameter("distance", "m", null=inf, low=0.03, high=0.075, default=0.045, transform="reciprocal"),
         EffectParameter("stiffness", "N/m", null=2000.0, low=100.0, high=1e4, default=2000.0, transform="log"),
     ),
+    family="contact",
+    order=455,
 )

@@ -22,4 +22,6 @@ EFFECT = Effect(
         EffectParameter("stiffness", "N m/rad", null=0.0, low=0.002, high=0.1, default=0.02),
         EffectParameter("ratio", "-", null=0.67, low=0.3, high=1.2, default=0.67),
     ),
+    family="elasticity",
+    order=445,
 )

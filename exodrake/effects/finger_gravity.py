@@ -28,4 +28,7 @@ EFFECT = Effect(
         EffectParameter("acceleration", "m/s2", null=0.0, low=9.78, high=9.84, default=9.81, fitted=False),
         EffectParameter("pitch", "rad", null=0.0, low=-pi / 2, high=3 * pi / 2, default=0.0, period=2 * pi),
     ),
+    family="load",
+    same_meaning=True,
+    order=450,
 )

@@ -19,4 +19,6 @@ EFFECT = Effect(
     source="physics.md 4.D, k0 + k1 (q - q0)^2 [A]",
     at={"finger.passive": passive},
     parameters=(EffectParameter("coefficient", "N m/rad3", null=0.0, low=0.003, high=0.2, axis=JOINTS, default=0.04),),
+    family="elasticity",
+    order=420,
 )

@@ -6,7 +6,7 @@ tau_p = elastic + torque z + end stops          dz/dq = (1 - z sgn(q')) / width
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
-from exodrake.effects.bristle import bent
+from exodrake.effects.friction.bristle import bent
 
 
 def passive(passive_torque, bend, rate, elastic, clock, torque, width, bristle, bend_before):
@@ -31,4 +31,6 @@ EFFECT = Effect(
     ),
     states=(State("bristle", JOINTS), State("bend_before", JOINTS, unit="rad")),
     advances=("finger.relax",),
+    family="hysteresis",
+    order=435,
 )

@@ -19,4 +19,6 @@ EFFECT = Effect(
     source="physics.md 4.D; 0.5-2 mm",
     at={"wire_paths.router_height": router_height},
     parameters=(EffectParameter("height", "m", null=0.0, low=-1.5e-3, high=2e-3, axis=JOINTS, default=5e-4),),
+    family="geometry",
+    order=405,
 )

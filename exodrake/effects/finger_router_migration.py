@@ -32,4 +32,6 @@ EFFECT = Effect(
     parameters=(EffectParameter("migration", "m/N", null=0.0, low=1e-5, high=3e-4, axis=TENDONS, default=1e-4),),
     states=(State("settled", TENDONS, unit="N"),),
     advances=("tendon.settle",),
+    family="geometry",
+    order=410,
 )

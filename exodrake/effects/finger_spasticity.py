@@ -22,4 +22,6 @@ EFFECT = Effect(
         EffectParameter("gain", "N m s/rad", null=0.0, low=1e-3, high=5e-2, axis=JOINTS, default=0.01),
         EffectParameter("threshold", "rad/s", null=0.5, low=0.0, high=3.0, axis=JOINTS, default=0.5),
     ),
+    family="friction",
+    order=440,
 )

@@ -21,4 +21,7 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("factor", "-", null=1.0, low=0.4, high=2.5, axis=JOINTS, default=1.4, transform="log"),
     ),
+    family="elasticity",
+    same_meaning=True,
+    order=415,
 )

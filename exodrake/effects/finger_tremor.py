@@ -25,4 +25,6 @@ EFFECT = Effect(
         EffectParameter("torque", "N m", null=0.0, low=5e-4, high=3e-2, axis=JOINTS, default=6e-3),
         EffectParameter("frequency", "Hz", null=4.0, low=1.0, high=12.0, axis=SCALAR, default=4.0, transform="log"),
     ),
+    family="disturbance",
+    order=460,
 )

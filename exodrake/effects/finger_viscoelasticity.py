@@ -32,4 +32,6 @@ EFFECT = Effect(
     ),
     states=(State("relaxed_torque", JOINTS, unit="N m"),),
     advances=("finger.relax",),
+    family="viscoelasticity",
+    order=430,
 )

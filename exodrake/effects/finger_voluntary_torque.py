@@ -24,4 +24,7 @@ EFFECT = Effect(
         EffectParameter("torque", "N m", null=0.0, low=-0.02, high=0.02, axis=JOINTS, default=6e-3),
         EffectParameter("growth", "1/s", null=0.0, low=-0.03, high=0.1, axis=JOINTS, default=0.0),
     ),
+    family="disturbance",
+    not_tried="rare: the wearer's own course of torque, which takes up any slow error; finger.gravity is tried",
+    order=465,
 )

@@ -21,4 +21,5 @@ EFFECT = Effect(
     source="physics.md 4.B distributed elastic and friction; range assumed",
     at={"joint.aimed": aimed},
     parameters=(EffectParameter("loss", "1/rad", null=0.0, low=-0.2, high=0.2, axis=JOINTS, default=0.05),),
+    family="gain",
 )

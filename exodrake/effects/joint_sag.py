@@ -21,4 +21,5 @@ EFFECT = Effect(
     source="proportional servos hold by their error; 1-5 deg; range assumed",
     at={"joint.aimed": aimed},
     parameters=(EffectParameter("sag", "rad", null=0.0, low=-0.1, high=0.1, axis=JOINTS, default=0.02),),
+    family="load",
 )

@@ -12,7 +12,7 @@ from math import exp
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
-from exodrake.effects.bristle import clipped
+from exodrake.effects.friction.bristle import clipped
 
 STRANDS = 3.0
 
@@ -55,4 +55,5 @@ EFFECT = Effect(
     ),
     states=(State("stops", JOINTS, 3),),
     advances=("joint.settle",),
+    family="backlash",
 )

@@ -52,4 +52,6 @@ EFFECT = Effect(
     ),
     states=(State("filtered", TENDONS, unit="m/s"),),
     advances=("motor.follow",),
+    family="lag",
+    order=105,
 )

@@ -27,4 +27,7 @@ EFFECT = Effect(
         ),
         EffectParameter("coefficient", "m/(s N)", null=0.0, low=0.0, high=0.005, axis=TENDONS, default=0.002),
     ),
+    family="saturation",
+    not_tried="rare: a drive this far below its no-load speed hardly droops; motor.current_limit is tried",
+    order=115,
 )

@@ -29,4 +29,6 @@ EFFECT = Effect(
     source="physics.md 4.A; 3-7 % per layer, a layer a turn (47 mm) or a few",
     at={"motor.wound": wound, "motor.winding": winding, "motor.load": load},
     parameters=(EffectParameter("growth", "1/m", null=0.0, low=0.2, high=6.0, axis=TENDONS, default=2.0),),
+    family="geometry",
+    order=135,
 )

@@ -40,4 +40,7 @@ EFFECT = Effect(
         EffectParameter("growth", "-", null=0.0, low=0.01, high=0.15, axis=TENDONS, default=0.06),
         EffectParameter("pitch", "m", null=0.008, low=0.003, high=0.05, axis=TENDONS, default=0.008, transform="log"),
     ),
+    family="geometry",
+    not_tried="another law of motor.spool_growth, which is tried",
+    order=140,
 )

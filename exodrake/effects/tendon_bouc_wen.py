@@ -44,4 +44,7 @@ EFFECT = Effect(
     ),
     states=(State("yielding", TENDONS, unit="m"), State("stretch_before", TENDONS, unit="m")),
     advances=("tendon.settle",),
+    family="hysteresis",
+    not_tried="another law of a wire that loses energy; tendon.creep and tendon.coulomb_friction are tried",
+    order=220,
 )

@@ -25,4 +25,6 @@ EFFECT = Effect(
             "stiffness", "N/m", null=inf, low=5e2, high=2e4, axis=TENDONS, default=3e3, transform="reciprocal"
         ),
     ),
+    family="elasticity",
+    order=225,
 )

@@ -37,4 +37,6 @@ EFFECT = Effect(
     ),
     states=(State("elongation", TENDONS, unit="m"),),
     advances=("tendon.settle",),
+    family="viscoelasticity",
+    order=210,
 )

@@ -19,4 +19,7 @@ EFFECT = Effect(
     source="physics.md 4.B; 0.5-5 mm",
     at={"tendon.stretch": stretch},
     parameters=(EffectParameter("length", "m", null=0.0, low=1e-4, high=5e-3, axis=TENDONS, default=1e-3),),
+    family="offset",
+    same_meaning=True,
+    order=205,
 )

@@ -47,4 +47,6 @@ EFFECT = Effect(
             "stiffening", "1/m", null=200.0, low=30.0, high=500.0, axis=TENDONS, default=200.0, transform="log"
         ),
     ),
+    family="elasticity",
+    order=215,
 )

@@ -5,17 +5,16 @@ from __future__ import annotations
 from functools import cache
 
 from exodrake.core.machine import Machine
-from exodrake.effects import joint_coupling, joint_drag, joint_offset, joint_play
-from exodrake.effects.for_machine import for_machine
+from exodrake.effects import for_machine
 from exodrake.machines.position_servos import joint_machine
 
 EFFECTS = (
-    for_machine(joint_coupling.NEXT, "cable.coupling_to_next"),
-    for_machine(joint_coupling.PREVIOUS, "cable.coupling_to_previous"),
-    for_machine(joint_offset.EFFECT, "cable.offset"),
-    for_machine(joint_drag.NEXT, "cable.drag_by_next"),
-    for_machine(joint_drag.PREVIOUS, "cable.drag_by_previous"),
-    for_machine(joint_play.EFFECT, "cable.play"),
+    for_machine("joint.coupling_to_next", "cable.coupling_to_next"),
+    for_machine("joint.coupling_to_previous", "cable.coupling_to_previous"),
+    for_machine("joint.offset", "cable.offset"),
+    for_machine("joint.drag_by_next", "cable.drag_by_next"),
+    for_machine("joint.drag_by_previous", "cable.drag_by_previous"),
+    for_machine("joint.play", "cable.play"),
 )
 
 

@@ -7,24 +7,10 @@ from functools import cache
 
 from exodrake.core.machine import Column, Machine
 from exodrake.core.signal import JOINTS, Axes, Signal
-from exodrake.effects import (
-    carriage_coulomb_friction,
-    carriage_direction,
-    carriage_offset,
-    carriage_presliding_friction,
-    carriage_stribeck_friction,
-    carriage_viscous_friction,
-)
+from exodrake.effects import effects_of
 from exodrake.systems import carriage, linear_scale, position_drive
 
-EFFECTS = (
-    carriage_viscous_friction.EFFECT,
-    carriage_direction.EFFECT,
-    carriage_offset.EFFECT,
-    carriage_coulomb_friction.EFFECT,
-    carriage_stribeck_friction.EFFECT,
-    carriage_presliding_friction.EFFECT,
-)
+PARTS = (carriage.PART, linear_scale.PART, position_drive.PART)
 TABLE = (
     Signal("position_ref", "m", JOINTS),
     Signal("position_start", "m", JOINTS),
@@ -55,10 +41,10 @@ def emps() -> Machine:
         name="emps",
         axes=Axes((), ("carriage",)),
         signals=TABLE,
-        parts=(carriage.PART, linear_scale.PART, position_drive.PART),
+        parts=PARTS,
         inputs=("position_ref", "position_start", "speed_start", "noise_position"),
         columns=COLUMNS,
-        effects=EFFECTS,
+        effects=effects_of(PARTS),
         frame=1e-3,
         slots=16,  # so short that from reading to force takes the drive next to no time
         noise=("scale.sigma",),

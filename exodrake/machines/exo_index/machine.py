@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
-from exodrake.effects import EFFECTS
+from exodrake.effects import effects_of
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
@@ -34,6 +34,8 @@ TABLE = (
     Signal("angle_read", "rad", JOINTS),
     Signal("mocap_delay", "s", SCALAR),
 )
+
+PARTS = (tendon_finger.PART, motor.PART, sensor.PART, encoder.PART, mocap.PART, controller.PART, bus.PART)
 
 COLUMNS = (
     Column("tension_ref", "tension_ref"),
@@ -73,18 +75,10 @@ def exo_index() -> Machine:
         name="exo_index",
         axes=AXES,
         signals=TABLE,
-        parts=(
-            tendon_finger.PART,
-            motor.PART,
-            sensor.PART,
-            encoder.PART,
-            mocap.PART,
-            controller.PART,
-            bus.PART,
-        ),
+        parts=PARTS,
         inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"),
         columns=COLUMNS,
-        effects=EFFECTS,
+        effects=effects_of(PARTS),
         noise=("sensor.sigma_F", "mocap.sigma_q"),
         resolution=("sensor.q_F", "encoder.q_theta"),
         compared=("tension", "stroke", "speed_cmd", "angle"),

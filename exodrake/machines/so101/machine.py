@@ -7,18 +7,17 @@ from functools import cache
 
 from exodrake.core.machine import Machine
 from exodrake.core.signal import JOINTS
-from exodrake.effects import joint_gain, joint_lag, joint_play, joint_sag, timing_command_latency
-from exodrake.effects.for_machine import for_machine
+from exodrake.effects import LIBRARY, for_machine
 from exodrake.machines.position_servos import joint_machine
 
 JOINT_NAMES = ("Rotation", "Pitch", "Elbow", "WristPitch", "WristRoll", "Jaw")
-FRAMES = replace(timing_command_latency.EFFECT.parameters[0], axis=JOINTS)
+FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)
 EFFECTS = (
-    for_machine(timing_command_latency.EFFECT, "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
-    for_machine(joint_gain.EFFECT, "servo.gain"),
-    for_machine(joint_sag.EFFECT, "servo.gravity_sag"),
-    for_machine(joint_play.EFFECT, "servo.dead_band"),
-    for_machine(joint_lag.EFFECT, "servo.lag"),
+    for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
+    for_machine("joint.gain", "servo.gain"),
+    for_machine("joint.gravity_sag", "servo.gravity_sag"),
+    for_machine("joint.play", "servo.dead_band"),
+    for_machine("joint.lag", "servo.lag"),
 )
 
 

@@ -1,0 +1,1 @@
+"""Friction laws, and the helpers that they share."""
