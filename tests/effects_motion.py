@@ -1,5 +1,6 @@
 """What the effects are examined on: an aggressive reference, rows of numbers, and records of all wires."""
 
+import math
 from functools import cache
 
 import numpy as np
@@ -55,3 +56,28 @@ def row_of(robot: Robot) -> np.ndarray:
 def place(name: str) -> slice:
     """Where a wire lies in a record."""
     return offsets(nominal().machine)[name]
+
+
+def wander(rng: np.random.Generator, frames: int, size: float, slow: int) -> np.ndarray:
+    """A smooth random motion (frames,): three sines of random phase, the slowest of `slow` frames."""
+    n = np.arange(frames)
+    return sum(
+        size / (k + 1) * (np.sin(2 * np.pi * (k + 1) * n / slow + phase) - math.sin(phase))
+        for k, phase in enumerate(rng.uniform(0, 2 * np.pi, 3))
+    )  # fmt: skip
+
+
+def motion_of(name: str, seed: int = 1) -> np.ndarray:
+    """References of a machine (frames, references) [SI], starting where it stands."""
+    if name == "exo_index":
+        return motion()
+    rng = np.random.default_rng(seed)
+    if name == "emps":
+        place = wander(rng, 3000, 0.04, 1500)
+        return np.column_stack([place, np.zeros_like(place), np.zeros_like(place)])
+    if name == "tendon_sheath":
+        angle = wander(rng, 500, 0.7, 220)
+        return np.column_stack([angle, 0.0 * angle, np.full(len(angle), np.radians(60.0 * (seed % 4)))])
+    joints, frames, slow = (6, 800, 90) if name == "so101" else (3, 270, 40)
+    angles = np.column_stack([wander(rng, frames, 0.25, slow + 7 * j) for j in range(joints)])
+    return np.column_stack([angles, np.zeros_like(angles)])

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from effects_motion import motion_of
 
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
@@ -39,32 +40,9 @@ MACHINES = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
 TWO_MOTIONS = 2
 
 
-def wander(rng: np.random.Generator, frames: int, size: float, slow: int) -> np.ndarray:
-    """A smooth random motion (frames,): three sines of random phase, the slowest of `slow` frames."""
-    n = np.arange(frames)
-    return sum(
-        size / (k + 1) * (np.sin(2 * np.pi * (k + 1) * n / slow + phase) - math.sin(phase))
-        for k, phase in enumerate(rng.uniform(0, 2 * np.pi, 3))
-    )  # fmt: skip
-
-
-def asked(name: str, seed: int) -> np.ndarray:
-    """References of a machine, starting where it stands."""
-    rng = np.random.default_rng(seed)
-    if name == "emps":
-        place = wander(rng, 3000, 0.04, 1500)
-        return np.column_stack([place, np.zeros_like(place), np.zeros_like(place)])
-    if name == "tendon_sheath":
-        angle = wander(rng, 500, 0.7, 220)
-        return np.column_stack([angle, 0.0 * angle, np.full(len(angle), np.radians(60.0 * (seed % 4)))])
-    joints, frames, slow = (6, 800, 90) if name == "so101" else (3, 270, 40)
-    angles = np.column_stack([wander(rng, frames, 0.25, slow + 7 * j) for j in range(joints)])
-    return np.column_stack([angles, np.zeros_like(angles)])
-
-
 def case_of(robot, name: str, seeds: range) -> Case:
     """Logs of a robot, the last one held out."""
-    logs = [simulate(robot, Reference(asked(name, seed), f"motion {seed}"), seed=seed) for seed in seeds]
+    logs = [simulate(robot, Reference(motion_of(name, seed), f"motion {seed}"), seed=seed) for seed in seeds]
     roles = ["fit"] * (len(logs) - 1) + ["holdout"]
     items = [
         CaseLog(log, f"motion {i}", role, None, f"{i}.csv")
@@ -78,7 +56,7 @@ def test_both_engines_give_the_same_bits_with_every_effect(name):
     robot = load_robot(name)
     for effect in robot.machine.effects:
         robot = robot.splice(effect.id)
-    reference = Reference(asked(name, 1)[:120])
+    reference = Reference(motion_of(name, 1)[:120])
     simulator, drake = (record(robot, reference, seed=3, engine=engine).signals for engine in ("compiled", "drake"))
     assert all(np.array_equal(simulator[wire], drake[wire]) for wire in simulator)
     plain = record(load_robot(name), reference, seed=3).signals
