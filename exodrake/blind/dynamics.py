@@ -7,7 +7,7 @@ from numba import njit
 
 from exodrake.blind import joint_torques as joints
 from exodrake.blind import tendons as paths
-from exodrake.blind.chain_generated import gravity_torque, mass_matrix, velocity_bias
+from exodrake.blind.chain import inverse_dynamics, mass_matrix
 from exodrake.blind.records import (  # fmt: skip
     ANGLE,
     CELL,
@@ -143,17 +143,12 @@ def wires(p, y, dy, u, command, torque, arms):
 @njit(cache=True)
 def accelerate(p, y, dy, torque):
     """Solve M q'' = torque - C q' + gravity for the three joints (Cramer's rule on the symmetric matrix)."""
-    q0, q1, q2 = y[ANGLE], y[ANGLE + 1], y[ANGLE + 2]
-    v0, v1, v2 = y[RATE], y[RATE + 1], y[RATE + 2]
-    m, c, i, length = p.mass, p.centre, p.unit_inertia, p.length
-    a, b, d, e, f, g = mass_matrix(q1, q2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
-    bias = velocity_bias(q1, q2, v0, v1, v2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2], i[0], i[1], i[2])
+    phi = (y[ANGLE], y[ANGLE] + y[ANGLE + 1], y[ANGLE] + y[ANGLE + 1] + y[ANGLE + 2])
+    turn = (y[RATE], y[RATE] + y[RATE + 1], y[RATE] + y[RATE + 1] + y[RATE + 2])
+    sine, cosine = (sin(phi[0]), sin(phi[1]), sin(phi[2])), (cos(phi[0]), cos(phi[1]), cos(phi[2]))
+    (a, b, d), (_, e, f), (_, _, g) = mass_matrix(p, sine, cosine)
+    bias = inverse_dynamics(p, sine, cosine, turn, (0.0, 0.0, 0.0), -p.gravity_x, -p.gravity_y)
     r0, r1, r2 = torque[0] - bias[0], torque[1] - bias[1], torque[2] - bias[2]
-    if p.gravity_x != 0.0 or p.gravity_y != 0.0:
-        w = gravity_torque(q0, q1, q2, length[0], length[1], m[0], m[1], m[2], c[0], c[1], c[2])
-        r0 += p.gravity_x * w[0] + p.gravity_y * w[3]
-        r1 += p.gravity_x * w[1] + p.gravity_y * w[4]
-        r2 += p.gravity_x * w[2] + p.gravity_y * w[5]
     k00, k01, k02 = e * g - f * f, d * f - b * g, b * f - d * e
     k11, k12, k22 = a * g - d * d, b * d - a * f, a * e - b * b
     determinant = a * k00 + b * k01 + d * k02
