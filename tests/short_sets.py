@@ -4,7 +4,7 @@ import json
 from functools import cache
 
 import exodrake as exo
-from exodrake.blind.commitment import write_sealed
+from exodrake.blind.commitment import write_committed
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
 
@@ -25,7 +25,7 @@ def short_case(name, seed, rusty):
 
 
 def write_set(folder, healthy, rusty=0):
-    """Case folders, labels and seal: the healthy first by name. The labels' path."""
+    """Case folders, labels and commitment: the healthy first by name. The labels' path."""
     labels = {}
     for number in range(healthy + rusty):
         name, ill = f"case_{number:02d}", number >= healthy
@@ -34,7 +34,7 @@ def write_set(folder, healthy, rusty=0):
         effects = [effect | {"parameters": RUSTY, "exact": True, "gap": 9.0}] if ill else []
         labels[name] = {"kind": "single" if ill else "healthy", "effects": effects}
     path = folder.with_name(folder.name + "-labels.json")
-    write_sealed(labels, path, folder / "seal.txt")
+    write_committed(labels, path, folder / "seal.txt")
     return path
 
 

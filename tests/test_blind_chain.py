@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from exodrake.blind.chain import inverse_dynamics, mass_matrix
-from exodrake.blind.parameters import draw_numbers
-from exodrake.blind.robot_spec import RealitySpec
+from exodrake.blind.parameters import draw_parameters
+from exodrake.blind.robot_spec import RobotSpec
 from exodrake.blind.simulator import assemble
 
 GRAVITY = (1.5, -9.0)
@@ -33,7 +33,7 @@ def plant_of(record):
 
 
 def test_rigid_body_terms_equal_those_of_multibody_plant():
-    record = assemble(RealitySpec(draw_numbers(np.random.default_rng(1))), 2, None).record
+    record = assemble(RobotSpec(draw_parameters(np.random.default_rng(1))), 2, None).record
     plant = plant_of(record)
     context, rng = plant.CreateDefaultContext(), np.random.default_rng(2)
     for _ in range(20):

@@ -1,10 +1,10 @@
-"""Where the nominal numbers of a robot of the second reality are, in the model's words."""
+"""Where the nominal numbers of a robot of the reference simulator are, in the model's words."""
 
 import numpy as np
 import pytest
 
 from exodrake.blind.nuisance_coverage import truth
-from exodrake.blind.parameters import draw_numbers
+from exodrake.blind.parameters import draw_parameters
 from exodrake.diagnosis.nuisance import knobs
 from exodrake.machines.robot_file import load_robot
 
@@ -21,7 +21,7 @@ def true_numbers(machine, numbers):
 
 
 def test_a_nominal_robot_errs_nowhere(machine):
-    found = true_numbers(machine, draw_numbers())
+    found = true_numbers(machine, draw_parameters())
     lacking = {name for name, value in found.items() if np.isnan(value)}
     assert lacking == {"finger.beta.MCP", "finger.beta.PIP", "finger.beta.DIP", "tendon.presliding"}
     assert all(value == pytest.approx(0.0, abs=1e-12) for name, value in found.items() if name not in lacking)
@@ -38,7 +38,7 @@ def test_a_nominal_robot_errs_nowhere(machine):
     ],
 )
 def test_one_number_that_errs_is_found_under_its_name(machine, number, place, name, error):
-    numbers = draw_numbers()
+    numbers = draw_parameters()
     numbers[number] = np.array(numbers[number])
     numbers[number][place] *= 1.0 + error
     found = true_numbers(machine, numbers)
@@ -47,6 +47,6 @@ def test_one_number_that_errs_is_found_under_its_name(machine, number, place, na
 
 
 def test_angles_err_in_radians(machine):
-    numbers = draw_numbers()
+    numbers = draw_parameters()
     numbers["rest"] = numbers["rest"] + np.array([0.0, 0.012, 0.0])
     assert true_numbers(machine, numbers)["finger.q0.PIP"] == pytest.approx(0.012)

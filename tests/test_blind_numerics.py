@@ -1,9 +1,9 @@
-"""The second reality's integrator against scipy's Radau."""
+"""The reference simulator's integrator against scipy's Radau."""
 
 import numpy as np
 
 from exodrake.blind.records import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.blind.robot_spec import Planted, RealitySpec
+from exodrake.blind.robot_spec import InjectedFault, RobotSpec
 from exodrake.blind.simulator import assemble, initial_state
 
 
@@ -14,12 +14,12 @@ def test_integrator_agrees_with_radau():
     from exodrake.blind.integrate import advance, workspace
 
     effects = (
-        Planted("tendon.capstan_friction", parameters={"mu_phi": 0.3}),
-        Planted("tendon.creep", parameters={"stiffness": 6000.0, "time_constant": 5.0}),
-        Planted("tendon.compliance", parameters={"stiffness": 2000.0}),
-        Planted("finger.viscoelasticity", parameters={"fraction": 0.3, "time_constant": 2.0}),
+        InjectedFault("tendon.capstan_friction", parameters={"mu_phi": 0.3}),
+        InjectedFault("tendon.creep", parameters={"stiffness": 6000.0, "time_constant": 5.0}),
+        InjectedFault("tendon.compliance", parameters={"stiffness": 2000.0}),
+        InjectedFault("finger.viscoelasticity", parameters={"fraction": 0.3, "time_constant": 2.0}),
     )
-    build = assemble(RealitySpec(effects=effects, noisy=False), 10, None)
+    build = assemble(RobotSpec(effects=effects, noisy=False), 10, None)
     command = np.array([0.05, 0.02, 0.01])
     y = initial_state(build.record)
     scratch = np.zeros(INPUT_SIZE), np.zeros(3), np.zeros((3, 3))

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from exodrake.blind import make as making
 from exodrake.blind import run as running
 from exodrake.blind.case_mix import CaseMix
-from exodrake.blind.commitment import read_sealed
+from exodrake.blind.commitment import read_committed
 from exodrake.blind.score import score
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
@@ -133,15 +133,15 @@ def test_a_set_is_the_same_whatever_made_it_and_an_interrupted_one_is_completed(
         making.make(tmp_path / "cut", 5, 3, mix=HEALTHY, progress=stop)
     assert len(list((tmp_path / "cut").glob("case_*"))) == 1 and not (tmp_path / "cut-labels.json").exists()
     (tmp_path / "cut" / ".case_02.123.part").mkdir()  # as a killed process leaves it
-    with pytest.raises(InputError, match="begun with another seed"):
+    with pytest.raises(InputError, match="started with another seed"):
         making.make(tmp_path / "cut", 6, 3, mix=HEALTHY)
     completed = making.make(tmp_path / "cut", 5, 3, mix=HEALTHY)
     assert contents(tmp_path / "one") == contents(tmp_path / "two") == contents(tmp_path / "cut")
-    sealed = [
-        read_sealed(path, tmp_path / name / "seal.txt")
+    committed = [
+        read_committed(path, tmp_path / name / "seal.txt")
         for path, name in ((labels, "one"), (in_two, "two"), (completed, "cut"))
     ]
-    assert sealed[0] == sealed[1] == sealed[2] and len(sealed[0]) == 3
+    assert committed[0] == committed[1] == committed[2] and len(committed[0]) == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
         name + end for name in ("one", "two", "cut") for end in ("", "-labels.json")
     )

@@ -1,4 +1,4 @@
-"""Making, sealing, running and scoring a blind set."""
+"""Making, running and scoring a blind set."""
 
 import json
 
@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from exodrake.blind import make as making
 from exodrake.blind.case_mix import CaseMix
-from exodrake.blind.commitment import read_sealed, write_sealed
+from exodrake.blind.commitment import read_committed, write_committed
 from exodrake.blind.matching import covered
 from exodrake.blind.score import binomial_interval, score
 from exodrake.blind.score_table import as_json, as_markdown, as_table
@@ -73,7 +73,7 @@ def tiny(tmp_path):
         (folder / name / "case.yaml").write_text("logs: []\n")
         (folder / name / "diagnosis.json").write_text(json.dumps(diagnosis))
     cases = {name: {"kind": kind, "effects": truths} for name, (kind, truths, _) in SET.items()}
-    write_sealed(cases, labels, folder / "seal.txt")
+    write_committed(cases, labels, folder / "seal.txt")
     return folder, labels
 
 
@@ -97,17 +97,21 @@ def test_score_of_a_set_done_by_hand(tiny):
     baselines = {item.name: (item.hits, item.total) for item in result.baselines}
     assert baselines["always the commonest effect"] == (3, 4)
     assert baselines["bic: right effect"] == (1, 4)
-    assert result.numbers["closure when named, median (wanted >= 0.95)"] == pytest.approx(0.97)
+    assert result.quantities["closure when named, median (wanted >= 0.95)"] == pytest.approx(0.97)
     assert result.confusion["sensor.gain", "tendon.creep"] == 1
 
 
 def test_lanes_count_one_by_one_where_the_truth_sits():
     stated = {"low": 0.04, "high": 0.06}, {"low": 0.07, "high": 0.08}, {"low": -0.01, "high": 0.01}
-    effect = {"id": GAIN, "parameters": {"gain": stated[0]}, "lanes": {"gain": dict(zip(("AF", "MF", "AE"), stated))}}
+    effect = {
+        "id": GAIN,
+        "parameters": {"gain": stated[0]},
+        "channels": {"gain": dict(zip(("AF", "MF", "AE"), stated))},
+    }
     here = truth(GAIN, gain=0.05) | {"wires": ["AF", "MF"]}
     assert covered(here, {"effects": [effect]}, exact=True) == [True, False]
     assert covered(here, {"effects": [effect]}, exact=False) == []
-    assert covered(here, {"effects": [effect | {"lanes": {}}]}, exact=True) == [True]
+    assert covered(here, {"effects": [effect | {"channels": {}}]}, exact=True) == [True]
 
 
 def test_score_prints_everywhere(tiny, tmp_path):
@@ -127,7 +131,7 @@ def test_command_scores_and_refuses(tiny, tmp_path):
     labels.write_text(labels.read_text().replace("tendon.slack", "tendon.creep"))
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 2
-    assert "sealed" in result.output
+    assert "committed" in result.output
 
 
 def test_tampered_labels_are_detected(tiny):
@@ -135,8 +139,8 @@ def test_tampered_labels_are_detected(tiny):
     page = json.loads(labels.read_text())
     page["cases"]["case_0"]["kind"] = "single"
     labels.write_text(json.dumps(page))
-    with pytest.raises(InputError, match="not those sealed"):
-        read_sealed(labels, folder / "seal.txt")
+    with pytest.raises(InputError, match="not those committed"):
+        read_committed(labels, folder / "seal.txt")
 
 
 def test_interval_is_clopper_pearson():
@@ -160,12 +164,12 @@ def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
     case = read_case(tmp_path / "set" / "case_00")
     assert [item.role for item in case.logs] == ["fit"] * 4 + ["holdout"]
     assert case.repeat_groups[0][1].file == "sweeps_2.csv.gz"
-    label = read_sealed(labels, tmp_path / "set" / "seal.txt")["case_00"]
+    label = read_committed(labels, tmp_path / "set" / "seal.txt")["case_00"]
     assert label["kind"] == "unknown" and label["gap"] >= 2.0
     assert not any("outside" in path.read_text() for path in (tmp_path / "set").rglob("*.yaml"))
     with pytest.raises(InputError, match="already there"):
         making.make(tmp_path / "set", seed=1, cases=1)
-    with pytest.raises(InputError, match="already sealed"):
+    with pytest.raises(InputError, match="already committed"):
         making.make(tmp_path / "set", seed=1, cases=1, labels=tmp_path / "elsewhere.json")
     with pytest.raises(InputError, match="inside the cases"):
         making.make(tmp_path / "other", seed=1, cases=1, labels=tmp_path / "other" / "labels.json")

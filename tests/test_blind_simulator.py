@@ -1,4 +1,4 @@
-"""The second reality: right without effects, and different with each of them."""
+"""The reference simulator: right without effects, and different with each of them."""
 
 import os
 from functools import cache
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from exodrake.blind.case_mix import CaseMix, draw_case, plan
-from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect
-from exodrake.blind.make import gap_in_floors
-from exodrake.blind.parameters import draw_numbers
+from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
+from exodrake.blind.make import gap_in_noise
+from exodrake.blind.parameters import draw_parameters
 from exodrake.blind.protocols import grasps, protocols_of
-from exodrake.blind.robot_spec import FRAME, Planted, Protocol, RealitySpec
+from exodrake.blind.robot_spec import FRAME, InjectedFault, Protocol, RobotSpec
 from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
 from exodrake.machines.exo_index.machine import exo_index
@@ -37,7 +37,7 @@ def short_grasps(seconds=14.0):
 
 @cache
 def healthy_log():
-    return simulate(RealitySpec(noisy=False), short_grasps(), 0)
+    return simulate(RobotSpec(noisy=False), short_grasps(), 0)
 
 
 @pytest.mark.parametrize("name", REFERENCES)
@@ -50,7 +50,7 @@ def test_reproduces_the_reference(name):
     table = np.loadtxt(path, delimiter=",", skiprows=1)
     wanted = dict(zip(names, table.T))
     reference = np.column_stack([wanted[f"tension_ref_{wire}"] for wire in ("AF", "MF", "AE")])
-    log = simulate(RealitySpec(noisy=False), Protocol(name, reference), 0)
+    log = simulate(RobotSpec(noisy=False), Protocol(name, reference), 0)
     assert tuple(log) == tuple(names)
     for column, values in log.items():
         kind = column.rsplit("_", 1)[0]
@@ -59,8 +59,8 @@ def test_reproduces_the_reference(name):
 
 
 def test_same_seed_same_log():
-    spec = RealitySpec(
-        draw_numbers(np.random.default_rng(1)), (draw_effect("finger.tremor", np.random.default_rng(2)),)
+    spec = RobotSpec(
+        draw_parameters(np.random.default_rng(1)), (draw_effect("finger.tremor", np.random.default_rng(2)),)
     )
     motion = Protocol("grasps", short_grasps().reference[:200])
     first, again, other = (simulate(spec, motion, seed) for seed in (3, 3, 4))
@@ -73,30 +73,30 @@ def test_every_effect_is_finite_and_seen(effect_id):
     best = 0.0
     for seed in range(4):
         effect = draw_effect(effect_id, np.random.default_rng(seed))
-        log = simulate(RealitySpec(effects=(effect,), noisy=False), short_grasps(), 7)
+        log = simulate(RobotSpec(effects=(effect,), noisy=False), short_grasps(), 7)
         assert all(np.all(np.isfinite(values)) for values in log.values())
-        best = max(best, max(gap_in_floors(log, healthy_log()).values()))
+        best = max(best, max(gap_in_noise(log, healthy_log()).values()))
         if best >= 2.0:
             return
     assert effect_id in NEEDS_LONGER, f"{best:.2f} floors"
 
 
 def test_a_neutral_effect_is_absent():
-    neutral = Planted("tendon.capstan_friction", parameters={"mu_phi": 0.0})
-    log = simulate(RealitySpec(effects=(neutral,), noisy=False), short_grasps(), 0)
+    neutral = InjectedFault("tendon.capstan_friction", parameters={"mu_phi": 0.0})
+    log = simulate(RobotSpec(effects=(neutral,), noisy=False), short_grasps(), 0)
     assert all(np.array_equal(log[name], healthy_log()[name]) for name in log)
 
 
 def test_unknown_effect_is_refused():
     with pytest.raises(InputError, match=r"tendon\.magic"):
-        simulate(RealitySpec(effects=(Planted("tendon.magic"),)), short_grasps(), 0)
+        simulate(RobotSpec(effects=(InjectedFault("tendon.magic"),)), short_grasps(), 0)
 
 
 def test_slack_equals_a_negative_homing_offset():
-    slack = Planted("tendon.slack", ("MF",), parameters={"length": 1e-3})
-    homing = Planted("encoder.homing_offset", ("MF",), parameters={"offset": -1e-3})
-    logs = [simulate(RealitySpec(effects=(effect,), noisy=False), short_grasps(), 0) for effect in (slack, homing)]
-    assert max(gap_in_floors(*logs).values()) < 0.1 * max(gap_in_floors(logs[0], healthy_log()).values())
+    slack = InjectedFault("tendon.slack", ("MF",), parameters={"length": 1e-3})
+    homing = InjectedFault("encoder.homing_offset", ("MF",), parameters={"offset": -1e-3})
+    logs = [simulate(RobotSpec(effects=(effect,), noisy=False), short_grasps(), 0) for effect in (slack, homing)]
+    assert max(gap_in_noise(*logs).values()) < 0.1 * max(gap_in_noise(logs[0], healthy_log()).values())
 
 
 def test_protocols_are_within_the_wires_range_and_as_long_as_they_should():
@@ -118,6 +118,12 @@ def test_plan_follows_the_mix_and_the_seed():
     assert plans == plan(3, 40, CaseMix())
     assert draw_case(plans[0], 1).spec.effects == draw_case(plans[0], 1).spec.effects
     assert len(LIBRARY) >= 37 and len(OUTSIDE) >= 8
+
+
+def test_effects_without_an_entry_are_reported():
+    ids = [effect.id for effect in exo_index().effects]
+    lacking = without_entry([*ids, "tendon.new"])
+    assert "tendon.new" in lacking and set(lacking) | set(LIBRARY) == {*ids, "tendon.new"}
 
 
 def test_parameters_bear_the_librarys_names():

@@ -9,7 +9,7 @@ import pytest
 from exodrake.blind import make as making
 from exodrake.blind import run as running
 from exodrake.blind.case_mix import CaseMix
-from exodrake.blind.commitment import read_sealed
+from exodrake.blind.commitment import read_committed
 from exodrake.core import parallel
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
@@ -96,8 +96,8 @@ def test_a_set_made_there_is_the_set_made_here(cluster, tmp_path):
         for where in made
     }
     assert logs["here"] == logs["there"] and len(logs["here"]) == 12
-    sealed = [read_sealed(labels, tmp_path / where / "seal.txt") for where, labels in made.items()]
-    assert sealed[0] == sealed[1]
+    committed = [read_committed(labels, tmp_path / where / "seal.txt") for where, labels in made.items()]
+    assert committed[0] == committed[1]
 
 
 def test_a_scheduler_that_goes_away_is_said_and_what_is_done_is_kept(monkeypatch):

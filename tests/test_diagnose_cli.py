@@ -136,11 +136,11 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
 
     from rich.console import Console
 
-    from exodrake.blind.commitment import write_sealed
+    from exodrake.blind.commitment import write_committed
     from exodrake.cli.demo import LABELS, SEAL, reveal
 
     truth = {"id": "tendon.capstan_friction", "wires": ["AF"], "joints": [], "parameters": {"mu_phi": 0.3}}
-    write_sealed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / SEAL)
+    write_committed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / SEAL)
     console = Console(file=StringIO(), record=True, width=120)
     reveal(console, tmp_path, diagnosis(verdict))
     text = console.export_text()

@@ -1,8 +1,8 @@
-"""A second, independent reality for withheld tests: robots drawn from it, cases sealed, diagnoses scored.
+"""The reference simulator for withheld tests: robots are drawn, labels committed, diagnoses scored.
 
-It shares no equation code with the main model: continuous time, error-controlled integration, finger dynamics from
-Drake's MultibodyPlant, other functional forms of every effect, and effects that are in no library at all.
+It shares no equation with the main model: continuous time, error-controlled integration, recursive Newton-Euler for the
+finger, other functional forms of every effect, and faults outside the library.
 
-reality.py simulates one robot; field.py, paths.py and joints.py hold its physics; catalogue.py says what can be
-planted; mix.py plans a set; make.py, run.py and score.py are the three commands.
+simulator.py simulates one robot; dynamics.py, chain.py, tendons.py, joint_torques.py and control_loop.py hold its
+physics; catalogue.py says what can be injected; case_mix.py plans a set; make.py, run.py and score.py are the commands.
 """

@@ -1,17 +1,16 @@
-"""Where the thresholds of healthy robots come from: healthy robots of the second reality, numbers scattered, motions
-unseen.
+"""Thresholds of healthy robots, from robots of the reference simulator with drawn parameters and unseen motions.
 
     python -m exodrake.blind.calibrate --seed 7 --robots 40 --jobs 2
 
 measures on each robot, retuned,
-    quiet         the misfit over all signals [floor^2],
+    quiet         the reduced chi-square over all signals [-],
     quiet_column  that of the worst signal,
-    alarm         the cost by which the best effect, none of which is there, beats the retuned numbers,
+    alarm         the cost by which the best effect, none of which is there, beats the retuned parameters,
 and prints their medians and largest values; and, for several lengths of log that may count as one frame (`fit.py`), how
-many 90 % intervals of nominal numbers cover the truth, and how far off these are.
+many 90 % intervals of nominal parameters cover the truth, and how far off these are.
 
 A threshold lies above the largest value found: seen on n healthy robots, a false alarm rate is then below 3 / n with 95
-% confidence (rule of three). No label but "healthy" and the numbers is read, and no practice case.
+% confidence (rule of three). No label but "healthy" and the parameters is read, and no practice case.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ import numpy as np
 
 from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.make import make_case
-from exodrake.blind.nuisance_coverage import MEMORIES, known
+from exodrake.blind.nuisance_coverage import MEMORIES, coverage_of
 from exodrake.core.parallel import each
 from exodrake.core.progress import counted, where_to_run
 from exodrake.diagnosis.problem import make_problem
@@ -36,13 +35,11 @@ HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
 MEASURES = ("quiet", "quiet_column", "alarm")
 
 
-def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
-    """Misfit, misfit of the worst signal, and lead of the best effect over retuned numbers, of one healthy robot; and
-    how well its numbers are known.
-    """
+def measured(seed: int, robots: int, index: int) -> tuple[tuple[float, ...], list[tuple[float, float]]]:
+    """`MEASURES` of one healthy robot, and `coverage_of` its parameters."""
     from exodrake.data.case_folder import read_case
 
-    drawn = plan(seed, robots, HEALTHY)[number]
+    drawn = plan(seed, robots, HEALTHY)[index]
     with tempfile.TemporaryDirectory() as folder:
         make_case(drawn, folder)
         problem = make_problem(read_case(Path(folder) / drawn.name), load_robot())
@@ -50,7 +47,7 @@ def measured(seed: int, robots: int, number: int) -> tuple[tuple[float, ...], li
     retuned = ranking.retuned()
     best = ranking.singles(quiet=True)[0][0]
     limits = chi2(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
-    return limits, known(ranking, retuned, draw_case(drawn).spec.numbers)
+    return limits, coverage_of(ranking, retuned, draw_case(drawn).spec.parameters)
 
 
 @click.command()
@@ -71,7 +68,7 @@ def main(seed: int, robots: int, jobs: int, cluster: str | None) -> None:
     for name, values in zip(MEASURES, np.array([found[k][0] for k in range(robots)]).T, strict=True):
         click.echo(f"{name}: median {np.median(values):.4g}, largest {np.max(values):.4g} of {robots}")
     for memory, (cover, error) in zip(MEMORIES, np.mean([found[k][1] for k in range(robots)], axis=0), strict=True):
-        click.echo(f"{memory:g} s as one frame: {cover:.1%} of the intervals cover, error {error:.2f} spreads")
+        click.echo(f"{memory:g} s as one frame: {cover:.1%} of the intervals cover, error {error:.2f} prior deviations")
 
 
 if __name__ == "__main__":

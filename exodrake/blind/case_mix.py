@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from exodrake.blind.catalogue import LIBRARY, OUTSIDE, block_of, draw_effect
-from exodrake.blind.parameters import draw_numbers
+from exodrake.blind.parameters import draw_parameters
 from exodrake.blind.protocols import protocols_of
-from exodrake.blind.robot_spec import RealitySpec
+from exodrake.blind.robot_spec import RobotSpec
 
 MASKED = (
     {"tendon.capstan_friction", "tendon.coulomb_friction"}, {"tendon.coulomb_friction", "tendon.stribeck_friction"},
@@ -46,13 +46,13 @@ class CasePlan:
 class DrawnCase:
     """A case with robot and motions drawn; `healthy` is the same robot without the effects."""
 
-    spec: RealitySpec
-    healthy: RealitySpec
+    spec: RobotSpec
+    healthy: RobotSpec
     protocols: dict = field(default_factory=dict)
 
 
 def counts(mix, total):
-    """Number of cases per kind: largest remainders of the weights."""
+    """Number of cases per kind, by largest remainders of the weights."""
     weights = np.array(list(mix.kinds.values()))
     exact = total * weights / weights.sum()
     whole = np.floor(exact).astype(int)
@@ -61,12 +61,12 @@ def counts(mix, total):
     return dict(zip(mix.kinds, whole.tolist()))
 
 
-def rounds(names, number, rng):
-    """`number` names, every one used before any comes again, in random order."""
+def rounds(names, count, rng):
+    """`count` names, every one used before any comes again, in random order."""
     names, chosen = list(names), []
-    while len(chosen) < number:
+    while len(chosen) < count:
         chosen += [names[index] for index in rng.permutation(len(names))]
-    return chosen[:number]
+    return chosen[:count]
 
 
 def draw_pair(rng):
@@ -80,12 +80,10 @@ def draw_pair(rng):
 def plan(seed, total, mix):
     """Plans of a set, shuffled so that a case's place says nothing about its kind."""
     rng = np.random.default_rng([seed, 0])
-    number = counts(mix, total)
-    ids = [()] * number["healthy"] + [(name,) for name in rounds(LIBRARY, number["single"], rng)]
-    ids += [draw_pair(rng) for _ in range(number["pair"])] + [
-        (name,) for name in rounds(OUTSIDE, number["unknown"], rng)
-    ]
-    kinds = [kind for kind, many in number.items() for _ in range(many)]
+    count = counts(mix, total)
+    ids = [()] * count["healthy"] + [(name,) for name in rounds(LIBRARY, count["single"], rng)]
+    ids += [draw_pair(rng) for _ in range(count["pair"])] + [(name,) for name in rounds(OUTSIDE, count["unknown"], rng)]
+    kinds = [kind for kind, many in count.items() for _ in range(many)]
     width = max(2, len(str(total - 1)))
     plans = []
     for place, index in enumerate(rng.permutation(total)):
@@ -95,11 +93,11 @@ def plan(seed, total, mix):
 
 
 def draw_case(plan, attempt=0):
-    """Robot, effects and motions of a planned case. Numbers and motions do not depend on the attempt, magnitudes and
+    """Robot, effects and motions of a planned case. Parameters and motions do not depend on the attempt, magnitudes and
     seats do.
     """
-    numbers = draw_numbers(np.random.default_rng([*plan.seed, 1]))
+    parameters = draw_parameters(np.random.default_rng([*plan.seed, 1]))
     protocols = protocols_of(np.random.default_rng([*plan.seed, 2]), plan.unseen)
     rng = np.random.default_rng([*plan.seed, 3, attempt])
     effects = tuple(draw_effect(name, rng) for name in plan.ids)
-    return DrawnCase(RealitySpec(numbers, effects), RealitySpec(numbers), protocols)
+    return DrawnCase(RobotSpec(parameters, effects), RobotSpec(parameters), protocols)

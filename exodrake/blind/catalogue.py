@@ -1,6 +1,6 @@
-"""What may be planted, where and how much: one line per effect, and the draw of one of them.
+"""What may be injected, where and how much: one line per effect, and the draw of one of them.
 
-Ranges are those of effects.md and physics.md section 4 where they leave a gap above the noise floors, widened [A]
+Ranges are those of effects.md and physics.md section 4 where they leave a gap above the noise, widened [A]
 where they do not (viscous friction, clock skew, current limit). A draw that leaves no gap is drawn again by the
 maker.
 """
@@ -9,20 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.blind.injectors import LIBRARY_PLANTERS
-from exodrake.blind.outside import OUTSIDE_PLANTERS
+from exodrake.blind.injectors import LIBRARY_INJECTORS
+from exodrake.blind.outside import OUTSIDE_INJECTORS
 from exodrake.blind.records import JOINTS, WIRES
-from exodrake.blind.robot_spec import Planted
+from exodrake.blind.robot_spec import InjectedFault
 
-PLANTERS = LIBRARY_PLANTERS | OUTSIDE_PLANTERS
+INJECTORS = LIBRARY_INJECTORS | OUTSIDE_INJECTORS
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 
 @dataclass(frozen=True)
 class Entry:
-    """seat: "wire", "joint", "one joint", "routers", or "" (whole robot). ranges: parameter -> (low, high), drawn
-    log-uniformly if low > 0; signed ones get either sign. exact: this reality's parameter means what effects.md's
-    does, so an interval may be held against it.
+    """How one effect is drawn.
+
+    Attributes:
+        seat: "wire", "joint", "one joint", or "" (whole robot).
+        ranges: parameter -> (low, high), drawn log-uniformly if low > 0.
+        exact: whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
+        signed: parameters that get either sign.
     """
 
     seat: str
@@ -93,13 +97,18 @@ OUTSIDE = {
 ENTRIES = LIBRARY | OUTSIDE
 
 
+def without_entry(effect_ids):
+    """Ids of a library's effects that this catalogue lacks, and that no case can therefore hold."""
+    return [effect_id for effect_id in effect_ids if effect_id not in LIBRARY]
+
+
 def block_of(effect_id):
     """Block an effect belongs to: the part of its id before the dot."""
     return effect_id.split(".")[0]
 
 
 def draw_value(rng, low, high, signed):
-    """One number, log-uniform over (low, high); uniform where low <= 0."""
+    """One parameter, log-uniform over (low, high); uniform where low <= 0."""
     value = np.exp(rng.uniform(np.log(low), np.log(high))) if low > 0 else rng.uniform(low, high)
     return float(value * rng.choice((-1, 1)) if signed else value)
 
@@ -124,4 +133,4 @@ def draw_effect(effect_id, rng):
     if effect_id == "finger.stiffness" and 0.85 < parameters["factor"] < 1.18:
         parameters["factor"] *= 1.35
     wires, joints = draw_seat(rng, entry.seat)
-    return Planted(effect_id, wires, joints, parameters)
+    return InjectedFault(effect_id, wires, joints, parameters)

@@ -1,8 +1,6 @@
-"""The seal: a salted SHA-256 of the labels, made with the cases, so that nobody can change an answer after the
-questions are out.
+"""Commitment to the labels: a salted SHA-256 that is published with the cases, so that no label can change afterwards.
 
-The salt lies in the labels file, not beside the seal: without it the labels cannot be guessed and checked against the
-seal.
+The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest.
 """
 
 import hashlib
@@ -12,33 +10,35 @@ from pathlib import Path
 
 from exodrake.core.errors import InputError
 
+COMMITMENT = "seal.txt"  # in the folder of a set
+
 
 def digest(cases, salt):
-    """Seal of the labels: SHA-256 over salt and canonical JSON."""
+    """Commitment: SHA-256 over salt and canonical JSON."""
     canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256((salt + canonical).encode()).hexdigest()
 
 
-def write_sealed(cases, labels, seal):
-    """Write labels with a fresh salt, and the seal."""
+def write_committed(cases, labels, commitment):
+    """Write labels with a fresh salt, and the commitment."""
     from exodrake.core.files import write_text
 
     salt = secrets.token_hex(32)
     write_text(labels, json.dumps({"salt": salt, "cases": cases}, indent=1) + "\n")
-    write_text(seal, digest(cases, salt) + "\n")
+    write_text(commitment, digest(cases, salt) + "\n")
 
 
-def read_sealed(labels, seal):
-    """Labels by case. InputError if a file is missing or malformed, or if the labels are not those that were sealed."""
-    labels, seal = Path(labels), Path(seal)
-    for path in (labels, seal):
+def read_committed(labels, commitment):
+    """Labels by case. InputError if a file is missing or malformed, or if the labels have changed."""
+    labels, commitment = Path(labels), Path(commitment)
+    for path in (labels, commitment):
         if not path.is_file():
             raise InputError(f"{path}: no such file")
     try:
-        page = json.loads(labels.read_text())
-        cases, salt = page["cases"], page["salt"]
+        stored = json.loads(labels.read_text())
+        cases, salt = stored["cases"], stored["salt"]
     except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError):
         raise InputError(f"{labels}: not a labels file (JSON with keys 'salt' and 'cases')") from None
-    if digest(cases, salt) != seal.read_text().strip():
-        raise InputError(f"{labels}: the labels are not those sealed in {seal}")
+    if digest(cases, salt) != commitment.read_text().strip():
+        raise InputError(f"{labels}: the labels are not those committed in {commitment}")
     return cases

@@ -1,4 +1,4 @@
-"""The second reality's right-hand side: motor, wires, finger, cells; one derivative of one state vector."""
+"""The reference simulator's right-hand side: motor, wires, finger, cells; one derivative of one state vector."""
 
 from math import cos, sin
 

@@ -1,8 +1,8 @@
-"""Planting the effects of effects.md into a robot of the second reality, each in this reality's own form.
+"""Injectors of the effects of effects.md, each in the reference simulator's own functional form.
 
-A planter writes into the parameter record (constants) or into the inputs (courses over time). The forms are in
-paths.py, joints.py, field.py and loop.py; what is written here is how an effect's parameters, named as in effects.md,
-become this reality's constants.
+An injector writes into the parameter record (constants) or into the inputs (courses over time). The forms are in
+tendons.py, joint_torques.py, dynamics.py and control_loop.py; here an effect's parameters, named as in effects.md,
+become their constants.
 """
 
 import numpy as np
@@ -27,23 +27,23 @@ def joints_of(effect):
 
 
 def set_wires(**fields):
-    """Planter of plain per-wire constants: record field = effect parameter."""
+    """Injector of plain per-wire constants: record field = effect parameter."""
 
-    def plant(build, effect, rng):
+    def inject(build, effect, rng):
         for name, parameter in fields.items():
             build.record[name][wires_of(effect)] = effect.parameters[parameter]
 
-    return plant
+    return inject
 
 
 def set_joints(**fields):
-    """Planter of plain per-joint constants."""
+    """Injector of plain per-joint constants."""
 
-    def plant(build, effect, rng):
+    def inject(build, effect, rng):
         for name, parameter in fields.items():
             build.record[name][joints_of(effect)] = effect.parameters[parameter]
 
-    return plant
+    return inject
 
 
 def slow_loop(build, effect, rng):
@@ -143,7 +143,7 @@ def mocap_skew(build, effect, rng):
     build.skew = effect.parameters["skew"]
 
 
-LIBRARY_PLANTERS = {
+LIBRARY_INJECTORS = {
     "motor.slow_velocity_loop": slow_loop,
     "motor.dead_zone": set_wires(dead_zone="width"),
     "motor.current_limit": set_wires(soft_limit="limit"),

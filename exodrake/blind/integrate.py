@@ -17,7 +17,7 @@ from exodrake.blind.dynamics import derivative
 from exodrake.blind.records import INPUT_SIZE
 
 RELATIVE = 1e-3
-RADIUS = 1.5e4  # 1/s, guess of the spectral radius, with a margin for scattered numbers
+RADIUS = 1.5e4  # 1/s, guess of the spectral radius, with a margin for drawn parameters
 DAMPING = 2.0 / 13.0  # of the Chebyshev polynomials, as in the paper
 SAFETY, SHRINK, GROW = 0.8, 0.1, 5.0
 SMALLEST = 1e-9  # s

@@ -1,6 +1,4 @@
-"""Joints of the second reality: passive tissue, losses, contact, the wearer's own torque. All torques [N m] act along
-+q.
-"""
+"""Joint torques of the reference simulator [N m, along +q]: tissue, losses, contact, the wearer."""
 
 from math import cos, cosh, exp, log1p, sin, sinh
 

@@ -1,4 +1,4 @@
-"""Making a blind set: case folders that say nothing about their contents, and labels sealed apart from them."""
+"""Making a blind set: case folders that say nothing about their contents, and labels committed to apart from them."""
 
 import hashlib
 import json
@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.catalogue import ENTRIES, block_of
-from exodrake.blind.commitment import write_sealed
+from exodrake.blind.commitment import COMMITMENT, write_committed
 from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
@@ -23,7 +23,7 @@ from exodrake.data.log import Log
 
 Progress = Callable[[int, int, int], None]
 
-FLOORS = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
+NOISE_STD = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
 DECIMALS = {
     "time": 2,
     "tension_ref": 3,
@@ -36,8 +36,8 @@ ROLES = {
     "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
     "grasps": ("holdout", None),
 }  # fmt: skip
-SEAL, BEGUN = "seal.txt", ".begun"
-VISIBLE = 2.0  # floors
+MARK = ".begun"  # of a set that is not complete
+VISIBLE = 2.0  # noise standard deviations
 ATTEMPTS = 6
 
 
@@ -46,19 +46,19 @@ def kind_of(column):
     return column.rsplit("_", 1)[0] if column != "time" else column
 
 
-def gap_in_floors(with_effect, without):
-    """Gap per signal: RMS difference of two logs, in floors."""
+def gap_in_noise(with_effect, without):
+    """Gap per signal: RMS difference of two logs, in noise standard deviations."""
     gaps = {}
     for name, values in with_effect.items():
-        if kind_of(name) in FLOORS:
-            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / FLOORS[kind_of(name)])
+        if kind_of(name) in NOISE_STD:
+            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[kind_of(name)])
     return gaps
 
 
 def held_out_gap(spec, without, protocol, seed):
     """Gap on a motion between two robots, noise-free; the same random courses in both."""
     logs = [simulate(replace(robot, noisy=False), protocol, seed) for robot in (spec, without)]
-    return gap_in_floors(*logs)
+    return gap_in_noise(*logs)
 
 
 def parts_gaps(case, seed):
@@ -89,7 +89,7 @@ def visible_case(plan):
 
 
 def label_of(plan, case, each, whole):
-    """What the sealed label says of a case."""
+    """Label of a case."""
     effects = []
     for effect, gap in zip(case.spec.effects, each):
         entry = ENTRIES[effect.id]
@@ -102,7 +102,7 @@ def label_of(plan, case, each, whole):
         effects.append(line | {"parameters": effect.parameters, "exact": entry.exact, "gap": gap})
     largest = max(whole.values(), default=0.0)
     kind = {"kind": plan.kind, "effects": effects, "gap": largest, "gaps": whole, "unseen_motion": plan.unseen}
-    return kind | {"numbers": {name: np.asarray(value).tolist() for name, value in case.spec.numbers.items()}}
+    return kind | {"numbers": {name: np.asarray(value).tolist() for name, value in case.spec.parameters.items()}}
 
 
 def rounded(columns):
@@ -111,7 +111,7 @@ def rounded(columns):
 
 
 def logs_of(case, name, seed):
-    """The case with its logs as the second reality would have written them."""
+    """The case with its logs as the reference simulator would have written them."""
     logs = []
     for index, (log, (role, repeats)) in enumerate(ROLES.items()):
         columns = rounded(simulate(case.spec, case.protocols[log], [*seed, 5, index]))
@@ -140,20 +140,20 @@ def keep_case(case, folder):
 
 
 def begin(folder, labels, stamp):
-    """Open the folder for making. InputError if a set is finished there, or another one was begun, or the labels
+    """Open the folder for making. InputError if a set is finished there, or another one was started, or the labels
     would lie inside.
     """
     if folder.resolve() in labels.resolve().parents:
         raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
     if labels.exists():
-        raise InputError(f"{labels}: already there; a sealed set is not made over")
-    if (folder / SEAL).exists():
-        raise InputError(f"{folder}: already sealed; a sealed set is not made over")
+        raise InputError(f"{labels}: already there; a committed set is not made over")
+    if (folder / COMMITMENT).exists():
+        raise InputError(f"{folder}: already committed; a committed set is not made over")
     folder.mkdir(parents=True, exist_ok=True)
-    mark = folder / BEGUN
+    mark = folder / MARK
     if mark.is_file():
         if mark.read_text().strip() != stamp:
-            raise InputError(f"{folder}: begun with another seed, number of cases, mix or code")
+            raise InputError(f"{folder}: started with another seed, number of cases, mix or code")
     elif any(folder.iterdir()):
         raise InputError(f"{folder}: not empty")
     write_text(mark, stamp + "\n")
@@ -162,7 +162,7 @@ def begin(folder, labels, stamp):
 
 
 def stamp_of(seed, cases, mix):
-    """What a set follows from: seed, number, mix, and the code of the second reality."""
+    """Digest of what a set follows from: seed, number of cases, mix, and the code of the reference simulator."""
     from exodrake.core.provenance import digest, pages_of
 
     return hashlib.sha256(
@@ -188,12 +188,21 @@ def make(
     cluster=None,
     progress: Progress = lambda done, failed, total: None,
 ):
-    """Make a set: `folder`/case_xx, `folder`/seal.txt, and the labels file outside it (default `folder`-labels.json).
+    """Make a set: `folder`/case_xx, the commitment, and the labels file outside the folder; returns the labels' path.
 
-    A case's folder appears whole, then its label in `labels`.part; the labels file and the seal when all are there. An
-    interrupted set is taken up where it stopped. jobs, cluster: as in `parallel.each`. progress: called with how many
-    are made, have failed, and are wanted. Returns the labels' path. InputError for bad numbers, as `begin`, and for
-    cases that could not be made, once all others are.
+    A case's folder appears whole, then its label in `labels`.part; the labels file and the commitment when all are
+    there. An interrupted set is continued.
+
+    Args:
+        folder: of the set.
+        seed: of everything in it.
+        cases: how many.
+        labels: labels file; `folder`-labels.json if None.
+        jobs, cluster: as in `parallel.each`.
+        mix: a `CaseMix`.
+        progress: called with how many are made, have failed, and are wanted.
+    Raises:
+        InputError: for a bad number of cases, as `begin`, and for cases that could not be made, once all others are.
     """
     folder, mix = Path(folder), mix or CaseMix()
     labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
@@ -203,10 +212,19 @@ def make(
     parts = labels.with_name(labels.name + ".part")
     parts.mkdir(parents=True, exist_ok=True)
     plans = plan(seed, cases, mix)
+    found = make_all(plans, folder, parts, jobs, cluster, progress)
+    write_committed({item.name: found[item.name] for item in plans}, labels, folder / COMMITMENT)
+    shutil.rmtree(parts)
+    (folder / MARK).unlink()
+    return labels
+
+
+def make_all(plans, folder, parts, jobs, cluster, progress):
+    """Labels by case, made or read back; InputError naming the cases that could not be made."""
     found = {item.name: label for item in plans if (label := made(item, folder, parts)) is not None}
     warm_up()
     waiting, failed = [item for item in plans if item.name not in found], {}
-    progress(len(found), 0, cases)
+    progress(len(found), 0, len(plans))
     with closing(each(case_and_label, ((item,) for item in waiting), jobs, cluster)) as outcomes:
         for outcome in outcomes:
             name = waiting[outcome.number].name
@@ -215,13 +233,10 @@ def make(
                 found[name] = keep(name, case, label, folder, parts)
             else:
                 failed[name] = outcome.reason
-            progress(len(found), len(failed), cases)
+            progress(len(found), len(failed), len(plans))
     if failed:
         raise InputError(f"{folder}: not made: " + "; ".join(f"{name} ({why})" for name, why in sorted(failed.items())))
-    write_sealed({item.name: found[item.name] for item in plans}, labels, folder / SEAL)
-    shutil.rmtree(parts)
-    (folder / BEGUN).unlink()
-    return labels
+    return found
 
 
 def keep(name, case, label, folder, parts):

@@ -38,9 +38,8 @@ def found_ids(diagnosis):
 def covered(truth, diagnosis, exact):
     """Whether each interval of the first effect holds the true value: list of bools.
 
-    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Where the
-    diagnosis gives an interval per lane, those of the lanes that the truth sits on count, one by one. Nothing if the
-    first effect has another id than the truth.
+    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Intervals per
+    channel count one by one, for the channels of the truth. Empty if the first effect has another id than the truth.
     """
     if top_id(diagnosis) != truth["id"] or bool(truth["exact"]) != exact:
         return []
@@ -54,10 +53,10 @@ def covered(truth, diagnosis, exact):
 
 
 def intervals_of(name, truth, stated):
-    """Intervals of one parameter: per lane if given, else the overall one."""
+    """Intervals of one parameter: per channel if given, else the overall one."""
     seat = (*truth["wires"], *truth["joints"])
-    channels = (stated.get("lanes") or {}).get(name) or {}
+    channels = (stated.get("channels") or {}).get(name) or {}
     if channels:
-        return [interval for lane, interval in channels.items() if not seat or lane in seat]
+        return [interval for channel, interval in channels.items() if not seat or channel in seat]
     overall = (stated.get("parameters") or {}).get(name)
     return [overall] if overall else []

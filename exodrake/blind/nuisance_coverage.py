@@ -1,8 +1,8 @@
-"""How well a fit knows the nominal numbers of a healthy robot of the second reality, which are known here."""
+"""How well a fit knows the nominal parameters of a robot of the reference simulator, whose truth is known."""
 
 import numpy as np
 
-from exodrake.blind.parameters import draw_numbers
+from exodrake.blind.parameters import draw_parameters
 from exodrake.diagnosis.fit import Fitter
 from exodrake.diagnosis.intervals import Z90, covariance
 from exodrake.diagnosis.nuisance import ADDITIVE
@@ -15,44 +15,44 @@ SAME = {
     "motor.kM": "torque_constant", "motor.J": "inertia", "motor.Ki": "loop_i", "motor.r": "spool",
     "sensor.tau_F": "tau_cell",
 }  # fmt: skip
-"""Number of the model -> the same number in the second reality. An end stop's steepness has another law there."""
+"""Parameter of the model -> the same one in the reference simulator. An end stop's steepness has another law there."""
 
 
-def truth(knobs, channels, numbers):
-    """Where each knob of the model's nominal numbers truly is (knobs,); NaN where the second reality has no such
-    number. lanes: wires and joints; numbers: as `draw_numbers` gives them.
+def truth(knobs, channels, parameters):
+    """True value of each nominal parameter (knobs,); NaN where the reference simulator lacks it.
+    channels: tendons and joints; parameters: as `draw_parameters` gives them.
     """
-    nominal = draw_numbers()
-    return np.array([true_knob(knob, channels, numbers, nominal) for knob in knobs])
+    nominal = draw_parameters()
+    return np.array([true_knob(knob, channels, parameters, nominal) for knob in knobs])
 
 
-def true_knob(knob, channels, numbers, nominal):
-    """Where one knob truly is: a relative error, or an angle [rad]."""
-    name, _, lane = knob.name.split()[0].rpartition(".")
+def true_knob(knob, channels, parameters, nominal):
+    """True value of one parameter: a relative error, or an angle [rad]."""
+    name, _, channel = knob.name.split()[0].rpartition(".")
     if knob.name in SAME:
-        name, lane = knob.name, ""
+        name, channel = knob.name, ""
     if name not in SAME:
         return np.nan
     here = ("axial", int(name.endswith("_e"))) if SAME[name] == "axial" else (SAME[name],)
-    drawn, usual = (at(found, here, lane, channels) for found in (numbers, nominal))
-    return drawn - usual if knob.transform == ADDITIVE else drawn / usual - 1.0
+    drawn, default = (at(found, here, channel, channels) for found in (parameters, nominal))
+    return drawn - default if knob.transform == ADDITIVE else drawn / default - 1.0
 
 
-def at(numbers, here, lane, channels):
-    """One number: of a wire or joint, on a side, or of the whole robot."""
-    value = np.asarray(numbers[here[0]])
+def at(parameters, here, channel, channels):
+    """One parameter: of a tendon or joint, on a side, or of the whole robot."""
+    value = np.asarray(parameters[here[0]])
     for place in here[1:]:
         value = value[place]
-    order = next((names for names in channels if lane in names), None)
-    return float(value if order is None else value[order.index(lane)])
+    order = next((names for names in channels if channel in names), None)
+    return float(value if order is None else value[order.index(channel)])
 
 
-def known(ranking, retuned, numbers):
-    """For each of MEMORIES: share of the nominal numbers whose 90 % interval covers the truth, and the root mean square
-    error in units of their spread.
+def coverage_of(ranking, retuned, parameters):
+    """For each of MEMORIES: share of the nominal parameters whose 90 % interval covers the truth, and their root mean
+    square error in units of the prior standard deviation.
     """
     machine = ranking.full.problem.robot.machine
-    true = truth(ranking.full.knobs, (machine.axes.tendons, machine.axes.joints), numbers)
+    true = truth(ranking.full.knobs, (machine.axes.tendons, machine.axes.joints), parameters)
     sure, found = np.isfinite(true), []
     for memory in MEMORIES:
         fitter, begin = Fitter(ranking.full.problem, memory), retuned.point
@@ -60,6 +60,6 @@ def known(ranking, retuned, numbers):
         deviations = np.sqrt(np.diag(covariance(fitter, point, fitter.responses(point, central=True))))
         error = (point.x - true)[sure]
         inside = np.abs(error) < Z90 * deviations[sure]
-        spread = np.array([knob.prior_std for knob in fitter.knobs])[sure]
-        found.append((float(inside.mean()), float(np.sqrt(np.mean((error / spread) ** 2)))))
+        prior_std = np.array([knob.prior_std for knob in fitter.knobs])[sure]
+        found.append((float(inside.mean()), float(np.sqrt(np.mean((error / prior_std) ** 2)))))
     return found

@@ -157,4 +157,4 @@ _ALL = (
     marker_jump,
     sticking_cell,
 )
-OUTSIDE_PLANTERS = {f"outside.{plant.__name__}": plant for plant in _ALL}
+OUTSIDE_INJECTORS = {f"outside.{inject.__name__}": inject for inject in _ALL}

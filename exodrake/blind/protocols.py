@@ -20,7 +20,7 @@ def clock(duration):
 
 
 def sweeps(rng):
-    """Each wire ramps four times from the anti-slack floor to its maximum and back; the others stand at levels of
+    """Each wire ramps four times from the anti-slack tension to its maximum and back; the others stand at levels of
     their maxima.
     """
     time = clock(SWEEPS)

@@ -1,6 +1,6 @@
-"""Where everything of the second reality lives: parameter record, state vector, time-varying inputs. SI throughout.
+"""Layout of the reference simulator: parameter record, state vector, time-varying inputs. SI throughout.
 
-The state vector holds three numbers (AF, MF, AE or MCP, PIP, DIP) per quantity; a quantity no effect uses simply
+The state vector holds three values (AF, MF, AE or MCP, PIP, DIP) per quantity; a quantity no effect uses simply
 stays at rest.
 """
 
@@ -42,7 +42,7 @@ ANGLE, RATE, RELAX_FAST, RELAX_SLOW, JOINT_LOSS = range(45, 60, 3)
     0, 3, 6, 9, 10, 13, 14, 15, 18, 21)  # fmt: skip
 INPUT_SIZE = NEXT
 
-# Fields of the parameter record: numbers of the whole robot, of each wire or joint, of each side and joint.
+# Fields of the parameter record: values of the whole robot, of each wire or joint, of each side and joint.
 _SCALARS = """
     tau_cell kp kd speed_max spool_config gear growth_pitch capstan_travel stribeck_speed viscous_speed
     bristle_stiffness bristle_damping contact_depth contact_stiffness tremor_torque tremor_frequency gravity_x

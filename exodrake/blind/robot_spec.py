@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.parameters import (
-    draw_numbers,
-)
+from exodrake.blind.parameters import draw_parameters
 
 FRAME = 0.02
 
 
 @dataclass(frozen=True)
-class Planted:
+class InjectedFault:
     """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty:
     all or none).
     """
@@ -35,9 +33,9 @@ class Protocol:
 
 
 @dataclass(frozen=True)
-class RealitySpec:
-    """A robot: its numbers (see `draw_numbers`), planted effects, and whether sensors are noisy and quantised."""
+class RobotSpec:
+    """A robot: its parameters (see `draw_parameters`), injected faults, and whether sensors are noisy and quantised."""
 
-    numbers: dict[str, Any] = field(default_factory=draw_numbers)
-    effects: tuple[Planted, ...] = ()
+    parameters: dict[str, Any] = field(default_factory=draw_parameters)
+    effects: tuple[InjectedFault, ...] = ()
     noisy: bool = True

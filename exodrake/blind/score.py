@@ -1,4 +1,4 @@
-"""Holding diagnoses against sealed labels: the table of diagnosis.md, "How it is judged"."""
+"""Scores of diagnoses against committed labels: the table of diagnosis.md, "How it is judged"."""
 
 import json
 from collections import Counter
@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.blind.commitment import read_sealed
+from exodrake.blind.commitment import COMMITMENT, read_committed
 from exodrake.blind.matching import accepted_blocks, accepted_ids, covered, found_ids, top_id
 from exodrake.blind.run import ANSWER, FAILED, cases_of
 from exodrake.core.errors import InputError
 
-VISIBLE = 2.0  # floors
-QUIET = ("NO_GAP", "RETUNE")
+VISIBLE = 2.0  # noise standard deviations
+NO_EFFECT = ("NO_GAP", "RETUNE")
 FAILURE = "FAILED"  # in place of a verdict
 PATIENCE = 60.0  # s
 
@@ -38,12 +38,19 @@ class Share:
 
 @dataclass(frozen=True)
 class Score:
-    """Shares, plain numbers (name -> value), baselines, confusion (truth, answer) -> count, the cases that nobody has
-    diagnosed yet, and those that failed, which are among the `cases`.
+    """Measures of a set.
+
+    Attributes:
+        shares, baselines: proportions with intervals.
+        quantities: name -> value.
+        confusion: (truth, answer) -> count.
+        missing: names of the cases without a diagnosis.
+        cases: how many have one or have failed.
+        failed: names of those that failed.
     """
 
     shares: tuple[Share, ...]
-    numbers: dict[str, float]
+    quantities: dict[str, float]
     baselines: tuple[Share, ...]
     confusion: dict[tuple[str, str], int]
     missing: tuple[str, ...]
@@ -76,14 +83,11 @@ class Answered:
         return bool(self.truths) and min(truth["gap"] for truth in self.truths) >= VISIBLE
 
 
-def binomial_interval(hits, total, level=0.95):
-    """Clopper-Pearson interval of a share; (0, 1) for no trials."""
-    from scipy.stats import beta
+def binomial_interval(hits, total):
+    """Exact (Clopper-Pearson) 95 % interval of a share; (0, 1) for no trials."""
+    from scipy.stats import binomtest
 
-    tail = (1 - level) / 2
-    low = beta.ppf(tail, hits, total - hits + 1) if hits > 0 else 0.0
-    high = beta.ppf(1 - tail, hits + 1, total - hits) if hits < total else 1.0
-    return float(low), float(high)
+    return tuple(map(float, binomtest(hits, total).proportion_ci(0.95))) if total else (0.0, 1.0)
 
 
 def share(name, outcomes, wanted=""):
@@ -94,27 +98,27 @@ def share(name, outcomes, wanted=""):
 
 def read_answers(folder, labels):
     """Cases with a diagnosis or a reason why there is none (verdict FAILED: wrong wherever it counts), and the names
-    of the others. InputError for a broken seal, a foreign case, a malformed diagnosis, or answers of several
+    of the others. InputError for labels that changed, a foreign case, a malformed diagnosis, or answers of several
     configurations.
     """
-    sealed = read_sealed(labels, Path(folder) / "seal.txt")
+    truths = read_committed(labels, Path(folder) / COMMITMENT)
     answered, missing = [], []
     for case in cases_of(folder):
-        if case.name not in sealed:
-            raise InputError(f"{case}: not among the sealed labels in {labels}")
+        if case.name not in truths:
+            raise InputError(f"{case}: not among the labels in {labels}")
         path = case / ANSWER
         if not path.is_file() and (case / FAILED).is_file():
-            answered.append(Answered(case.name, sealed[case.name], {"verdict": FAILURE}))
+            answered.append(Answered(case.name, truths[case.name], {"verdict": FAILURE}))
             continue
         if not path.is_file():
             missing.append(case.name)
             continue
         try:
             diagnosis = json.loads(path.read_text())
-            answered.append(Answered(case.name, sealed[case.name], diagnosis | {"verdict": diagnosis["verdict"]}))
+            answered.append(Answered(case.name, truths[case.name], diagnosis | {"verdict": diagnosis["verdict"]}))
         except (ValueError, KeyError, TypeError):
             raise InputError(f"{path}: not a diagnosis (JSON with key 'verdict')") from None
-    missing += sorted(set(sealed) - {case.name for case in cases_of(folder)})
+    missing += sorted(set(truths) - {case.name for case in cases_of(folder)})
     check_configurations(answered, folder)
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
@@ -171,10 +175,10 @@ def shares_of(cases):
         share("right block first", map(right_block, single), ">= 95 %"),
         share("right effect first or in its class", map(right_effect, single), ">= 90 %"),
         share("both effects of a pair", map(right_pair, pairs), ">= 80 %"),
-        share("false alarm on healthy", (case.verdict not in QUIET for case in healthy), "<= 2 %"),
+        share("false alarm on healthy", (case.verdict not in NO_EFFECT for case in healthy), "<= 2 %"),
         share("UNKNOWN on outside effects", (case.verdict == "UNKNOWN" for case in outside), ">= 90 %"),
         share("wrongly UNKNOWN", (case.verdict == "UNKNOWN" for case in healthy + single + pairs), "<= 5 %"),
-        share("missed (NO_GAP or RETUNE) though visible", (case.verdict in QUIET for case in single + pairs)),
+        share("missed (NO_GAP or RETUNE) though visible", (case.verdict in NO_EFFECT for case in single + pairs)),
         share("another effect named, or one too many", map(names_too_much, named)),
         share("lower bound of closure > 0.8 when named", (low is not None and low > 0.8 for low in lows), "all"),
         share("90 % interval covers, same parameter", inside, "85-95 %"),
@@ -191,21 +195,23 @@ def overall(case):
     return (case.diagnosis.get("closure") or {}).get("overall") or {}
 
 
-def numbers_of(cases):
-    """The rows of the table that are plain numbers."""
+def quantities_of(cases):
+    """Rows of the table that are plain quantities."""
     named = [
         overall(case).get("value") for case in cases if case.verdict == "NAMED" and case.kind in ("single", "pair")
     ]
     closures = [value for value in named if value is not None]
     seconds = [case.diagnosis["seconds"] for case in cases if case.diagnosis.get("seconds") is not None]
-    numbers = {"closure when named, median (wanted >= 0.95)": float(np.median(closures)) if closures else float("nan")}
-    numbers["closure when named, lowest"] = min(closures, default=float("nan"))
+    quantities = {
+        "closure when named, median (wanted >= 0.95)": float(np.median(closures)) if closures else float("nan")
+    }
+    quantities["closure when named, lowest"] = min(closures, default=float("nan"))
     classes = [len(found_ids(case.diagnosis)) for case in cases if case.verdict == "AMBIGUOUS"]
-    numbers["AMBIGUOUS cases"] = len(classes)
-    numbers["ids in an AMBIGUOUS class, mean"] = float(np.mean(classes)) if classes else float("nan")
-    numbers["seconds a case, median"] = float(np.median(seconds)) if seconds else float("nan")
-    numbers["seconds a case, longest"] = max(seconds, default=float("nan"))
-    return numbers
+    quantities["AMBIGUOUS cases"] = len(classes)
+    quantities["ids in an AMBIGUOUS class, mean"] = float(np.mean(classes)) if classes else float("nan")
+    quantities["seconds a case, median"] = float(np.median(seconds)) if seconds else float("nan")
+    quantities["seconds a case, longest"] = max(seconds, default=float("nan"))
+    return quantities
 
 
 def baselines_of(cases):
@@ -239,8 +245,8 @@ def confusion_of(cases):
 
 
 def score(folder, labels):
-    """Score of a set. InputError for a broken seal, a foreign case, a malformed diagnosis, or none at all."""
+    """Score of a set. InputError for labels that changed, a foreign case, a malformed diagnosis, or none at all."""
     cases, missing = read_answers(folder, labels)
     failed = tuple(case.name for case in cases if case.verdict == FAILURE)
     counts = confusion_of(cases)
-    return Score(shares_of(cases), numbers_of(cases), baselines_of(cases), counts, missing, len(cases), failed)
+    return Score(shares_of(cases), quantities_of(cases), baselines_of(cases), counts, missing, len(cases), failed)

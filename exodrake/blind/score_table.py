@@ -17,12 +17,12 @@ def rows_of(shares):
 
 
 def sections(score):
-    """Rows of the table: shares, plain numbers, baselines."""
-    numbers = [
-        (name, "", "-" if math.isnan(value) else f"{value:.3g}", "", "") for name, value in score.numbers.items()
+    """Rows of the table: shares, plain quantities, baselines."""
+    quantities = [
+        (name, "", "-" if math.isnan(value) else f"{value:.3g}", "", "") for name, value in score.quantities.items()
     ]
     baselines = [(f"baseline: {row[0]}", *row[1:]) for row in rows_of(score.baselines)]
-    return rows_of(score.shares) + numbers + baselines
+    return rows_of(score.shares) + quantities + baselines
 
 
 def title_of(score):
@@ -73,13 +73,13 @@ def as_json(score):
         return {"hits": item.hits, "total": item.total, "value": value, "low": low, "high": high, "wanted": item.wanted}
 
     confusion = [{"truth": truth, "answer": answer, "cases": many} for (truth, answer), many in score.confusion.items()]
-    numbers = {name: None if math.isnan(value) else value for name, value in score.numbers.items()}
+    quantities = {name: None if math.isnan(value) else value for name, value in score.quantities.items()}
     return {
         "cases": score.cases,
         "missing": list(score.missing),
         "failed": list(score.failed),
         "shares": {item.name: plain(item) for item in score.shares},
-        "numbers": numbers,
+        "numbers": quantities,
         "baselines": {item.name: plain(item) for item in score.baselines},
         "confusion": confusion,
     }

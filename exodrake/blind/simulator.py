@@ -1,10 +1,10 @@
-"""One robot of the second reality: what it is made of, and the log it leaves.
+"""One robot of the reference simulator: what it is made of, and the log it leaves.
 
-    slack = Planted("tendon.slack", wires=("MF",), parameters={"length": 0.002})
-    spec = RealitySpec(numbers=draw_numbers(rng), effects=(slack,))
+    slack = InjectedFault("tendon.slack", wires=("MF",), parameters={"length": 0.002})
+    spec = RobotSpec(parameters=draw_parameters(rng), effects=(slack,))
     columns = simulate(spec, Protocol("grasps", reference), seed=7)
 
-No equation of exodrake's main model is used here: only the page `model.md` is common to both.
+No equation of exodrake's main model is used here: only the specification `model.md` is common to both.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from exodrake.blind.parameters import (
     robot_record,
 )
 from exodrake.blind.records import ANGLE, INPUT_SIZE, JOINTS, MARKER_SHIFT, STATE_SIZE, THETA, WIRES, tolerance_vector
-from exodrake.blind.robot_spec import FRAME, Protocol, RealitySpec
+from exodrake.blind.robot_spec import FRAME, Protocol, RobotSpec
 from exodrake.core.errors import InputError
 
 
@@ -40,16 +40,16 @@ class Build:
 
 def assemble(spec, frames, rng):
     """Build of a spec for a log of so many frames; effects with random courses draw them from rng."""
-    from exodrake.blind.catalogue import PLANTERS
+    from exodrake.blind.catalogue import INJECTORS
 
     time = FRAME * np.arange(frames + 2)
     build = Build(
-        robot_record(spec.numbers, spec.noisy), np.zeros((frames + 2, INPUT_SIZE)), np.zeros((frames, 3), bool), time
+        robot_record(spec.parameters, spec.noisy), np.zeros((frames + 2, INPUT_SIZE)), np.zeros((frames, 3), bool), time
     )
     for effect in spec.effects:
-        if effect.id not in PLANTERS:
-            raise InputError(f"effect {effect.id!r} is not one the second reality knows")
-        PLANTERS[effect.id](build, effect, rng)
+        if effect.id not in INJECTORS:
+            raise InputError(f"effect {effect.id!r} is not one the reference simulator knows")
+        INJECTORS[effect.id](build, effect, rng)
     build.record["has_inputs"] = float(np.any(build.inputs))
     return build
 
@@ -129,4 +129,4 @@ def simulate(spec, protocol, seed):
 
 def warm_up():
     """Compile the kernels into numba's cache, so that several processes do not do it at once."""
-    simulate(RealitySpec(), Protocol("warm-up", np.full((2, 3), 1.0)), 0)
+    simulate(RobotSpec(), Protocol("warm-up", np.full((2, 3), 1.0)), 0)

@@ -1,4 +1,4 @@
-"""Wires of the second reality: routing by the law of cosines, bristle friction, elasticity with memory."""
+"""Wires of the reference simulator: routing by the law of cosines, bristle friction, elasticity with memory."""
 
 from math import atan, cos, exp, log1p, sin, sqrt, tanh
 
@@ -19,7 +19,7 @@ from exodrake.blind.records import (  # fmt: skip
 )
 
 FULL_TURN = 6.283185307179586
-USUAL_LOAD, LIGHTEST = 4.0, 0.2  # N; a polymer sheath's friction coefficient falls slowly with load [A]
+TYPICAL_LOAD, LIGHTEST = 4.0, 0.2  # N; a polymer sheath's friction coefficient falls slowly with load [A]
 
 
 @njit(cache=True)
@@ -118,7 +118,7 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
     """
     if p.capstan[wire] > 0.0:
         dy[CAPSTAN + wire] = bristle_rate(y[CAPSTAN + wire], speed, p.capstan_travel)
-        lighter = (max(tension, LIGHTEST) / USUAL_LOAD) ** -0.1
+        lighter = (max(tension, LIGHTEST) / TYPICAL_LOAD) ** -0.1
         tension *= exp(-p.capstan[wire] * lighter * y[CAPSTAN + wire])
     loss = 0.0
     if p.coulomb[wire] > 0.0:

@@ -1,4 +1,4 @@
-"""`exodrake blind`: make, run and score withheld cases from a second, independent simulator."""
+"""`exodrake blind`: make, run and score withheld cases from a reference simulator."""
 
 from pathlib import Path
 
@@ -9,25 +9,29 @@ from exodrake.core.progress import counted, where_to_run
 
 @click.group()
 def command() -> None:
-    """Make, seal and score cases from a second, independent simulator."""
+    """Make, commit to and score cases from the reference simulator."""
 
 
-@command.command(short_help="Write the logs of drawn robots, their labels sealed apart.")
+@command.command(short_help="Write the logs of drawn robots, their labels committed to apart.")
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")
 @click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
 @where_to_run
 def make(seed: int, cases: int, out: Path, labels: Path | None, jobs: int, cluster: str | None) -> None:
-    """Draw robots from the second reality and write their logs; the labels are sealed apart.
+    """Draw robots from the reference simulator and write their logs; the labels are committed to apart.
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
+    from exodrake.blind.catalogue import without_entry
     from exodrake.blind.make import make as make_set
+    from exodrake.machines.robot_file import load_robot
 
+    if lacking := without_entry(effect.id for effect in load_robot().machine.effects):
+        click.echo(f"no entry in the catalogue, and so in no case: {', '.join(lacking)}", err=True)
     with counted("making") as count:
         path = make_set(out, seed, cases, labels, jobs, cluster=cluster, progress=count)
-    click.echo(f"{cases} cases in {out}; labels in {path}, sealed in {out / 'seal.txt'}")
+    click.echo(f"{cases} cases in {out}; labels in {path}, committed in {out / 'seal.txt'}")
 
 
 @command.command()
@@ -56,7 +60,7 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write the score as JSON.")
 @click.option("--markdown", type=click.Path(path_type=Path), default=None, help="Write the score as Markdown.")
 def score(folder: Path, labels: Path, json_file: Path | None, markdown: Path | None) -> None:
-    """Check the seal and hold the diagnoses of FOLDER against the labels."""
+    """Check the commitment and score the diagnoses of FOLDER against the labels."""
     import json
 
     from rich.console import Console

@@ -20,7 +20,7 @@ CASE, LABELS, SEAL = "case", "label.json", "seal.txt"
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("demo"), show_default=True, help="Folder.")
 def command(seed: int, out: Path) -> None:
-    """Simulate a grasp, hide a fault in a second, independent simulator, and find it from logs alone."""
+    """Simulate a grasp, hide a fault in a reference simulator, and find it from logs alone."""
     from rich.console import Console
 
     from exodrake.cli.simulate import check_folder
@@ -79,15 +79,15 @@ def grasp(console: Console, folder: Path) -> None:
 
 
 def hide(console: Console, out: Path, seed: int) -> None:
-    """Makes one case with one effect in the second reality; its label goes into a sealed file."""
-    from exodrake.blind.commitment import write_sealed
+    """Makes one case with one effect in the reference simulator; its label goes into a sealed file."""
+    from exodrake.blind.commitment import write_committed
     from exodrake.blind.make import make_case
     from exodrake.blind.simulator import warm_up
 
-    with console.status("the second reality runs"):
+    with console.status("the reference simulator runs"):
         warm_up()
         label = make_case(planned(seed), out)
-        write_sealed({CASE: label}, out / LABELS, out / SEAL)
+        write_committed({CASE: label}, out / LABELS, out / SEAL)
     seal = (out / SEAL).read_text()[:16]
     console.print(f"   five logs in {out / CASE}, label sealed as {seal}…", soft_wrap=True)
 
@@ -123,10 +123,10 @@ def diagnose(out: Path) -> Diagnosis:
 
 def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     """Opens the label, and says whether the verdict was right."""
-    from exodrake.blind.commitment import read_sealed
+    from exodrake.blind.commitment import read_committed
     from exodrake.blind.matching import accepted_ids, found_ids
 
-    label = read_sealed(out / LABELS, out / SEAL)[CASE]
+    label = read_committed(out / LABELS, out / SEAL)[CASE]
     for truth in label["effects"]:
         seat = " and ".join((*truth["wires"], *truth["joints"]))
         parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())

@@ -24,7 +24,7 @@ COMMANDS = {
     "train": ("exodrake.cli.train", "Train the joint-angle estimator on logs."),
     "estimate": ("exodrake.cli.estimate", "Joint angles from stroke and tension, with their uncertainty."),
     "grasp": ("exodrake.cli.grasp", "From grasp mode and object size to joint targets and tensions."),
-    "blind": ("exodrake.cli.blind", "Make, seal and score cases from a second, independent simulator."),
+    "blind": ("exodrake.cli.blind", "Make, commit to and score cases from the reference simulator."),
     "import": ("exodrake.cli.import_", "Turn a foreign recording into a log, by a mapping file."),
     "export": ("exodrake.cli.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
     "watch": ("exodrake.cli.watch", "Follow a growing log: the gap per block, and an alarm."),
