@@ -22,7 +22,7 @@ for joint in ("MCP", "PIP", "DIP"):
     column = f"angle_{joint}"
     print(f"{joint}     {nominal[column][hold].mean():.3f}     {with_friction[column][hold].mean():.3f}")
 
-save_png(nominal.plot("Caging", with_friction, ("nominal", "sheath friction")), folder / "caging.png")
+save_png(nominal.plot("Caging", with_friction, ("nominal", "sheath friction"), robot.machine), folder / "caging.png")
 glue = Thing(centre=(0.018, -0.036), radius=0.011, length=0.06)  # a glue stick, where the curled finger touches it [m]
 (folder / "caging.html").write_text(recording_html(nominal, robot, "Caging", glue))
 print(f"caging.png and caging.html are in {folder.resolve().name}/")

@@ -23,4 +23,4 @@ for engine in ("compiled", "drake"):
     print(f"{engine:9s} {logs[engine].duration / spent:8.0f} simulated seconds per second")
 
 print("the same to the last bit:", logs["compiled"].equals(logs["drake"]))
-save_png(logs["drake"].plot("Narrow pinch, by Drake"), folder / "narrow_pinch.png")
+save_png(logs["drake"].plot("Narrow pinch, by Drake", machine=robot.machine), folder / "narrow_pinch.png")

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import exodrake as exo
-from exodrake.data.plot import JOINT_COLOURS, save_png
+from exodrake.data.plot import save_png
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()
@@ -33,8 +33,8 @@ print(f"between {shares[jump]:.2f} and {shares[jump + 1]:.2f} the DIP goes from 
 
 figure = Figure(figsize=(5.5, 3.4), layout="constrained")
 axes = figure.subplots()
-for i, (joint, colour) in enumerate(JOINT_COLOURS.items()):
-    axes.plot(shares, held[:, i], "o-", ms=3.5, color=colour, label=joint)
+for i, joint in enumerate(robot.machine.axes.joints):
+    axes.plot(shares, held[:, i], "o-", ms=3.5, color=robot.machine.colours[joint], label=joint)
 axes.axvline(pinch["AE"] / pinch["AF"], color="#888", ls=":", label="wide pinch")
 axes.set(xlabel="Tension of AE over tension of AF", ylabel="Joint angle [rad]", title="Wide pinch, AF at 9 N")
 axes.legend(frameon=False)

@@ -22,7 +22,7 @@ from exodrake.diagnosis.result import (
     Where,
 )
 from exodrake.machines.robot_file import load_robot
-from exodrake.report.evidence import Evidence
+from exodrake.report.held_out_runs import HeldOutRuns
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
 TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
@@ -33,16 +33,16 @@ REGIME = {"direction of motion": 0.61, "load": 0.22, "time since reversal": 0.12
 IDS = ("tendon.capstan_friction", "tendon.coulomb_friction", "finger.hysteresis", "finger.stiffness + sensor.gain")
 
 
-def floors_and_sizes():
-    """Floor and size of each column [SI]."""
+def noise_and_sizes():
+    """Noise standard deviation and size of each column [SI]."""
     table = {**KINDS, "angle": ("rad", 5e-3, 0.9)}
     return (np.array([table[c.rsplit("_", 1)[0]][k] for c in COLUMNS]) for k in (1, 2))
 
 
-def evidence(robot=None, frames=1500, gap=0.06):
+def held_out_runs(robot=None, frames=1500, gap=0.06):
     """Held-out runs: the nominal robot errs by a share `gap`, the improved one by noise alone."""
     rng = np.random.default_rng(1)
-    floor, size = floors_and_sizes()
+    floor, size = noise_and_sizes()
     time = 0.02 * np.arange(frames)
     course = np.clip(1.2 * np.sin(2 * np.pi * time / 7.5), 0, 1)[:, None] * size * rng.uniform(0.5, 1.0, len(floor))
     measured = course + floor * rng.standard_normal(course.shape)
@@ -53,12 +53,12 @@ def evidence(robot=None, frames=1500, gap=0.06):
     fit = replace(held, name="chirp.csv.gz", role="fit")
     log = Log(time, dict(zip(COLUMNS, measured.T, strict=True)))
     case = Case("synthetic", {}, (CaseLog(log, "chirp", "fit", None, fit.name),))
-    return Evidence(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case), (runs,))
+    return HeldOutRuns(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case), (runs,))
 
 
 def closure(healthy=False):
-    """Gaps of all signals, down to 1.05 floors."""
-    floor, size = floors_and_sizes()
+    """Gaps of all signals, down to 1.05 noise standard deviations."""
+    floor, size = noise_and_sizes()
     units = {kind: item[0] for kind, item in KINDS.items()} | {"angle": "rad"}
     signals = {
         name: SignalGap(b, 0.8 * b, 1.05 * f, f, 0.98, units[name.rsplit("_", 1)[0]])
@@ -68,7 +68,7 @@ def closure(healthy=False):
 
 
 def effect():
-    """Capstan friction on two wires."""
+    """Capstan friction on two tendons."""
     channels = {"AF": Interval(0.31, 0.28, 0.34), "MF": Interval(0.29, 0.25, 0.33)}
     return NamedEffect(
         "tendon.capstan_friction", ("AF", "MF"), (), {"mu_phi": Interval(0.30, 0.27, 0.33)}, {"mu_phi": channels}, 0.97

@@ -96,17 +96,18 @@ def test_bad_log_names_file_and_column(case):
     assert result.exit_code == 2 and "a.csv" in result.output and "MF" in result.output
 
 
-def test_a_report_that_fails_leaves_no_file(case, answered, tmp_path, monkeypatch):
-    import exodrake.report.html as html
+def test_an_error_in_the_report_loses_no_answer(case, answered, tmp_path, monkeypatch):
+    import exodrake.report.diagnosis_page as diagnosis_page
 
     def fails(*_):
         raise RuntimeError("ink is out")
 
     answered(NAMED)
-    monkeypatch.setattr(html, "report_html", fails)
+    monkeypatch.setattr(diagnosis_page, "report_html", fails)
     result = run("diagnose", case, "--json", tmp_path / "a.json", "--report", tmp_path / "r.html")
     assert isinstance(result.exception, RuntimeError)
-    assert {path.name for path in tmp_path.iterdir()} == {"case"}
+    assert "NAMED" in result.output
+    assert {path.name for path in tmp_path.iterdir()} == {"case", "a.json"}
 
 
 def test_bar_only_goes_forward():

@@ -9,14 +9,14 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from report_synthetic import COLUMNS, IDS, VERDICTS, diagnosis, evidence
+from report_synthetic import COLUMNS, IDS, VERDICTS, diagnosis, held_out_runs
 from rich.console import Console
 
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
-from exodrake.report import words
-from exodrake.report.evidence import binned, changed_parameters, spectra, top_condition
-from exodrake.report.html import page
-from exodrake.report.summary import print_summary
+from exodrake.report import number_format, wording
+from exodrake.report.diagnosis_page import page
+from exodrake.report.held_out_runs import binned, changed_parameters, spectra, top_condition
+from exodrake.report.terminal import print_summary
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 VOID = {"meta", "br", "img", "i"}
@@ -29,7 +29,7 @@ def pages():
     def of(verdict):
         if verdict not in made:
             found = diagnosis(verdict)
-            made[verdict] = page(found, evidence(found.robots["nominal"], frames=600))
+            made[verdict] = page(found, held_out_runs(found.robots["nominal"], frames=600))
         return made[verdict]
 
     return of
@@ -58,7 +58,7 @@ def test_page_is_small_and_needs_nothing_from_outside(pages, verdict):
 
 def test_page_says_the_answer(pages):
     text = visible(pages(NAMED))
-    for wanted in ("Capstan friction on wires AF and MF", "tendon.capstan_friction", "0.280 to 0.340", "93 to 98 %",
+    for wanted in ("Capstan friction on tendons AF and MF", "tendon.capstan_friction", "0.280 to 0.340", "93 to 98 %",
                    "finger.kappa.MCP", "-11.0 %", "2 repeated rows dropped", "quiet_column", "raw BIC"):  # fmt: skip
         assert wanted in text, wanted
     assert "case &lt;7&gt; &amp; co" in text
@@ -82,14 +82,14 @@ def test_page_is_well_formed_and_ids_do_not_clash(pages):
     assert len(ids) == len(set(ids))
 
 
-def test_healthy_page_tells_no_place_and_no_cause(pages):
+def test_page_of_no_gap_has_no_place_and_no_effect(pages):
     text = visible(pages(NO_GAP))
     assert "Where:" not in text and "Which:" not in text and "No gap" in text
 
 
 def test_unknown_page_names_no_effect(pages):
     text = visible(pages(UNKNOWN))
-    assert "no known effect" in text and "not accepted" in text and "Probability" not in text
+    assert "no effect of the library" in text and "not accepted" in text and "Probability" not in text
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
@@ -125,19 +125,19 @@ def test_summary_of_each_kind():
     assert "closure" not in said(NO_GAP) and "10 %" in said(RETUNE)
 
 
-def test_top_condition_is_the_one_that_was_planted():
-    found = top_condition(diagnosis(), evidence())
+def test_top_condition_is_the_injected_one():
+    found = top_condition(diagnosis(), held_out_runs())
     assert found is not None and found.name == "direction of motion"
     assert found.before.std() > 5 * found.after.std()
 
 
-def test_spectrum_of_white_noise_lies_on_the_line_of_the_floor():
-    runs = evidence(frames=6000)
+def test_spectrum_of_white_noise_is_that_of_unit_variance():
+    runs = held_out_runs(frames=6000)
     _, power = spectra(runs, "improved", "tension")
     assert power[2:].mean() == pytest.approx(2 * runs.period, rel=0.1)
 
 
-def test_changed_numbers_come_largest_first():
+def test_changed_parameters_come_largest_first():
     names = [row[0] for row in changed_parameters(diagnosis())]
     assert names == ["finger.kappa.MCP", "tendon.k.AF", "tendon.k.MF", "tendon.k.AE"]
 
@@ -150,25 +150,29 @@ def test_binned_means():
 
 
 def test_quantities_have_a_unit_and_as_many_digits_as_they_deserve():
-    assert words.quantity(0.0123, "m") == "12.3 mm"
-    assert words.quantity(np.pi / 4, "rad") == "45.0°"
-    assert words.quantity(2700.0, "N/m") == "2.70 N/mm"
-    assert words.quantity(np.inf, "N/m") == "∞ N/mm"
-    assert words.interval_words(Interval(0.31234, 0.281, 0.3432)) == ("0.312", "0.281 to 0.343")
-    assert words.interval_words(Interval(8000.0, 4000.0, np.inf, "N/m"))[1] == "4.00 to ∞"
-    assert words.digits(np.nan) == "none"
-    assert words.share(0.99953) == "99.9 %" and words.share(1.0) == "100 %" and words.share(0.5) == "50 %"
+    assert number_format.quantity(0.0123, "m") == "12.3 mm"
+    assert number_format.quantity(np.pi / 4, "rad") == "45.0°"
+    assert number_format.quantity(2700.0, "N/m") == "2.70 N/mm"
+    assert number_format.quantity(np.inf, "N/m") == "∞ N/mm"
+    assert number_format.interval(Interval(0.31234, 0.281, 0.3432)) == ("0.312", "0.281 to 0.343")
+    assert number_format.interval(Interval(8000.0, 4000.0, np.inf, "N/m"))[1] == "4.00 to ∞"
+    assert number_format.digits(np.nan) == "none"
+    assert (
+        number_format.percent(0.99953) == "99.9 %"
+        and number_format.percent(1.0) == "100 %"
+        and number_format.percent(0.5) == "50 %"
+    )
 
 
-def test_closure_per_kind_counts_in_floors():
-    gaps = {g.kind: g for g in words.kind_gaps(diagnosis())}
+def test_closure_per_kind_counts_in_noise_standard_deviations():
+    gaps = {g.kind: g.gap for g in wording.kind_gaps(diagnosis())}
     assert list(gaps) == ["tension", "stroke", "speed_cmd", "angle"]
     tension = gaps["tension"]
     assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.floor) ** 2 - 1))
 
 
-def test_page_without_motion_capture_and_without_a_shelf_entry():
-    found, runs = diagnosis(), evidence(frames=300)
+def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
+    found, runs = diagnosis(), held_out_runs(frames=300)
     keep = [i for i, c in enumerate(COLUMNS) if not c.startswith("angle")]
     held = tuple(replace(t, measured=t.measured[:, keep]) for t in runs.problem.holdout)
     problem = replace(
@@ -181,3 +185,29 @@ def test_page_without_motion_capture_and_without_a_shelf_entry():
     runs = replace(runs, problem=problem, simulated=({n: rows[:, keep] for n, rows in runs.simulated[0].items()},))
     strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow"),))
     assert "Of tomorrow" in visible(page(strange, runs))
+
+
+def test_page_and_summary_of_a_diagnosis_without_columns():
+    found, runs = diagnosis(), held_out_runs(frames=300)
+    nothing = tuple(replace(t, measured=t.measured[:, :0]) for t in runs.problem.holdout)
+    problem = replace(runs.problem, columns=(), noise_std=np.zeros(0), holdout=nothing, fit=nothing)
+    runs = replace(runs, problem=problem, simulated=({n: rows[:, :0] for n, rows in runs.simulated[0].items()},))
+    found = replace(found, closure=replace(found.closure, signals={}))
+    assert "Capstan friction" in visible(page(found, runs))
+    print_summary(found, Console(file=StringIO()))
+
+
+def test_machine_says_label_and_unit_of_its_columns():
+    robot = diagnosis().robots["nominal"]
+    columns = tuple(replace(c, label="Pull", unit="mN") if c.kind == "tension" else c for c in robot.machine.columns)
+    other = replace(robot, machine=replace(robot.machine, columns=columns))
+    found = replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other))
+    tension = wording.kind_gaps(found)[0]
+    assert tension.display.axis == "Pull [mN]"
+    assert number_format.quantity(tension.gap.floor, "N", tension.display.unit) == "10.0 mN"
+
+
+def test_column_names_split_into_kind_and_channel():
+    machine = diagnosis().robots["nominal"].machine
+    assert wording.split_column("speed_cmd_AF", machine) == ("speed_cmd", "AF")
+    assert wording.split_column("angle_shoulder_pan", machine) == ("angle", "shoulder_pan")

@@ -1,36 +1,25 @@
-"""Style and small pieces of the closed loop's figures. matplotlib is imported inside the functions that draw."""
+"""Style of the closed loop's figures, and the grid of equal damping and frequency in the z plane."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from exodrake.data.plot import STYLE
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = {"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"}  # Okabe and Ito: told apart by all eyes
-SPARE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")
 FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
 PLATE = {"boxstyle": "round,pad=0.1", "fc": "#f6f8fa", "ec": "none"}
 TAG: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "ha": "center", "va": "center"}
-STYLE: Any = {
-    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
-    "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
-    "xtick.major.width": 0.7, "ytick.major.width": 0.7, "axes.axisbelow": True, "axes.labelpad": 4,
-}  # fmt: skip
-
-
-def colour_of(wire: str, place: int) -> str:
-    """Colour of a wire, by name where known."""
-    return COLOURS.get(wire, SPARE[place % len(SPARE)])
 
 
 def styled(draw: Callable[[Any], Figure]) -> Callable[[Any], Figure]:
-    """Draws under the house style."""
+    """Draws under the style of the package's figures."""
 
     @wraps(draw)
     def drawn(result: Any) -> Figure:
@@ -42,22 +31,8 @@ def styled(draw: Callable[[Any], Figure]) -> Callable[[Any], Figure]:
     return drawn
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch] that needs no display."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def png_of(figure: Figure, dpi: int = 200) -> bytes:
-    """A figure as PNG."""
-    buffer = BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
-    return buffer.getvalue()
-
-
 def draw_damping_grid(axes: Any, period: float) -> None:
-    """Unit circle; z = exp(s T) for constant damping ratio and for constant natural frequency."""
+    """Draws the unit circle, and z = exp(s T) for constant damping ratio and for constant natural frequency."""
     turn = np.linspace(0.0, 2.0 * np.pi, 400)
     axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
     axes.plot(np.cos(turn), np.sin(turn), color="#333", lw=1.0)

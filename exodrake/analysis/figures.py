@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.drawing import DARK, colour_of, draw_damping_grid, new_figure, png_of, styled
+from exodrake.analysis.drawing import DARK, draw_damping_grid, styled
 from exodrake.analysis.frequency import FrequencyResponse, reference_to_tension
 from exodrake.analysis.margins import Margins
 from exodrake.analysis.stability import LatencySweep, StabilityMap
 from exodrake.analysis.steps import StepResponse
+from exodrake.core.display import colour_of
+from exodrake.data.plot import new_figure, png_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +35,7 @@ def plot_steps(result: ClosedLoop) -> Figure:
         change = (step.tension - result.point.tension) / step.size
         for j, wire in enumerate(channels):
             look = {"lw": 1.5} if wire == step.wire else {"lw": 0.9, "alpha": 0.75}
-            axes.plot(step.time, change[:, j], color=colour_of(wire, j), label=wire, **look)
+            axes.plot(step.time, change[:, j], color=colour_of(wire, j, result.robot.machine), label=wire, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         shown = 2.5 if not step.settling > 2.3 else 1.2 * step.settling
         axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.wire}")
@@ -129,7 +131,7 @@ def plot_bode(result: ClosedLoop) -> Figure:
     figure, count = new_figure(7.0, 5.2), len(result.responses)
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False, height_ratios=[1.4, 1.2, 0.7])
     for j, response in enumerate(result.responses):
-        draw_response(rows[:, j], result, response, colour_of(response.wire, j))
+        draw_response(rows[:, j], result, response, colour_of(response.wire, j, result.robot.machine))
     rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
     for axes, name in zip(rows[:, 0], ("Gain [dB]", "Phase [deg]", "Coherence [-]")):
         axes.set_ylabel(name)
@@ -170,7 +172,7 @@ def plot_margins(result: ClosedLoop) -> Figure:
     figure = new_figure(7.0, 4.2)
     rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
     for j, m in enumerate(result.margins):
-        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.wire, j))
+        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.wire, j, result.robot.machine))
     for axes, name in zip(rows[:, 0], ("|L| [dB]", "arg L [deg]")):
         axes.set_ylabel(name)
     figure.align_ylabels(rows[:, 0])

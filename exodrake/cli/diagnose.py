@@ -14,13 +14,14 @@ import click
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
+    from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
 
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 # how far a diagnosis is when a step begins [%], by the step's first words; other steps are candidates
 STEPS = {
     "measuring the gap": 2, "retuning": 8, "screening": 15, "refining": 60, "a second effect": 70,
-    "measuring how far": 90, "where": 95, "drawing": 98,
+    "measuring how far": 90, "where": 95,
 }  # fmt: skip
 CANDIDATE = 3  # % for each candidate
 
@@ -71,7 +72,7 @@ def diagnose_case(
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.summary import print_summary
+    from exodrake.report.terminal import print_summary
 
     for path in (json_file, report, out_robot):
         check_target(path)
@@ -83,10 +84,10 @@ def diagnose_case(
         from exodrake.diagnosis.pipeline import diagnose
 
         found = diagnose(read, nominal, say, tried)
-        say("drawing the report")
-        contents = contents_of(found, read, nominal, json_file, report, out_robot)
     print_summary(found)
-    write_all(contents)
+    write_all(contents_of(found, json_file, out_robot))
+    if report is not None:
+        write_all({report: report_of(found, read, nominal)})
 
 
 def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
@@ -148,20 +149,21 @@ def advance(done: float, step: str) -> float:
     return max(done, float(known)) if known is not None and known > done else max(done, min(done + CANDIDATE, 97.0))
 
 
-def contents_of(
-    found: Diagnosis, case, nominal: Robot, json_file: Path | None, report: Path | None, out_robot: Path | None
-) -> dict[Path, str]:
-    """Texts of all files asked for, made before any is written."""
+def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:
+    """The report, made after the answer is printed and written: an error in it loses no answer."""
+    from exodrake.diagnosis.problem import make_problem
+    from exodrake.report import report_html
+
+    return report_html(found, make_problem(case, nominal))
+
+
+def contents_of(found: Diagnosis, json_file: Path | None, out_robot: Path | None) -> dict[Path, str]:
+    """Texts of the answer's files, made before any is written."""
     import json
 
     contents = {}
     if json_file is not None:
         contents[json_file] = json.dumps(found.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    if report is not None:
-        from exodrake.diagnosis.problem import make_problem
-        from exodrake.report.html import report_html
-
-        contents[report] = report_html(found, make_problem(case, nominal))
     if out_robot is not None:
         contents[out_robot] = robot_text(found)
     return contents

@@ -114,7 +114,7 @@ def files_of(asked: Scenario, robot: Robot, log: Log, name: str, say) -> dict[st
     again = replace(asked, reference="log.csv") if asked.reference else asked
     title = ", ".join([name.replace("-", " "), *robot.effects()])
     say("drawing the figure")
-    figure = png_of(log.plot(title))
+    figure = png_of(log.plot(title, machine=robot.machine))
     say("drawing the recording")
     page = recording_html(log, robot, title)
     return {"scenario.yaml": scenario_text(again).encode(), "figure.png": figure, "recording.html": page.encode()}

@@ -36,13 +36,19 @@ def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
     return name, float(denominator / numerator)
 
 
-def display_of(kind: str, machine: Machine | None = None) -> Display:
-    """Label, unit and factor of a kind of column, from the machine's column where it has one."""
+def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:
+    """How a kind of column is shown, as the machine's column says where there is one.
+
+    Args:
+        kind: `tension`, `angle` ...
+        machine: whose columns may name label and unit.
+        si: unit of the column where the machine does not have it; else the first that the kind may have.
+    """
     column = next((c for c in machine.columns if c.kind == kind), None) if machine else None
+    label = kind.replace("_", " ").capitalize()
     if machine is None or column is None:
-        return Display(kind.replace("_", " ").capitalize(), *shown_unit(KINDS.get(kind, ("-",))[0]))
-    si = machine.signal[column.signal].unit
-    return Display(column.label or kind.replace("_", " ").capitalize(), *shown_unit(si, column.unit))
+        return Display(label, *shown_unit(si or KINDS.get(kind, ("-",))[0]))
+    return Display(column.label or label, *shown_unit(machine.signal[column.signal].unit, column.unit))
 
 
 def colour_of(channel: str, index: int, machine: Machine | None = None) -> str:

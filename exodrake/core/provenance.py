@@ -14,6 +14,8 @@ ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simu
 ASIDE = (
     "diagnosis/healthy.py",
     "data/plot.py",
+    "core/display.py",
+    "core/templates.py",
 )
 
 

@@ -54,12 +54,13 @@ def stream_order(machine: Machine) -> list[str]:
     return list(min(permutations(names), key=cost)) if len(names) <= 7 else names
 
 
-def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> str:
+def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, schedule: bool = True) -> str:
     """The drawing as SVG text.
 
     Args:
         shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
             The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
+        schedule: whether the slots of a frame are drawn below.
     """
     shares = None if shares is None else part_shares(machine, shares)
     order = [OUTSIDE, *stream_order(machine), LOG]
@@ -67,7 +68,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
     width = 2 * MARGIN + CELL * len(order)
     grid = TOP + ROW * len(order)
     chips = max(len(tasks_in(machine, slot)) for slot in range(machine.slots))
-    height = grid + 96 + STRIP + (CHIP + 4) * chips
+    height = grid + (96 + STRIP + (CHIP + 4) * chips if schedule else 16)
     body = [
         f'<text class="title" x="{MARGIN}" y="42">{escape(machine.name.replace("_", "-"))}: parts and wires</text>',
         f'<text class="sub" x="{MARGIN}" y="64">A part writes along its row and reads along its column. '
@@ -75,7 +76,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None) -> s
         *(draw_link(machine, order, hue, pair, wires) for pair, wires in links(machine).items()),
         *(draw_label(machine, order, hue, pair, wires) for pair, wires in links(machine).items()),
         *(draw_part(machine, order, hue, name, shares) for name in order),
-        *draw_strip(machine, hue, grid + 40, width - 2 * MARGIN),
+        *(draw_strip(machine, hue, grid + 40, width - 2 * MARGIN) if schedule else ()),
     ]
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">'
     markers = "".join(arrow(colour) for colour in sorted(set(hue.values())))

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from exodrake.core.display import colour_of, display_of
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.data.plot import STYLE, colour_of, draw_estimate, draw_panel
+from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
 from exodrake.grasping.contact import joints
 from exodrake.grasping.inverse import parameters_of
 from exodrake.grasping.plan import Plan
@@ -25,16 +26,15 @@ SHOWN = ("#222222", "#0072b2", "#d55e00")  # planned, reached, estimated
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
     """The figure of a plan and of its run (`run.run_plan`)."""
     import matplotlib
-    from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(10.4, 5.4), layout="constrained")
+        figure = new_figure(10.4, 5.4)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.1), height_ratios=(1.5, 1.0))
         draw_posture(figure.add_subplot(grid[:, 0]), plan, log, robot)
         angle = figure.add_subplot(grid[0, 1])
-        draw_angles(angle, plan, log)
+        draw_angles(angle, plan, log, robot)
         tension = figure.add_subplot(grid[1, 1], sharex=angle)
-        draw_panel(tension, log, "tension")
+        draw_panel(tension, log, "tension", robot.machine)
         tension.legend(loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
         tension.set_xlabel("Time [s]")
         tension.set_xlim(log.time[0], log.time[-1])
@@ -84,20 +84,21 @@ def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
     axes.legend(loc="lower left", ncols=3, handlelength=2.2, columnspacing=1.0, bbox_to_anchor=(0.0, 1.0))
 
 
-def draw_angles(axes: Any, plan: Plan, log: Log) -> None:
-    """Joint angles as measured, with the estimate as a black line and band, and the plan dashed."""
+def draw_angles(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
+    """Draws joint angles as measured, with the estimate as a black line and band, and the plan dashed."""
     from matplotlib.lines import Line2D
 
+    display = display_of("angle", robot.machine)
     for i, name in enumerate(plan.joints):
-        colour = colour_of(name, i)
-        axes.plot(log.time, log[f"angle_{name}"], color=colour, label=name)
-        draw_estimate(axes, log, "angle", name, colour)
-        axes.axhline(plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
+        colour = colour_of(name, i, robot.machine)
+        axes.plot(log.time, display.factor * log[f"angle_{name}"], color=colour, label=name)
+        draw_estimate(axes, log, "angle", name, colour, display.factor)
+        axes.axhline(display.factor * plan.planned[i], color=colour, lw=0.9, ls=(0, (4, 2)))
     handles = axes.get_legend_handles_labels()[0]
     handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))
     handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="planned"))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.04), handlelength=1.8)
-    axes.set_ylabel("Joint angle [rad]")
+    axes.set_ylabel(display.axis)
 
 
 def fill(axes: Any, points: list[complex], radii: list[float], colour: str, alpha: float) -> None:

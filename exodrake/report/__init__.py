@@ -1,15 +1,20 @@
-"""A diagnosis for people: `report_html` makes a page, `print_summary` ten seconds' reading in a terminal."""
+"""A diagnosis for people: `report_html` makes a page, `print_summary` prints ten seconds' reading."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from exodrake.report.diagnosis_page import report_html
+    from exodrake.report.terminal import print_summary
+
+__all__ = ["print_summary", "report_html"]
+HOMES = {"report_html": "diagnosis_page", "print_summary": "terminal"}
 
 
 def __getattr__(name: str) -> Any:
-    if name == "report_html":
-        from exodrake.report.html import report_html
+    from importlib import import_module
 
-        return report_html
-    if name == "print_summary":
-        from exodrake.report.summary import print_summary
-
-        return print_summary
-    raise AttributeError(name)
+    if name not in HOMES:
+        raise AttributeError(name)
+    return getattr(import_module(f"exodrake.report.{HOMES[name]}"), name)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.data.plot import JOINT_COLOURS
-from exodrake.report.drawing import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, new_figure, svg_of
+from exodrake.report.svg import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, new_figure, svg_of
 from studies.paper.study import DATA, MODEL, Study
 
 DRAWN = 1000  # rows that are drawn, about

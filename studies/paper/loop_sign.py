@@ -33,7 +33,7 @@ def overshoot(sign: float) -> float:
 
 def figure() -> str:
     """Both signs' steps as SVG."""
-    from exodrake.report.drawing import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
+    from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
 
     with house_style():
         drawn = new_figure(4.6, 2.5)

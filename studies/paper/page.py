@@ -7,9 +7,10 @@ import io
 import re
 from html import escape
 
+from exodrake.report.template import PAGE, STYLE
+
 from exodrake import __version__
 from exodrake.report import markup
-from exodrake.report.template import PAGE, STYLE
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim, count
 from studies.paper.reproduce import Reproduction
 from studies.paper.study import DATA, MODEL

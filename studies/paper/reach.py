@@ -59,7 +59,7 @@ def figure(wired) -> str:
     """Both workspaces as SVG."""
     from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
     from exodrake.identification.workspace.printed import LENGTHS, SPONTANEOUS
-    from exodrake.report.drawing import RULE, house_style, new_figure, svg_of
+    from exodrake.report.svg import RULE, house_style, new_figure, svg_of
 
     with house_style():
         drawn = new_figure(9.6, 4.6)

@@ -18,7 +18,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.diagrams.meshcat.page import colours, dressed
+from exodrake.diagrams.meshcat.page import colours, with_readings
 from exodrake.diagrams.meshcat.shapes import HAND_END, Skeleton, along, skeleton, span, turn
 
 FRAMES = 500  # at most, so that the page stays below 5 MB
@@ -53,11 +53,11 @@ def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None 
     readings = {
         "time": time.round(4).tolist(),
         "step": step,
-        "wires": robot.machine.axes.tendons,
+        "tendons": robot.machine.axes.tendons,
         "joints": bones.joints,
     }
     readings |= {"tension": tension.round(2).tolist(), "angle": angle.round(3).tolist(), "top": top.tolist()}
-    return dressed(html, title or log.label, readings)
+    return with_readings(html, title or log.label, readings)
 
 
 def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

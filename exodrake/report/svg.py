@@ -1,4 +1,4 @@
-"""Matplotlib figures as SVG that fits into a page: its fonts, no ids that clash, no reference to the outside."""
+"""Matplotlib figures as inline SVG: the fonts of the page, no ids that clash, no reference to the outside."""
 
 from __future__ import annotations
 
@@ -24,21 +24,27 @@ DPI = 220  # of what is drawn as pixels inside an SVG
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure [inch], laid out by constraint, without a display."""
+    """An empty figure of some inches, with constrained layout, that needs no display."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def house_style() -> Any:
-    """Context in which figures of the page are drawn."""
+    """Context manager under which figures of a page are drawn."""
     import matplotlib
 
     return matplotlib.rc_context(STYLE)
 
 
 def svg_of(figure: Figure, name: str, label: str) -> str:
-    """The figure as inline SVG. name: unique on the page; label: what it shows, for screen readers."""
+    """The figure as an SVG element.
+
+    Args:
+        figure: drawn under `house_style`.
+        name: unique on the page; its ids are derived from it.
+        label: what the figure shows, for screen readers.
+    """
     import matplotlib
 
     stream = StringIO()

@@ -1,0 +1,117 @@
+"""Tables in a terminal, and a diagnosis that is read there in ten seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
+from exodrake.report import number_format as n
+from exodrake.report import wording as w
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.panel import Panel
+    from rich.table import Table
+
+COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", UNKNOWN: "red"}
+TOP = 5  # candidates that are listed
+BAR = 20  # characters of a full bar
+REGIMES = 3  # conditions that are named
+
+
+def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: int = -1) -> Table:
+    """A table without lines.
+
+    Args:
+        titles: of the columns; one that begins with `>` heads numbers, which are aligned right.
+        rows: cells, which may hold rich markup.
+        wrapped: index of the one column that may be wrapped; -1 for none.
+    """
+    from rich.table import Table
+
+    made = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 3, 0, 0))
+    for k, title in enumerate(titles):
+        justify = "right" if title.startswith(">") else "left"
+        made.add_column(title.lstrip(">"), justify=justify, no_wrap=k != wrapped, ratio=1 if k == wrapped else None)
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
+def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
+    """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
+    from rich.console import Console
+
+    console = console or Console(highlight=False)
+    console.print(verdict_panel(diagnosis))
+    if diagnosis.effects:
+        rows = [row for effect in diagnosis.effects for row in parameter_rows(effect)]
+        console.print(table(("effect", "parameter", ">value", ">90 % interval"), rows))
+    console.print(gap_table(diagnosis))
+    for line in closing_lines(diagnosis):
+        console.print(line)
+    if diagnosis.candidates:
+        console.print(ranking(diagnosis))
+
+
+def verdict_panel(diagnosis: Diagnosis) -> Panel:
+    """The verdict in a coloured box, with place and reason."""
+    from rich.markup import escape
+    from rich.panel import Panel
+
+    lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
+    where = diagnosis.where
+    if where.block != "none":
+        place = w.seat(where.wires, where.joints)
+        lines.append(f"where   {where.block}{', ' + place if place else ''}")
+    if diagnosis.verdict in (UNKNOWN, AMBIGUOUS) and where.regime:
+        top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
+        lines.append("when    " + ", ".join(f"{name} {n.percent(value)}" for name, value in top) + " of its variance")
+    lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
+    title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
+    style = COLOURS.get(diagnosis.verdict, "white")
+    return Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2))
+
+
+def parameter_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
+    """Effect, parameter (by channel where it has several values), value and interval."""
+    rows = []
+    for name, item in effect.parameters.items():
+        channels = effect.channels.get(name, {})
+        rows += [(f"{name} {channel}", *n.interval(one)) for channel, one in channels.items()]
+        rows += [] if channels else [(name, *n.interval(item))]
+    return [(f"[bold]{effect.id}[/bold]" if k == 0 else "", *row) for k, row in enumerate(rows)]
+
+
+def gap_table(diagnosis: Diagnosis) -> Table:
+    """Gap before and after per kind of signal, with noise standard deviation and closure."""
+    rows = []
+    for found in w.kind_gaps(diagnosis):
+        gap = found.gap
+        cells = [n.quantity(x, gap.unit, found.display.unit) for x in (gap.before, gap.after, gap.floor)]
+        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor else "-"
+        rows.append((found.display.label.lower(), *cells, closed))
+    return table(("held-out gap (RMS)", ">before", ">after", ">noise std", ">closed"), rows)
+
+
+def closing_lines(diagnosis: Diagnosis) -> list[str]:
+    """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
+    lines = []
+    if diagnosis.verdict != NO_GAP:
+        overall = diagnosis.closure.overall
+        closed = f"{n.percent(overall.value)} ({n.percent_span(overall)})"
+        lines.append(f"closure [bold]{closed}[/bold] of the excess error removed by the {w.after_name(diagnosis)}")
+    if diagnosis.verdict == AMBIGUOUS:
+        lines.append(f"class   {', '.join(w.class_of(diagnosis))}")
+        lines.append(f"next    {w.experiment_words(diagnosis)}")
+    return lines
+
+
+def ranking(diagnosis: Diagnosis) -> Table:
+    """The best candidates with bars."""
+    rows = []
+    for candidate in diagnosis.candidates[:TOP]:
+        removed = min(max(candidate.score, 0.0), 1.0)
+        rows.append((candidate.id, n.percent(removed), "━" * round(BAR * removed)))
+    return table(("candidate", ">excess removed", ""), rows)
