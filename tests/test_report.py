@@ -113,7 +113,7 @@ def test_page_renders_without_console_errors(pages, tmp_path):
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_summary_is_short_and_says_the_verdict(verdict):
     text = said(verdict)
-    assert verdict in text and "held-out gap" in text
+    assert verdict in text and "gap (RMS)" in text
     assert len(text.splitlines()) < 26
 
 
@@ -211,3 +211,10 @@ def test_column_names_split_into_kind_and_channel():
     machine = diagnosis().robots["nominal"].machine
     assert wording.split_column("speed_cmd_AF", machine) == ("speed_cmd", "AF")
     assert wording.split_column("angle_shoulder_pan", machine) == ("angle", "shoulder_pan")
+
+
+def test_page_of_a_case_without_held_out_log_says_so():
+    found, runs = diagnosis(), held_out_runs(frames=300)
+    runs = replace(runs, problem=replace(runs.problem, holdout=runs.problem.fit))
+    text = visible(page(found, runs))
+    assert "holds no log out" in text and "Held out:" not in text

@@ -62,7 +62,7 @@ def key_values(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Large values of the verdict's box with what each means."""
     where, overall = diagnosis.where, diagnosis.closure.overall
     before, after = (n.digits(w.rms_error(diagnosis, robot), 2) for robot in ("before", "after"))
-    found = [(f"{before} → {after}", "RMS error on held-out logs in noise standard deviations, before → after")]
+    found = [(f"{before} → {after}", "RMS error in noise standard deviations, before → after")]
     if diagnosis.verdict != NO_GAP:
         text = f"closure: excess error removed by the {w.after_name(diagnosis)}; 90 % interval"
         found.append((n.percent(overall.value), f"{text} {n.percent_span(overall)}"))

@@ -92,7 +92,7 @@ def gap_table(diagnosis: Diagnosis) -> Table:
         cells = [n.quantity(x, gap.unit, found.display.unit) for x in (gap.before, gap.after, gap.floor)]
         closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor else "-"
         rows.append((found.display.label.lower(), *cells, closed))
-    return table(("held-out gap (RMS)", ">before", ">after", ">noise std", ">closed"), rows)
+    return table(("gap (RMS)", ">before", ">after", ">noise std", ">closed"), rows)
 
 
 def closing_lines(diagnosis: Diagnosis) -> list[str]:
