@@ -54,15 +54,12 @@ def make_folder(out: Path) -> None:
 def show(found: Reproduction) -> None:
     """The claims by verdict, and the line that matters."""
     from rich.console import Console
-    from rich.table import Table
 
+    from exodrake.report.terminal import table
     from studies.paper.claim import count
     from studies.paper.study import DATA, MODEL
 
-    table = Table("", "claim", "verdict", title="The paper's claims; paper.html has the numbers and the reasons")
-    for claim in found.claims:
-        table.add_row(claim.where, claim.what, claim.verdict)
-    Console().print(table)
+    Console().print(table(("", "claim", "verdict"), [(c.where, c.what, c.verdict) for c in found.claims]))
     click.echo(", ".join(f"{number} {verdict}" for verdict, number in count(found.claims).items()))
     data, model = found.study.error(DATA), found.study.error(MODEL)
     click.echo(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.report.page import Drawing, Table
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
@@ -65,8 +66,6 @@ def curves() -> Arms:
 
 def chapter() -> Chapter:
     """Figure 2e and the claims about moment arms."""
-    from exodrake.report import markup
-
     found = curves()
     rows = [
         (
@@ -88,7 +87,7 @@ def chapter() -> Chapter:
         " the area of a triangle in place of its height, hence a factor 0.5, and a norm that cannot turn negative,"
         " although the text argues with the negative branch."
     )
-    body = markup.figure(figure(found), caption) + markup.table(header, rows)
+    body = (Drawing(figure(found), caption), Table(header, rows))
     return Chapter("arms", "Moment arms: Fig. 2e, Eq. 2", lead, body, claims(found))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from exodrake.identification.kinematics.identify import Kinematics, identify
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
+from exodrake.report.page import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 NOISE, SLIDING, RATE = 3e-4, 2e-3, 50.0  # m RMS per axis, m/rad of skin, Hz
@@ -41,8 +42,6 @@ def record(seconds: float, seed: int) -> Markers:
 
 def chapter(markers: Markers) -> Chapter:
     """Figure 9, Table 1 and their claims."""
-    from exodrake.report import markup
-
     caption = (
         f"Synthetic markers, {1e3 * NOISE:.1f} mm noise per axis: centre of each joint in the frame of the segment"
         " before it (its origin in the middle of that segment's markers, so heights differ from the paper's). Pale:"
@@ -54,10 +53,13 @@ def chapter(markers: Markers) -> Chapter:
         " the scatter of PIP and DIP then comes near Table 1, while slopes and lengths go wrong by many times what the"
         " fit believes."
     )
-    table = markup.heading(3, "Table 1, printed beside found") + markup.table(HEAD, table_rows(markers))
     folded = "Axis by axis (* in the frames of the synthetic markers, which are not the paper's)"
-    table += markup.folded(folded, markup.table(AXIS_HEAD, axis_rows(markers), words=2))
-    body = markup.figure(figure(markers.rigid), caption) + table
+    body = (
+        Drawing(figure(markers.rigid), caption),
+        Heading("Table 1, printed beside found"),
+        Table(HEAD, table_rows(markers)),
+        Table(AXIS_HEAD, axis_rows(markers), words=2, folded=folded),
+    )
     return Chapter("centres", "Joint centres: Fig. 9, Table 1", lead, body, claims(markers))
 
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from exodrake.report.page import Block
+
 AGREES, DOES_NOT, UNKNOWN = "agrees", "does not follow", "cannot be checked"
 VERDICTS = (AGREES, DOES_NOT, UNKNOWN)
 
@@ -10,8 +12,9 @@ VERDICTS = (AGREES, DOES_NOT, UNKNOWN)
 class Claim:
     """What the paper says and what came of it.
 
-    where: equation, figure, table or section; what: the claim; printed, ours: numbers with units; verdict: one of
-    `VERDICTS`; reason: why, in a sentence or two.
+    Attributes:
+        where: equation, figure, table or section. what: the claim. printed, ours: values with units.
+        verdict: one of `VERDICTS`. reason: why, in a sentence or two.
     """
 
     where: str
@@ -24,20 +27,31 @@ class Claim:
 
 @dataclass(frozen=True)
 class Chapter:
-    """A part of the page. anchor: its id; title; lead: a paragraph, `code` in backticks; body: HTML of figures and
-    tables; claims: rows of the register."""
+    """A part of the page.
+
+    Attributes:
+        anchor: its id. title: its heading. lead: a paragraph, `code` in backticks.
+        body: headings, drawings and tables. beside: a second column of them, if any.
+        claims: rows of the register.
+    """
 
     anchor: str
     title: str
     lead: str
-    body: str
+    body: tuple[Block, ...]
     claims: tuple[Claim, ...]
+    beside: tuple[Block, ...] = ()
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is computed: training points of the estimator on the worn and on the clean robot; every so many rows of
-    the logs; seconds of marker recording; tensions per wire in the assisted workspace."""
+    """How much is computed.
+
+    Attributes:
+        points, clean_points: training points of the estimator on the worn and on the clean robot.
+        every: one row in so many of the logs is used. marker_seconds: length of the marker recording [s].
+        tensions: per tendon in the assisted workspace.
+    """
 
     points: int = 500
     clean_points: int = 250

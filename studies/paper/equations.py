@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from exodrake.report.page import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried
@@ -14,7 +15,6 @@ DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 def chapter(robot) -> Chapter:
     """Equations that are wrong as printed."""
-    from exodrake.report import markup
     from studies.paper import loop_sign
     from studies.paper.study import parameters_of
 
@@ -24,18 +24,18 @@ def chapter(robot) -> Chapter:
         for degrees in DEGREES
     ]  # fmt: skip
     header = ("angle", "corrected", "as printed", "joint centre off by")
-    table = markup.heading(3, "Eq. 9: ‖G G⁻¹ − I‖") + markup.table(header, rows, wide=False)
+    table = (Heading("Eq. 9: ‖G G⁻¹ − I‖"), Table(header, rows, wide=False))
     caption = (
         "Simulated: wire of 3 N/mm, drive lag 20 ms, one 20 ms frame late, kp 5 mm/(s N), kd 0.1 mm/N (all assumed)."
     )
-    drawing = markup.heading(3, "Eq. 3: a step of 1 N") + markup.figure(loop_sign.figure(), caption)
+    drawing = (Heading("Eq. 3: a step of 1 N"), Drawing(loop_sign.figure(), caption))
     lead = (
         "Each equation was coded twice, as printed and corrected, and tried against an identity it must satisfy. Most"
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"
         " not look as it does."
     )
     claims = (*control(), *screws(), *statics(parameters_of(robot), robot.limits["F_max"]))
-    return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, markup.pair(drawing, table), claims)
+    return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, drawing, claims, beside=table)
 
 
 def control() -> tuple[Claim, ...]:

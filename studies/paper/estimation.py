@@ -1,6 +1,7 @@
 """Fig. 10 and 11: joint angles estimated from tension and stroke, and the estimate against a model."""
 
 from exodrake.estimator.validate import HELD_OUT, RANDOM
+from exodrake.report.page import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.study import CREEP_STIFFNESS, CREEP_TIME, DATA, MODEL, MU_PHI, Study
 
@@ -16,7 +17,6 @@ METHODS = {
 
 def chapter(found: Study) -> Chapter:
     """Figures 10 and 11 with their claims."""
-    from exodrake.report import markup
     from studies.paper.estimation_figures import figure_10, figure_11
 
     ten = (
@@ -35,23 +35,19 @@ def chapter(found: Study) -> Chapter:
         " below knows, with the noise of load cells, encoders and cameras. The size of these faults is assumed; so only"
         " the order of the methods can be compared with the paper, not the numbers."
     )
-    body = "".join(
-        (
-            markup.heading(3, "Fig. 11: data-driven against model-based"),
-            markup.figure(figure_11(found), eleven),
-            methods_table(found),
-            markup.heading(3, "Fig. 10: estimated and measured angles"),
-            markup.figure(figure_10(found), ten),
-            split_table(found),
-        )
+    body = (
+        Heading("Fig. 11: data-driven against model-based"),
+        Drawing(figure_11(found), eleven),
+        methods_table(found),
+        Heading("Fig. 10: estimated and measured angles"),
+        Drawing(figure_10(found), ten),
+        split_table(found),
     )
     return Chapter("estimation", "Joint angles: Fig. 10, 11", lead, body, claims(found))
 
 
-def methods_table(found: Study) -> str:
+def methods_table(found: Study) -> Table:
     """RMSE by method on the worn and on the clean robot."""
-    from exodrake.report import markup
-
     joints = found.held.joints
     header = ("RMSE on held-out sweeps [rad]", *joints, "mean", "mean without friction and creep")
     rows = [
@@ -59,13 +55,11 @@ def methods_table(found: Study) -> str:
          f"{found.clean.rmse[name].mean():.3f}")
         for name, words in METHODS.items()
     ]  # fmt: skip
-    return markup.table(header, rows)
+    return Table(header, rows)
 
 
-def split_table(found: Study) -> str:
+def split_table(found: Study) -> Table:
     """The same data under both splits."""
-    from exodrake.report import markup
-
     header = (
         "mean RMSE [rad] by how train and test were split",
         "random rows",
@@ -77,7 +71,7 @@ def split_table(found: Study) -> str:
         free, whole = found.split(RANDOM, method), found.split(HELD_OUT, method)
         inside = "–" if method == "nearest row" else f"{100 * whole.coverage.mean():.0f} %"
         rows.append((method, f"{free.mean_rmse:.3f}", f"{whole.mean_rmse:.3f}", inside))
-    return markup.table(header, rows, wide=False)
+    return Table(header, rows, wide=False)
 
 
 def claims(found: Study) -> tuple[Claim, ...]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.data.plot import JOINT_COLOURS
+from exodrake.machines.exo_index.machine import COLOURS
 from exodrake.report.svg import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, new_figure, svg_of
 from studies.paper.study import DATA, MODEL, Study
 
@@ -53,7 +53,7 @@ def figure_11(found: Study) -> str:
         panels["a"].set_title("(a)")
         for name, title, guess in (("b", "(b) data-driven", found.mean), ("c", "(c) model-based", found.model)):
             for joint, label in enumerate(found.held.joints):
-                cloud(panels[name], found.held.angle[rows, joint], guess[rows, joint], JOINT_COLOURS[label], label)
+                cloud(panels[name], found.held.angle[rows, joint], guess[rows, joint], COLOURS[label], label)
             panels[name].set_title(title)
             panels[name].set_xlabel("measured [rad]")
         limits(panels["b"], panels["c"])

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.report.page import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 CELL, CELL_NONLINEARITY = 0.002, 0.1  # N, load cell as printed
@@ -44,8 +45,6 @@ def staircase(robot, resolution: float, encoder: float) -> Staircase:
 
 def chapter(robot, rate: float) -> Chapter:
     """Resolution and timing. robot: nominal; rate: fastest joint rate in the protocol [rad/s]."""
-    from exodrake.report import markup
-
     line = 2 * np.pi / (LINES * GEAR)
     coarse, fine = staircase(robot, UNIT, line), staircase(robot, CELL / 2, line / QUADRATURE)
     caption = (
@@ -58,10 +57,8 @@ def chapter(robot, rate: float) -> Chapter:
         " half a step of tension; the paper doubles where it should halve. exodrake keeps the printed 0.004 N as its"
         " default resolution, which is the cautious choice, and takes `sensor.q_F=0.001` for the corrected one."
     )
-    slots = markup.heading(3, "A frame of 20 ms (Fig. 5)") + markup.table(
-        ("slot", "runs at [ms]", "task"), schedule(robot.machine), words=3, wide=False
-    )
-    body = markup.figure(figure(coarse, fine), caption) + slots
+    slots = Table(("slot", "runs at [ms]", "task"), schedule(robot.machine), words=3, wide=False)
+    body = (Drawing(figure(coarse, fine), caption), Heading("A frame of 20 ms (Fig. 5)"), slots)
     claims = (*sensor_claims(coarse, fine), *timing_claims(robot.machine, rate))
     return Chapter("hardware", "Sensors and timing: Fig. 1c, 5", lead, body, claims)
 

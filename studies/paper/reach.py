@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from exodrake.report.page import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 SIMPLER = 2e-5  # m, outlines are drawn this exactly
@@ -10,7 +11,6 @@ SIMPLER = 2e-5  # m, outlines are drawn this exactly
 def chapter(robot, tensions: int) -> Chapter:
     """Workspaces of fingertip and distal phalanx, whole and assisted. tensions: per wire."""
     from exodrake.identification.workspace import assisted, table_2
-    from exodrake.report import markup
 
     wired = assisted(robot, tensions)
     caption = (
@@ -23,8 +23,8 @@ def chapter(robot, tensions: int) -> Chapter:
         " fingertip can reach. Lengths, the point that was tracked, or the meaning of workspace must differ from the"
         " text. The printed A.M. ranges cannot be radians."
     )
-    title = markup.heading(3, "Table 2, printed beside ours")
-    body = markup.figure(figure(wired), caption) + title + markup.table(HEAD, table_rows(wired), wide=False)
+    table = Table(HEAD, table_rows(wired), wide=False)
+    body = (Drawing(figure(wired), caption), Heading("Table 2, printed beside ours"), table)
     words = {"follows": AGREES, "does not follow": DOES_NOT, "cannot be checked": UNKNOWN}
     claims = tuple(
         Claim("Table 2", c.what.replace("mm2", "mm²"), c.printed, c.ours, words[c.verdict], c.reason)
