@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from exodrake.grasping.plan import Plan
 
 ESTIMATOR = "estimator.npz"
-PAGES = {  # a Meshcat page each: posture, and the columns that it is in
+PAGES = {  # Meshcat page -> posture that it shows, and the columns that it is in
     "recording.html": ("reached", "angle"),
     "estimated.html": ("estimated", "angle_est"),
     "planned.html": ("planned", "angle_plan"),
@@ -34,15 +34,17 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 
     Writes log.csv, plan.json, figure.png, Meshcat pages (recording.html as reached, estimated.html, planned.html) and,
-    without --estimator, the estimator.npz it trained. A grasp out of reach is said to be so, and the nearest one that
-    the wires hold is shown.
+    without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
+    hold is shown.
     """
     from rich.console import Console
 
     from exodrake.cli.simulate import check_folder, write_folder
     from exodrake.estimator.file import load
+    from exodrake.estimator.quick import quick_estimator
     from exodrake.grasping.plan import plan_grasp
-    from exodrake.grasping.run import quick_estimator, run_plan
+    from exodrake.grasping.run import run_plan
+    from exodrake.grasping.trial import nominal
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
@@ -53,7 +55,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         check_folder(folder)
         if listening is None:
             status.update("training an estimator on simulated sweeps")
-            listening = quick_estimator(built, folder / ESTIMATOR)
+            listening = quick_estimator(nominal(built), folder / ESTIMATOR)
         status.update("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         status.update("drawing")
@@ -110,23 +112,22 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     """Prints whether the grasp is feasible, tensions and postures, and the files."""
     from rich.console import Console
-    from rich.table import Table
 
     from exodrake.grasping.trial import at_hold
+    from exodrake.report.terminal import table
 
     console = Console()
     console.print(f"[bold]{plan.mode}[/bold]  {1e3 * plan.size:g} mm", "feasible" if plan.feasible else "not feasible")
     console.print(f"fingertip at x {1e3 * plan.target[0]:.1f}, y {1e3 * plan.target[1]:.1f} mm (palmar) of the MCP")
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("wire", "tension", "", "joint", "wanted", "planned", "short by", "reached", "estimated"):
-        table.add_column(title, justify="left" if title in ("wire", "", "joint") else "right")
+    titles = ("tendon", ">tension", "joint", ">wanted", ">planned", ">short by", ">reached", ">estimated")
+    rows = []
     reached = at_hold(log, "angle", plan.joints)
-    guess, spread = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
-    for i, (wire, joint) in enumerate(zip(plan.wires, plan.joints)):
+    guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
+    for i, (tendon, joint) in enumerate(zip(plan.wires, plan.joints)):
         angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
-        estimated = f"{guess[i]:.3f} ± {spread[i]:.3f} rad"
-        table.add_row(wire, f"{plan.tensions[i]:.2f} N", "  ", joint, *angles, estimated)
-    console.print(table)
+        estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
+        rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))
+    console.print(table(titles, rows))
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
     console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
