@@ -45,6 +45,6 @@ radius, kp, kd = tune(robot)
 tuned = exo.analyse(robot.with_parameters({"controller.kp": kp, "controller.kd": kd}))
 print(f"kp {1e3 * kp:g} mm/(s N), kd {1e3 * kd:g} mm/N: spectral radius {radius:.4f}")
 for step, margin in zip(tuned.steps, tuned.margins):
-    print(f"{step.wire}: settles in {step.settling:.2f} s, gain margin {margin.gain_margin:.2f}")
+    print(f"{step.channel}: settles in {step.settling:.2f} s, gain margin {margin.gain_margin:.2f}")
 for name, png in figures_of(tuned).items():
     (folder / name).write_bytes(png)

@@ -43,3 +43,9 @@ def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
     assert found.exit_code == 2
     assert word in found.output and len(found.output.strip().splitlines()) == 1
     assert not (tmp_path / "a").exists()
+
+
+def test_a_machine_without_tension_loop_is_refused_in_one_sentence():
+    result = CliRunner().invoke(cli, ["analyse", "--robot", "emps"])
+    assert result.exit_code == 2
+    assert "emps: no tension loop to analyse (it lacks tension_ref" in result.output

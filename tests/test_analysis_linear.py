@@ -62,7 +62,7 @@ def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, mode
     names = [n.name for n in state_names(loop.robot.machine)]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
-    away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.wires["tension"]][:, 0]
+    away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]
     slow = model.poles()[0].z
     assert slow.imag == 0.0
     assert (away[160] / away[100]) ** (1.0 / 60.0) == pytest.approx(slow.real, abs=1e-5)
@@ -75,7 +75,7 @@ def test_the_linear_model_follows_a_small_step(loop, point, model):
     x, push = np.zeros(len(model.A)), np.array([0.0, 1e-3, 0.0])
     for n in range(80):
         y = model.C @ x + model.D @ push
-        seen = wires[n, loop.wires["tension_read"]] - point.tension
+        seen = wires[n, loop.signals["tension_read"]] - point.tension
         assert seen == pytest.approx(y[:3], abs=1e-6)
         x = model.A @ x + model.B @ push
 
@@ -91,7 +91,7 @@ def test_radius_above_one_is_divergence(loop, point):
         rows = np.tile(point.references, (600, 1))
         rows[0] += 1e-4
         _, wires = late.run(point.state, rows)
-        away = np.abs(wires[:, loop.wires["tension"]] - point.tension).max(axis=1)
+        away = np.abs(wires[:, loop.signals["tension"]] - point.tension).max(axis=1)
         assert (away[-50:].max() > away[:50].max()) == (here.spectral_radius > 1.0)
         decided.append(here.spectral_radius > 1.0)
     assert 4 < sum(decided) < len(decided) - 4
@@ -116,7 +116,7 @@ def test_latency_ends_stability(loop, point):
     late = loop.with_values({"timing.command_latency.frames": 6.0})
     rows = np.tile(point.references, (800, 1))
     rows[0] += 1e-4
-    away = np.abs(late.run(point.state, rows)[1][:, loop.wires["tension"]] - point.tension).max(axis=1)
+    away = np.abs(late.run(point.state, rows)[1][:, loop.signals["tension"]] - point.tension).max(axis=1)
     assert away[-50:].max() > away[50:100].max()
 
 

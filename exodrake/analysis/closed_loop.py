@@ -32,7 +32,7 @@ class ClosedLoop:
 
     Attributes:
         robot: analysed. point: where it rests. model: linear, one step per frame.
-        steps, responses, margins: one per wire, in the robot's order.
+        steps, responses, margins: one per tendon, in the machine's order.
         gains: stability over kp and kd. latency: over command latency; None where the robot knows no such effect.
         returns: whether the nonlinear simulation comes back to rest after a kick, the witness where poles mean little.
         notes: what a reader must know before trusting the numbers, a sentence each.
@@ -68,19 +68,20 @@ def analyse(robot: Robot, at: Mapping[str, float] | None = None, seed: int | Non
     """Step responses, poles, margins, frequency response and stability maps of a robot's closed loop.
 
     Args:
-        at: tension references [N] per wire of the operating point; 4, 3, 1 N on AF, MF, AE by default.
+        robot: to be analysed.
+        at: operating point, tendon -> tension reference [N]; the machine's own by default.
         seed: of sensor noise in the measured frequency response; None measures without noise and rounding.
 
     Raises:
-        InputError: unknown wire, reference outside its limits, kp = 0, or a loop that finds no rest.
+        InputError: no tension loop, unknown tendon, reference outside its limits, kp = 0, or no state of rest.
     """
     loop = FrameMap.of(robot)
     point = operating_point(loop, at)
     model = linearise(loop, point.state, point.references)
-    wires = range(len(robot.machine.axes.tendons))
-    steps = tuple(step_response(loop, point, wire) for wire in wires)
-    found = tuple(margins(model, wire) for wire in robot.machine.axes.tendons)
-    responses = tuple(frequency_response(loop, point, model, wire, seed=seed) for wire in wires)
+    tendons = robot.machine.axes.tendons
+    steps = tuple(step_response(loop, point, i) for i in range(len(tendons)))
+    found = tuple(margins(model, name) for name in tendons)
+    responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in range(len(tendons)))
     maps = stability_map(loop, point), latency_sweep(loop, point)
     back = returns(loop, point)
     return ClosedLoop(robot, point, model, steps, responses, found, *maps, back, remarks(point, model, steps))
@@ -90,13 +91,13 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
     """Whether the nonlinear loop rests again, to within 1 %, 20 s after a reference of 0.1 N more for a frame."""
     rows = np.tile(point.references, (KICKED, 1))
     rows[0] += KICK
-    tension = loop.run(point.state, rows)[1][:, loop.wires["tension"]]
+    tension = loop.run(point.state, rows)[1][:, loop.signals["tension"]]
     speed = np.abs(np.diff(tension, axis=0)).max(axis=1)
     return bool(speed[-50:].max() < 0.01 * speed.max())
 
 
 def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]) -> tuple[str, ...]:
-    """What limits the numbers' meaning."""
+    """Conditions under which the results mean little, a sentence each."""
     notes = []
     if not point.steady:
         notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
@@ -105,7 +106,7 @@ def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse,
     if model.spectral_radius >= 1.0 and model.kink <= KINK:
         notes.append("the loop is unstable here: its step and frequency responses are those of a growing oscillation")
     if point.slack:
-        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack wires, not for taut ones")
+        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack tendons, not for taut ones")
     if model.kink > KINK:
         notes.append(
             f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
@@ -115,7 +116,9 @@ def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse,
         notes.append(f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby")
     for step in steps:
         if abs(step.steady_error) > STEADY_ERROR * abs(step.size):
-            notes.append(f"{step.wire} ends {step.steady_error:+.3f} N off its reference after {step.time[-1]:.0f} s")
+            notes.append(
+                f"{step.channel} ends {step.steady_error:+.3f} N off its reference after {step.time[-1]:.0f} s"
+            )
     return tuple(notes)
 
 

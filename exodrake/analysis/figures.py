@@ -27,18 +27,18 @@ NOTE = {"va": "center", "fontsize": 8, "color": DARK, "bbox": WHITE}
 
 @styled
 def plot_steps(result: ClosedLoop) -> Figure:
-    """Tension of all wires when each reference steps, one panel per wire that is stepped."""
+    """Tension of all tendons when each reference steps, one panel per tendon that is stepped."""
     figure = new_figure(7.0, 2.7)
     panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
     channels = result.robot.machine.axes.tendons
     for axes, step in zip(panels, result.steps):
         change = (step.tension - result.point.tension) / step.size
-        for j, wire in enumerate(channels):
-            look = {"lw": 1.5} if wire == step.wire else {"lw": 0.9, "alpha": 0.75}
-            axes.plot(step.time, change[:, j], color=colour_of(wire, j, result.robot.machine), label=wire, **look)
+        for j, name in enumerate(channels):
+            look = {"lw": 1.5} if name == step.channel else {"lw": 0.9, "alpha": 0.75}
+            axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         shown = 2.5 if not step.settling > 2.3 else 1.2 * step.settling
-        axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.wire}")
+        axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
         axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
     panels[0].set(ylabel="Change of tension / step [-]", ylim=panel_limits(result))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
@@ -127,11 +127,11 @@ def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
 
 @styled
 def plot_bode(result: ClosedLoop) -> Figure:
-    """Reference to tension per wire: measured with its spread, linear, and coherence."""
+    """Frequency response from reference to tension per tendon, measured and linear, and its coherence."""
     figure, count = new_figure(7.0, 5.2), len(result.responses)
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False, height_ratios=[1.4, 1.2, 0.7])
     for j, response in enumerate(result.responses):
-        draw_response(rows[:, j], result, response, colour_of(response.wire, j, result.robot.machine))
+        draw_response(rows[:, j], result, response, colour_of(response.channel, j, result.robot.machine))
     rows[0, 0].legend(loc="lower left", frameon=True, facecolor="white", edgecolor="none", framealpha=1.0)
     for axes, name in zip(rows[:, 0], ("Gain [dB]", "Phase [deg]", "Coherence [-]")):
         axes.set_ylabel(name)
@@ -140,11 +140,11 @@ def plot_bode(result: ClosedLoop) -> Figure:
 
 
 def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, colour: str) -> None:
-    """Gain, phase and coherence of one wire: a line from the frame map, dots from the multisine."""
+    """Gain, phase and coherence of one tendon: a line from the frame map, dots from the multisine."""
     gain, phase, coherence = column
     f, size = response.frequency, np.abs(response.measured)
     fine = np.geomspace(f[0], f[-1], 400)
-    linear = reference_to_tension(result.model, response.wire, fine)
+    linear = reference_to_tension(result.model, response.channel, fine)
     low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
     gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
     gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
@@ -156,7 +156,7 @@ def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, 
         gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
         words = f"-3 dB at {response.bandwidth:.2f} Hz"
         gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
-    gain.set(title=f"{response.wire}: reference to tension", xscale="log", ylim=(-42, 12))
+    gain.set(title=f"{response.channel}: reference to tension", xscale="log", ylim=(-42, 12))
     phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
     coherence.set(xlabel="Frequency [Hz]", ylim=(-0.05, 1.08))
 
@@ -168,11 +168,11 @@ def decibel(size: np.ndarray) -> np.ndarray:
 
 @styled
 def plot_margins(result: ClosedLoop) -> Figure:
-    """Open loop of each wire, broken at its speed command, with gain and phase margins."""
+    """Open loop of each tendon, broken at its speed command, with gain and phase margins."""
     figure = new_figure(7.0, 4.2)
     rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
     for j, m in enumerate(result.margins):
-        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.wire, j, result.robot.machine))
+        draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.channel, j, result.robot.machine))
     for axes, name in zip(rows[:, 0], ("|L| [dB]", "arg L [deg]")):
         axes.set_ylabel(name)
     figure.align_ylabels(rows[:, 0])
@@ -191,7 +191,7 @@ def draw_open_loop(gain: Any, phase: Any, m: Margins, colour: str) -> None:
         axes.set_xscale("log")
         if np.isfinite(m.crossover):
             axes.axvline(m.crossover, color="#555", lw=0.7, ls=(0, (4, 2)))
-    gain.set(title=f"{m.wire}: open loop", ylim=(-25, 45))
+    gain.set(title=f"{m.channel}: open loop", ylim=(-25, 45))
     phase.text(0.04, 0.05, margin_words(m), transform=phase.transAxes, fontsize=8, color=DARK, bbox=WHITE)
     phase.set(xlabel="Frequency [Hz]", yticks=[-360, -270, -180, -90], ylim=(-390, -45))
 

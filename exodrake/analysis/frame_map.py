@@ -1,6 +1,6 @@
 """The whole sampled-data loop as one map over a 20 ms frame: x_{n+1} = f(x_n, r_n), w_n = g(x_n, r_n).
 
-x holds the states of all parts at the frame's start, r the tension references [N], w all wires at the frame's end.
+x holds the states of all parts at the frame's start, r the tension references [N], w all signals at the frame's end.
 The map is the compiled simulator, run for one frame without noise and without rounding. Drake's `Linearize` refuses
 multi-rate diagrams; this map has one rate.
 """
@@ -20,10 +20,18 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 
+LOOP_SIGNALS = ("tension_ref", "tension", "tension_read", "speed_cmd", "angle")
+GAINS = ("controller.kp", "controller.kd")
+
+
+def has(machine: Machine, name: str) -> bool:
+    """Whether a machine has a signal or a parameter of that name."""
+    return name in machine.signal or any(p == name or p.startswith(f"{name}.") for p in machine.index)
+
 
 @dataclass(frozen=True)
 class StateName:
-    """One entry of the flat state: `owner.state` it belongs to, its full name with channel and place, and its unit."""
+    """An element of the flat state: the `owner.state` that it belongs to, its full name with channel, its unit."""
 
     group: str
     name: str
@@ -49,7 +57,9 @@ class FrameMap:
     """The frame map of a robot, unquantised and free of noise.
 
     Attributes:
-        robot: whose machine this is. numbers: (n,) the flat vector in use [SI]. module: the compiled simulator.
+        robot: whose machine this is.
+        parameters: (n,) flat vector in use [SI].
+        module: the compiled simulator.
     """
 
     robot: Robot
@@ -58,12 +68,15 @@ class FrameMap:
 
     @staticmethod
     def of(robot: Robot) -> FrameMap:
-        """The frame map of a robot. InputError if a number is missing."""
+        """The frame map of a robot. InputError if a parameter is missing, or the machine has no tension loop."""
+        missing = [name for name in (*LOOP_SIGNALS, *GAINS) if not has(robot.machine, name)]
+        if missing:
+            raise InputError(f"{robot.machine.name}: no tension loop to analyse (it lacks {', '.join(missing)})")
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
 
     @cached_property
-    def wires(self) -> dict[str, slice]:
-        """Where each wire lies in w."""
+    def signals(self) -> dict[str, slice]:
+        """Where each signal lies in w."""
         return offsets(self.robot.machine)
 
     def start(self) -> np.ndarray:
@@ -73,16 +86,21 @@ class FrameMap:
         return x
 
     def run(self, state: np.ndarray, references: np.ndarray, seed: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """State after the frames (states,) and all wires at each frame's end (frames, w); `state` stays as it is.
+        """Runs some frames; `state` is left as it is.
 
         Args:
-            state: (states,). references: (frames, wires) [N]. seed: of the sensors' noise; None runs without.
+            state: (states,) array at the first frame's start.
+            references: (frames, tendons) array of tensions [N].
+            seed: of the sensors' noise; None runs without.
+
+        Returns:
+            The state (states,) after the frames, and all signals (frames, w) at the end of each.
         """
         x, rows, _ = self._run(state, references, seed, NOTHING)
         return x, rows
 
     def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """All wires at the end of each 2 ms slot, (10 frames, w); arguments as in `run`."""
+        """All signals at the end of each slot, (slots, w); arguments as in `run`."""
         machine = self.robot.machine
         fine = np.zeros((len(references) * machine.slots, signal_count(machine)))
         return self._run(state, references, None, fine)[2]
@@ -125,7 +143,7 @@ class FrameMap:
         return step
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
-        """The same loop with numbers changed: full name -> value [SI]; a name without its channel sets all channels."""
+        """The same loop with other parameters: name -> value [SI]; a name without its channel sets all channels."""
         parameters = self.parameters.copy()
         for name, value in values.items():
             parameters[self.robot.places(name)] = value
@@ -133,23 +151,20 @@ class FrameMap:
 
 
 def references_of(robot: Robot, at: Mapping[str, float] | None) -> np.ndarray:
-    """Tension references per wire [N] of an operating point; by default 4, 3, 1 N on AF, MF, AE.
+    """Tension references (tendons,) [N] of an operating point; the machine's own without `at`.
 
-    InputError for an unknown wire, a missing one, or a tension outside 0 .. F_max.
+    Raises:
+        InputError: an unknown tendon, a missing one, or a tension outside 0 .. F_max.
     """
-    wires = robot.machine.axes.tendons
-    if at is None:
-        return np.array([DEFAULT_AT.get(wire, 1.0) for wire in wires])
-    for wire in at:
-        if wire not in wires:
-            raise InputError(f"operating point names wire {wire!r}; the robot has {', '.join(wires)}")
-    for wire in wires:
-        if wire not in at:
-            raise InputError(f"operating point lacks wire {wire}; wanted {', '.join(wires)}")
-        top = robot.limits.get("F_max", {}).get(wire, np.inf)
-        if not 0.0 <= at[wire] <= top:
-            raise InputError(f"operating point {wire} = {at[wire]:g} N is outside 0 .. {top:g} N")
-    return np.array([float(at[wire]) for wire in wires])
-
-
-DEFAULT_AT = {"AF": 4.0, "MF": 3.0, "AE": 1.0}
+    tendons = robot.machine.axes.tendons
+    at = robot.machine.operating_point if at is None else at
+    for name in at:
+        if name not in tendons:
+            raise InputError(f"operating point names tendon {name!r}; the robot has {', '.join(tendons)}")
+    for name in tendons:
+        if name not in at:
+            raise InputError(f"operating point lacks tendon {name}; wanted {', '.join(tendons)}")
+        top = robot.limits.get("F_max", {}).get(name, np.inf)
+        if not 0.0 <= at[name] <= top:
+            raise InputError(f"operating point {name} = {at[name]:g} N is outside 0 .. {top:g} N")
+    return np.array([float(at[name]) for name in tendons])

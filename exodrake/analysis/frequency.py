@@ -25,10 +25,10 @@ HALF_POWER = 0.5**0.5
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Reference to tension of one wire.
+    """Frequency response from reference to tension of one tendon.
 
     Attributes:
-        wire: which. frequency: (lines,) [Hz].
+        channel: name of the tendon. frequency: (lines,) [Hz].
         measured: (lines,) complex mean over the draws. spread: (lines,) standard deviation over the draws.
         coherence: (lines,) share of the tension's power that the reference explains, over the draws.
         linear: (lines,) complex, from the frame map.
@@ -36,7 +36,7 @@ class FrequencyResponse:
             multisine, against the same; nan if none.
     """
 
-    wire: str
+    channel: str
     frequency: np.ndarray
     measured: np.ndarray
     spread: np.ndarray
@@ -60,28 +60,33 @@ def odd_lines(period: int) -> np.ndarray:
 
 
 def frequency_response(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel, wire: int, rms: float = 0.05, seed: int | None = None
+    loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, rms: float = 0.05, seed: int | None = None
 ) -> FrequencyResponse:
-    """Frequency response of a wire from its reference to its tension reading.
+    """Frequency response of a tendon from its reference to its tension reading.
 
     Args:
-        rms: of the excitation [N]. seed: of the sensors' noise, then readings are rounded too; None measures without.
+        loop: the frame map.
+        point: operating point.
+        model: linear model there.
+        channel: index of the tendon.
+        rms: of the excitation [N].
+        seed: of the sensors' noise, then readings are rounded too; None measures without.
     """
     machine = loop.robot.machine
     lines, rng = odd_lines(PERIOD), np.random.default_rng(PHASES)
     if seed is not None:
         loop = replace(loop, parameters=prepared(loop.robot))
-    asked, got = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
+    sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
     for draw in range(DRAWS):
         rows = np.tile(point.references, (2 * PERIOD, 1))
-        rows[:, wire] += np.tile(multisine(rms, lines, PERIOD, rng), 2)
-        _, wires = loop.run(point.state, rows, None if seed is None else seed + draw)
-        tension = wires[PERIOD:, loop.wires["tension_read"]][:, wire]
-        asked[draw], got[draw] = np.fft.rfft(rows[PERIOD:, wire])[lines], np.fft.rfft(tension)[lines]
+        rows[:, channel] += np.tile(multisine(rms, lines, PERIOD, rng), 2)
+        _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)
+        tension = signals[PERIOD:, loop.signals["tension_read"]][:, channel]
+        sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(tension)[lines]
     frequency = lines / (PERIOD * machine.frame)
-    ratio = got / asked
-    cross, power = (got * asked.conj()).mean(0), (np.abs(asked) ** 2).mean(0) * (np.abs(got) ** 2).mean(0)
-    name = machine.axes.tendons[wire]
+    ratio = read / sent
+    cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
+    name = machine.axes.tendons[channel]
     fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
     static = float(abs(reference_to_tension(model, name, fine[:1])[0]))
     return FrequencyResponse(
@@ -91,9 +96,9 @@ def frequency_response(
     )  # fmt: skip
 
 
-def reference_to_tension(model: FrameModel, wire: str, frequency: np.ndarray) -> np.ndarray:
-    """Complex response (n,) of a wire's tension reading to its own reference, from the linear model."""
-    row, column = model.outputs.index(f"tension_{wire}"), model.inputs.index(f"tension_ref_{wire}")
+def reference_to_tension(model: FrameModel, channel: str, frequency: np.ndarray) -> np.ndarray:
+    """Complex response (n,) of a tendon's tension reading to its own reference, from the linear model."""
+    row, column = model.outputs.index(f"tension_{channel}"), model.inputs.index(f"tension_ref_{channel}")
     return model.response(frequency)[:, row, column]
 
 

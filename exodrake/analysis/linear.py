@@ -28,9 +28,9 @@ def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.
     """How far each state moves when a reference steps by 0.02 N, (states,); channels of one state share the largest."""
     names = state_names(loop.robot.machine)
     size = np.zeros(len(state))
-    for wire in range(len(references)):
+    for i in range(len(references)):
         rows = references.copy()
-        rows[wire] += NUDGE
+        rows[i] += NUDGE
         moved, still = state, state
         for _ in range(FRAMES):
             moved, _ = loop.run(moved, rows[None, :])
@@ -50,7 +50,7 @@ class Slopes:
     """Difference quotients of the frame map, in SI.
 
     Attributes:
-        central: (states + w, states + wires): rows x' then all wires w, columns x then r.
+        central: (states + w, states + tendons): rows x' then all signals w, columns x then r.
         bend: same shape: (forward - backward) / 2; zero where the map is smooth.
     """
 
@@ -113,7 +113,7 @@ class FrameModel:
     """Linear model of the loop, one step per frame.
 
     Attributes:
-        A (n, n), B (n, wires), C (outputs, n), D (outputs, wires): SI.
+        A (n, n), B (n, tendons), C (outputs, n), D (outputs, tendons): SI.
         period: [s]. states, inputs, outputs: names; outputs are log columns.
         step: fraction of the excursions used. convergence: change of A, in excursions, against the next fraction.
         kink: largest difference of one-sided slopes, in excursions, and `where`, the state that shows it.
@@ -187,7 +187,7 @@ def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
     """Places in w of the log's columns, references excepted, and their names."""
     machine = loop.robot.machine
     columns = [c for c in machine.columns if c.signal not in machine.inputs]
-    rows = np.concatenate([np.arange(loop.wires[c.signal].start, loop.wires[c.signal].stop) for c in columns])
+    rows = np.concatenate([np.arange(loop.signals[c.signal].start, loop.signals[c.signal].stop) for c in columns])
     names = tuple(f"{c.kind}_{channel}" for c in columns for channel in machine.axes.of(machine.signal[c.signal].axis))
     return rows, names
 

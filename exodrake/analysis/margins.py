@@ -1,12 +1,12 @@
-"""Gain and delay margins of each wire's loop, broken at its speed command, the other loops closed.
+"""Gain and delay margins of each tendon's loop, broken at its speed command, the other loops closed.
 
-A disturbance d added to the command of wire j acts as a reference step d / D, where D = dv_j/dr_j is direct. So the
+A disturbance d added to the command of tendon j acts as a reference step d / D, where D = dv_j/dr_j is direct. So the
 command's response to its own reference gives sensitivity and loop without opening anything:
 
     S_j = G(r_j -> v_j) / D        L_j = 1 / S_j - 1        A_j(g) = A + (g - 1) B_j C_j / D
 
-A_j(g) is the loop with the gain of wire j times g. The g at which its spectral radius passes 1 owes nothing to L_j: the
-two must agree. `grows` asks the nonlinear simulation the same.
+A_j(g) is the loop with the gain of tendon j times g. The g at which its spectral radius passes 1 is
+found without L_j, as a check; `grows` finds it by the nonlinear simulation.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ POKE = 1e-4  # step of a reference that starts a small motion [N]
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of one wire's loop.
+    """Margins of one tendon's loop.
 
     Attributes:
-        wire: which. frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
+        channel: name of the tendon. frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
         gain_margin: factor on the loop gain at the limit of stability, from L; gain_limit: the same from the poles.
         phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L. delay_limit: the same [s] from the poles, the command of a
@@ -39,7 +39,7 @@ class Margins:
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
     """
 
-    wire: str
+    channel: str
     frequency: np.ndarray
     loop: np.ndarray
     gain_margin: float
@@ -51,31 +51,31 @@ class Margins:
     peak_sensitivity: float
 
 
-def command_of(model: FrameModel, wire: str) -> tuple[int, int]:
-    """Output and input of a wire's speed command and reference. InputError where the command ignores the reference."""
-    row, column = model.outputs.index(f"speed_cmd_{wire}"), model.inputs.index(f"tension_ref_{wire}")
+def command_of(model: FrameModel, channel: str) -> tuple[int, int]:
+    """Indices of a tendon's speed command and reference. InputError where the command ignores the reference."""
+    row, column = model.outputs.index(f"speed_cmd_{channel}"), model.inputs.index(f"tension_ref_{channel}")
     if model.D[row, column] == 0.0:
         raise InputError(
-            f"the speed command of {wire} does not answer to its reference (kp = 0): there is no loop to break"
+            f"the speed command of {channel} does not answer to its reference (kp = 0): there is no loop to break"
         )
     return row, column
 
 
-def open_loop(model: FrameModel, wire: str, frequency: np.ndarray) -> np.ndarray:
-    """L (n,) of a wire's loop at frequencies [Hz], the other loops closed."""
-    row, column = command_of(model, wire)
+def open_loop(model: FrameModel, channel: str, frequency: np.ndarray) -> np.ndarray:
+    """L (n,) of a tendon's loop at frequencies [Hz], the other loops closed."""
+    row, column = command_of(model, channel)
     return model.D[row, column] / model.response(frequency)[:, row, column] - 1.0
 
 
-def scaled_loop(model: FrameModel, wire: str, factor: float) -> np.ndarray:
-    """A (n, n) with the loop gain of a wire times a factor."""
-    row, column = command_of(model, wire)
+def scaled_loop(model: FrameModel, channel: str, factor: float) -> np.ndarray:
+    """A (n, n) with the loop gain of a tendon times a factor."""
+    row, column = command_of(model, channel)
     return model.A + (factor - 1.0) * np.outer(model.B[:, column], model.C[row]) / model.D[row, column]
 
 
-def delayed_loop(model: FrameModel, wire: str, frames: float) -> np.ndarray:
-    """A of the loop with a wire's command late by `frames` (fractional: a straight line between two commands)."""
-    row, column = command_of(model, wire)
+def delayed_loop(model: FrameModel, channel: str, frames: float) -> np.ndarray:
+    """A of the loop with a tendon's command late by `frames` (fractional: a straight line between two commands)."""
+    row, column = command_of(model, channel)
     whole, n = floor(frames), len(model.A)
     depth = whole + 1  # commands of 1 .. depth frames ago
     push, command = model.B[:, column] / model.D[row, column], model.C[row]
@@ -106,14 +106,14 @@ def bisected(passes, low: float, high: float) -> float:
     return float(high)
 
 
-def gain_limit(model: FrameModel, wire: str) -> float:
-    """Factor > 1 on a wire's loop gain at which the spectral radius passes 1; nan if none below 1000."""
-    return bisected(lambda g: spectral_radius(scaled_loop(model, wire, g)) >= 1.0, 1.0, MOST_GAIN)
+def gain_limit(model: FrameModel, channel: str) -> float:
+    """Factor > 1 on a tendon's loop gain at which the spectral radius passes 1; nan if none below 1000."""
+    return bisected(lambda g: spectral_radius(scaled_loop(model, channel, g)) >= 1.0, 1.0, MOST_GAIN)
 
 
-def delay_limit(model: FrameModel, wire: str) -> float:
-    """Extra frames of delay in a wire's loop at which the spectral radius passes 1; nan if none below 40."""
-    return bisected(lambda d: spectral_radius(delayed_loop(model, wire, d)) >= 1.0, 0.0, MOST_FRAMES)
+def delay_limit(model: FrameModel, channel: str) -> float:
+    """Extra frames of delay in a tendon's loop at which the spectral radius passes 1; nan if none below 40."""
+    return bisected(lambda d: spectral_radius(delayed_loop(model, channel, d)) >= 1.0, 0.0, MOST_FRAMES)
 
 
 def gain_margin(loop: np.ndarray) -> float:
@@ -138,32 +138,32 @@ def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float,
     return best
 
 
-def margins(model: FrameModel, wire: str) -> Margins:
-    """Margins of a wire's loop at an operating point. InputError where its command ignores the reference."""
+def margins(model: FrameModel, channel: str) -> Margins:
+    """Margins of a tendon's loop at an operating point. InputError where its command ignores the reference."""
     frequency = np.concatenate([np.geomspace(1e-3, 1.0, 300), np.linspace(1.0, 0.5 / model.period, 1500)[1:]])
-    response = open_loop(model, wire, frequency)
+    response = open_loop(model, channel, frequency)
     margin, crossover, delay = phase_margin(frequency, response)
     return Margins(
-        wire, frequency, response, gain_margin(response), gain_limit(model, wire), margin, crossover, delay,
-        delay_limit(model, wire) * model.period, float(np.abs(1.0 / (1.0 + response)).max()),
+        channel, frequency, response, gain_margin(response), gain_limit(model, channel), margin, crossover, delay,
+        delay_limit(model, channel) * model.period, float(np.abs(1.0 / (1.0 + response)).max()),
     )  # fmt: skip
 
 
-def grows(loop: FrameMap, point: OperatingPoint, wire: int, factor: float, frames: int = 400) -> bool:
-    """Whether a small motion grows in the nonlinear simulation with the loop gain of a wire times a factor.
+def grows(loop: FrameMap, point: OperatingPoint, channel: int, factor: float, frames: int = 400) -> bool:
+    """Whether a small motion grows in the nonlinear simulation with the loop gain of a tendon times a factor.
 
     The reference is moved each frame so that the command becomes `factor` times what the controller would have sent.
     """
-    step, rows = loop.stepper(), loop.wires["speed_cmd"].start + wire
+    step, rows = loop.stepper(), loop.signals["speed_cmd"].start + channel
     x, r = point.state.copy(), point.references.copy()
-    r[wire] += POKE
+    r[channel] += POKE
     direct = (step(x, r)[1][rows] - step(x, point.references)[1][rows]) / POKE
     size = np.zeros(frames)
     for n in range(frames):
-        asked = point.references.copy()
-        asked[wire] += POKE if n == 0 else 0.0
-        asked[wire] += (factor - 1.0) * step(x, asked)[1][rows] / direct
-        x, wires = step(x, asked)
-        size[n] = np.abs(wires[loop.wires["tension"]] - point.tension).max()
+        reference = point.references.copy()
+        reference[channel] += POKE if n == 0 else 0.0
+        reference[channel] += (factor - 1.0) * step(x, reference)[1][rows] / direct
+        x, signals = step(x, reference)
+        size[n] = np.abs(signals[loop.signals["tension"]] - point.tension).max()
     quarter = frames // 4
     return bool(size[-quarter:].max() > size[quarter : 2 * quarter].max())

@@ -22,11 +22,11 @@ class OperatingPoint:
     """Where the loop rests.
 
     Attributes:
-        references: (wires,) [N]. state: (states,) at a frame's start.
-        tension: (wires,) [N] at the cell. angle: (joints,) [rad].
+        references: (tendons,) [N]. state: (states,) at a frame's start.
+        tension: (tendons,) [N] at the cell. angle: (joints,) [rad].
         frames: simulated until rest. residual: largest change over one frame, in units of each state's excursion.
         steady: whether the robot's own gains brought it there, rather than gentler ones.
-        slack: names of wires without tension.
+        slack: names of tendons without tension.
     """
 
     references: np.ndarray
@@ -60,7 +60,7 @@ def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, flo
 
 
 def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The loop at rest under references `at` [N per wire].
+    """The loop at rest under references `at` [N per tendon].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
     InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
@@ -73,10 +73,10 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> Op
         residual, frames = moved(loop, state, references), frames + more
         if not residual < SLOW:
             raise InputError(
-                f"the loop does not come to rest at {said(loop, references)} (it still moves {residual:.2g} a frame)"
+                f"the loop does not come to rest at {in_words(loop, references)}: it still moves {residual:.2g} a frame"
             )
-    _, wires = loop.run(state, references[None, :])
-    tension, angle = wires[0, loop.wires["tension"]], wires[0, loop.wires["angle"]]
+    _, signals = loop.run(state, references[None, :])
+    tension, angle = signals[0, loop.signals["tension"]], signals[0, loop.signals["angle"]]
     slack = tuple(n for n, t in zip(loop.robot.machine.axes.tendons, tension) if not t > 0.0)
     return OperatingPoint(references, state, tension, angle, frames, residual, steady, slack)
 
@@ -86,6 +86,6 @@ def gentle(loop: FrameMap) -> FrameMap:
     return loop.with_values(GENTLE)
 
 
-def said(loop: FrameMap, references: np.ndarray) -> str:
+def in_words(loop: FrameMap, references: np.ndarray) -> str:
     """References in words."""
-    return ", ".join(f"{wire} = {r:g} N" for wire, r in zip(loop.robot.machine.axes.tendons, references))
+    return ", ".join(f"{name} = {r:g} N" for name, r in zip(loop.robot.machine.axes.tendons, references))

@@ -1,4 +1,4 @@
-"""A closed loop as plain numbers for JSON; what is not finite becomes null."""
+"""A closed loop as plain data for JSON; values that are not finite become null."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
             },
             "poles": [pole_numbers(p) for p in model.poles()],
             "linear_model": model_numbers(result),
-            "steps": {s.wire: step_numbers(s) for s in result.steps},
-            "frequency_response": {r.wire: response_numbers(r) for r in result.responses},
-            "margins": {m.wire: margin_numbers(m) for m in result.margins},
+            "steps": {s.channel: step_numbers(s) for s in result.steps},
+            "frequency_response": {r.channel: response_numbers(r) for r in result.responses},
+            "margins": {m.channel: margin_numbers(m) for m in result.margins},
             "stability_map": {
                 "kp [m/(s N)]": result.gains.kp,
                 "kd [m/N]": result.gains.kd,
@@ -85,7 +85,7 @@ def pole_numbers(pole: Pole) -> dict[str, Any]:
 
 
 def step_numbers(step: StepResponse) -> dict[str, Any]:
-    """Figures of a step response."""
+    """Characteristics of a step response."""
     return {
         "size [N]": step.size,
         "rise_time [s]": step.rise,
@@ -110,7 +110,7 @@ def response_numbers(response: FrequencyResponse) -> dict[str, Any]:
 
 
 def margin_numbers(m: Margins) -> dict[str, Any]:
-    """Margins of one wire."""
+    """Margins of one tendon."""
     return {
         "gain_margin": m.gain_margin,
         "gain_limit": m.gain_limit,

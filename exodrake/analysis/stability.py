@@ -35,7 +35,7 @@ class StabilityMap:
 
 @dataclass(frozen=True, eq=False)
 class LatencySweep:
-    """Spectral radius (n,) over `frames` (n,) of command latency added on all wires; `limit` [frames] or nan."""
+    """Spectral radius (n,) over `frames` (n,) of command latency added on all tendons; `limit` [frames] or nan."""
 
     frames: np.ndarray
     radius: np.ndarray
@@ -65,20 +65,24 @@ def stability_map(
 ) -> StabilityMap:
     """The map over kp and kd, linearised afresh at each pair; the loop rests in the same state under all gains.
 
-    Args: kp (m,) [m/(s N)] and kd (n,) [m/N], rising; a grid of 30 by 31 by default. A kd below 0 is the printed sign.
+    Args:
+        loop: the frame map.
+        point: operating point.
+        kp: (m,) rising [m/(s N)]; a grid by default.
+        kd: (n,) rising [m/N]; a grid by default. A kd below 0 is the printed sign.
     """
     nominal = (float(loop.parameters[loop.robot.places(KP)[0]]), float(loop.parameters[loop.robot.places(KD)[0]]))
     kp = np.linspace(0.0, KP_TOP, GAINS)[1:] if kp is None else np.asarray(kp, dtype=float)
     kd = np.linspace(KD_LOW, KD_TOP, GAINS) if kd is None else np.asarray(kd, dtype=float)
     size = excursions(loop, point.state, point.references)
-    busiest = loop.with_values({KP: kp.max(), KD: np.abs(kd).max()})
-    keep = used(busiest, point.state, point.references, size)
+    largest = loop.with_values({KP: kp.max(), KD: np.abs(kd).max()})
+    keep = used(largest, point.state, point.references, size)
     radius = np.array([[radius_at(loop.with_values({KP: p, KD: d}), point, size, keep) for p in kp] for d in kd])
     return StabilityMap(kp, kd, radius, nominal, np.array([first_crossing(kp, row) for row in radius]))
 
 
 def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
-    """The radius over added command latency on all wires [frames]; None where the robot knows no such effect."""
+    """Spectral radius over added command latency on all tendons [frames]; None where the robot knows no such effect."""
     if not any(name.startswith(LATENCY) for name in loop.robot.machine.index):
         return None
     size = excursions(loop, point.state, point.references)

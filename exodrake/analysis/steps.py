@@ -1,4 +1,4 @@
-"""Step responses of each wire's tension on the full nonlinear loop, without noise."""
+"""Step responses of each tendon's tension on the full nonlinear loop, without noise."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ BAND = 0.02  # settling band, as a share of the step
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """One wire's answer to a step of its reference.
+    """Response of one tendon's tension to a step of its reference.
 
     Attributes:
-        wire: which. size: of the step [N].
-        time: (n,) [s], every 2 ms, the frame with the new reference starts at 0. tension: (n, wires) [N] at the cells.
-        rise: 10 to 90 % [s]. overshoot: share of the step. settling: last time outside +-2 % [s], nan if never inside.
-        steady_error: reference minus tension at the end [N]. crosstalk: largest change of another wire, share of step.
+        channel: name of the tendon. size: of the step [N].
+        time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
+        tension: (n, tendons) [N] at the cells.
+        rise: 10 to 90 % [s]. overshoot: fraction of the step.
+        settling: last time outside +-2 % [s], nan if never inside.
+        steady_error: reference minus tension at the end [N].
+        crosstalk: largest change of another tendon, fraction of the step.
     """
 
-    wire: str
+    channel: str
     size: float
     time: np.ndarray
     tension: np.ndarray
@@ -54,19 +57,19 @@ def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, flo
     return crossing(time, share, 0.9) - crossing(time, share, 0.1), max(0.0, float(share.max()) - 1.0), settling
 
 
-def step_response(loop: FrameMap, point: OperatingPoint, wire: int, size: float = 1.0) -> StepResponse:
-    """The loop's answer when the reference of a wire steps by `size` [N] from the operating point."""
+def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float = 1.0) -> StepResponse:
+    """The loop's response when the reference of a tendon (its index) steps by `size` [N] from the operating point."""
     machine = loop.robot.machine
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
-    rows[BEFORE:, wire] += size
-    wires = loop.ticks(point.state, rows)
-    tension = wires[:, loop.wires["tension"]]
-    time = machine.slot * (np.arange(len(wires)) + 1) - BEFORE * machine.frame
+    rows[BEFORE:, channel] += size
+    signals = loop.ticks(point.state, rows)
+    tension = signals[:, loop.signals["tension"]]
+    time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0
-    rise, overshoot, settling = step_figures(time[later], (tension[later, wire] - point.tension[wire]) / size)
-    others = np.delete(np.abs(tension - point.tension), wire, axis=1)
-    error = float(rows[-1, wire] - tension[-1, wire])
+    rise, overshoot, settling = step_figures(time[later], (tension[later, channel] - point.tension[channel]) / size)
+    others = np.delete(np.abs(tension - point.tension), channel, axis=1)
+    error = float(rows[-1, channel] - tension[-1, channel])
     return StepResponse(
-        machine.axes.tendons[wire], size, time, tension, rise, overshoot, settling, error,
+        machine.axes.tendons[channel], size, time, tension, rise, overshoot, settling, error,
         float(others.max(initial=0.0) / abs(size)),
     )  # fmt: skip

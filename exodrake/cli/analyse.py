@@ -64,7 +64,7 @@ def command(file, parameters, effects, parts, at, seed, out, target, model) -> N
 
 
 def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], parts: tuple[str, ...]) -> Robot:
-    """The robot that the options ask for: parts, then numbers, then effects."""
+    """The robot of the options: parts first, then parameters, then effects."""
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.scenario import channels_of, parse_effect, parse_number
 
@@ -90,7 +90,7 @@ def point_of(text: str) -> dict[str, float] | None:
                 raise ValueError
             found[name] = float(value)
         except ValueError:
-            raise InputError(f"--at: {item!r} is not WIRE=NEWTON, each wire once") from None
+            raise InputError(f"--at: {item!r} is not TENDON=NEWTON, each tendon once") from None
     return found or None
 
 
@@ -108,22 +108,23 @@ def make_folder(out: Path | None) -> None:
 def show(result: ClosedLoop) -> None:
     """The main numbers as tables."""
     from rich.console import Console
-    from rich.table import Table
 
-    console = Console()
-    wires = Table("wire", *(f"{name}\n\\[{unit}]" for name, unit in FIGURES.items()))
+    from exodrake.report.terminal import table
+
+    console, rows, poles = Console(), [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
         margin = (m.gain_margin, 57.29577951308232 * m.phase_margin, 1e3 * m.delay_margin)
-        wires.add_row(step.wire, *(f"{v:.2f}" for v in row), *(f"{v:.3g}" for v in margin))
-    poles = Table("|z|", "z", "frequency\n\\[Hz]", "damping\n\\[-]", "decays in\n\\[s]", "most in")
+        rows.append((step.channel, *(f"{v:.2f}" for v in row), *(f"{v:.3g}" for v in margin)))
     for pole in result.model.poles():
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping, pole.time_constant))
-            poles.add_row(f"{abs(pole.z):.4f}", place, *rest, pole.state)
-    for table in (wires, poles):
-        console.print(table)
+            poles.append((f"{abs(pole.z):.4f}", place, *rest, pole.state))
+    console.print(table(("tendon", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
+    titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", ">decays in\n\\[s]", "mostly in")
+    console.print()
+    console.print(table(titles, poles))
     click.echo(verdict(result))
     for note in result.notes:
         click.echo(f"note: {note}")

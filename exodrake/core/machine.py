@@ -61,6 +61,7 @@ class Machine:
         depth: effects that a diagnosis may name together.
         steered: how a run can follow a log, if it can.
         colours: of channels in figures; the others take theirs from a palette.
+        operating_point: channel -> reference [SI] at which `analyse` linearises the loop.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Machine:
     max_effects: int = 2
     observer: Observer | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
+    operating_point: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_wiring(self)

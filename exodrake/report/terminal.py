@@ -30,7 +30,7 @@ def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: in
     """
     from rich.table import Table
 
-    made = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 3, 0, 0))
+    made = Table(box=None, pad_edge=False, header_style="dim", padding=(0, 2, 0, 0))
     for k, title in enumerate(titles):
         justify = "right" if title.startswith(">") else "left"
         made.add_column(title.lstrip(">"), justify=justify, no_wrap=k != wrapped, ratio=1 if k == wrapped else None)

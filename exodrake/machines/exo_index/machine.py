@@ -86,4 +86,5 @@ def exo_index() -> Machine:
         segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         colours=COLOURS,
+        operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
     )
