@@ -107,7 +107,7 @@ def draw_gains(figure: Figure, axes: Any, gains: StabilityMap) -> None:
             1e3 * gains.nominal[0], 1e3 * gains.nominal[1], "o", ms=6, mfc="white", mec="black", label="this robot"
         )
         axes.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none")
-    axes.text(0.98, 0.03, "kd < 0: sign turned round", transform=axes.transAxes, ha="right", fontsize=7.5, color=DARK)
+    axes.text(0.98, 0.03, "kd < 0: reversed sign", transform=axes.transAxes, ha="right", fontsize=7.5, color=DARK)
     axes.set(xlabel="kp [mm/(s N)]", ylabel="kd [mm/N]", title="Spectral radius; black line: 1", xlim=(kp[0], kp[-1]))
     axes.grid(False)
     figure.colorbar(filled, ax=axes, ticks=LEVELS, format="%g")

@@ -65,7 +65,7 @@ def plot_log(
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
     with matplotlib.rc_context(STYLE):
-        figure = new_figure(7.0, 0.7 + 1.55 * len(kinds))
+        figure = new_figure(7.0, 0.7 + 1.65 * len(kinds))
         rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
         for axes, kind in zip(rows, kinds):
             draw_panel(axes, log, kind, machine)
