@@ -126,6 +126,7 @@ def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
     """A linear model as python-control's `StateSpace`, dt = one frame, signals named as log columns.
 
     Args:
+        model: to be converted.
         kinds: of outputs: "tension", "angle", "stroke", "speed_cmd"; tension and angle by default.
 
     Raises:

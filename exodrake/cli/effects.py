@@ -1,4 +1,4 @@
-"""`exodrake effects`: the effect library of what the nominal robot leaves out, and the page of each effect."""
+"""`exodrake effects`: the effect library, and the description of each effect."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     "--robot", default="exo_index", metavar="FILE", help="Whose effect library: a robot file or built-in robot."
 )
 def command(identity: str, as_json: bool, robot: str) -> None:
-    """The effect library of effects: id, what it is, parameters with unit and plausible range; one page if ID is
-    given.
-    """
+    """List the effect library: id, what it is, parameters with unit and plausible range; with ID, all about one."""
     from exodrake.machines.robot_file import load_robot
 
     machine = load_robot(robot).machine
@@ -31,7 +29,7 @@ def command(identity: str, as_json: bool, robot: str) -> None:
         described = [describe(machine, effect) for effect in chosen]
         click.echo(json.dumps(described[0] if identity else described, indent=2, ensure_ascii=False, allow_nan=False))
     elif identity:
-        print_page(machine, chosen[0])
+        print_description(machine, chosen[0])
     else:
         print_library(machine, chosen)
 
@@ -53,9 +51,9 @@ def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
     """Everything about an effect as plain data."""
     parameters = [
         {
-            "name": n.name, "unit": n.unit, "neutral": finite(n.null),
-            "range": [n.low, n.high], "usual": finite(n.initial), "over": n.axis or "one",
-            "channels": [channel for channel in machine.axes.of(n.axis) if channel], "free": n.fitted,
+            "name": n.name, "unit": n.unit, "null": finite(n.null),
+            "range": [n.low, n.high], "initial": finite(n.initial), "axis": n.axis or "scalar",
+            "channels": [channel for channel in machine.axes.of(n.axis) if channel], "fitted": n.fitted,
         }
         for n in effect.parameters
     ]  # fmt: skip
@@ -68,58 +66,54 @@ def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
 
 def example(machine: Machine, effect: Effect) -> str:
     """A command that shows the effect."""
-    number = effect.parameters[0]
+    parameter = effect.parameters[0]
     channel = machine.axes.of(effect.axis)[0]
     at = f"@{channel}" if channel else ""
-    return f"exodrake simulate caging --effect {effect.id}:{number.name}={number.initial:.3g}{at}"
+    return f"exodrake simulate caging --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
 
 
-def reach(number: EffectParameter) -> str:
+def plausible(parameter: EffectParameter) -> str:
     """Plausible range with unit."""
-    unit = "" if number.unit == "-" else f" {number.unit}"
-    return f"{number.low:g} to {number.high:g}{unit}"
+    unit = "" if parameter.unit == "-" else f" {parameter.unit}"
+    return f"{parameter.low:g} to {parameter.high:g}{unit}"
 
 
 def print_library(machine: Machine, effects: list[Effect]) -> None:
     """A table, one row an effect, grouped by block."""
     from rich.console import Console
-    from rich.table import Table
 
-    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
-    table.add_column("effect", no_wrap=True)
-    table.add_column("what it is", ratio=1)
-    table.add_column("parameters", no_wrap=True)
-    table.add_column("per", no_wrap=True)
-    block = ""
+    from exodrake.report.terminal import table
+
+    rows, block = [], ""
     for effect in effects:
-        if block and effect.block != block:
-            table.add_row()
+        rows += [()] if block and effect.block != block else []
         block = effect.block
-        parameters = "\n".join(f"{n.name}  {reach(n)}" for n in effect.parameters)
-        per = {"wires": "wire", "joints": "joint"}.get(effect.axis, "robot")
-        table.add_row(f"[bold]{effect.id}[/bold]", effect.summary, parameters, per)
+        parameters = "\n".join(f"{n.name}  {plausible(n)}" for n in effect.parameters)
+        per = effect.axis.removesuffix("s") or "robot"
+        rows.append((f"[bold]{effect.id}[/bold]", effect.summary, parameters, per))
     console = Console(width=None if Console().is_terminal else 140)
-    console.print(table)
-    console.print(f"\n{len(effects)} effects. `exodrake effects ID` prints an effect's page.", style="dim")
+    console.print(table(("effect", "what it is", "parameters", "per"), rows, wrapped=1))
+    console.print(f"\n{len(effects)} effects. `exodrake effects ID` describes one.", style="dim")
 
 
-def print_page(machine: Machine, effect: Effect) -> None:
-    """The full page of one effect."""
+def print_description(machine: Machine, effect: Effect) -> None:
+    """All about one effect."""
     from rich.console import Console
-    from rich.table import Table
+
+    from exodrake.report.terminal import table
 
     console = Console(width=None if Console().is_terminal else 120)
     console.print(f"[bold]{effect.id}[/bold]  {effect.summary}\n")
     console.print(equation(effect), markup=False, highlight=False, style="cyan", soft_wrap=True)
-    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 3, 0, 0))
-    for title in ("\nparameter", "\nunit", "\nplausible", "\nusual", "\nabsent at", "\none per", "\nfitted"):
-        table.add_column(title)
+    rows = []
     for n in effect.parameters:
         channels = ", ".join(filter(None, machine.axes.of(n.axis))) or "robot"
-        absent = f"{n.null:g}" if n is effect.parameters[0] else ""
+        null = f"{n.null:g}" if n is effect.parameters[0] else ""
         ends = f"{n.low:g} to {n.high:g}"
-        table.add_row(n.name, n.unit, ends, f"{n.initial:.4g}", absent, channels, "yes" if n.fitted else "no")
-    console.print(table)
+        rows.append((n.name, n.unit, ends, f"{n.initial:.4g}", null, channels, "yes" if n.fitted else "no"))
+    titles = ("parameter", "unit", "plausible", ">initial", ">null value", "one per", "fitted")
+    console.print()
+    console.print(table(titles, rows))
     for title, text in (("shows as", effect.signature), ("acts at", ", ".join(effect.at)), ("source", effect.source)):
         console.print(f"\n[bold]{title}[/bold]")
         console.print(text, markup=False, highlight=False)

@@ -31,9 +31,15 @@ REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Postures (k, 3) [rad] that touch the object; its centre (k,) complex [m]; gap to the thumb (k,) [m]; miss (k,):
-    by how much a posture breaks limits of joints or mode, pierces a phalanx or lets the object out [rad, or m / DEPTH],
-    0 if it does not."""
+    """Postures that touch the object.
+
+    Attributes:
+        angles: (k, 3) joint angles [rad].
+        centre: (k,) complex centre of the object [m].
+        gap: (k,) distance of the object to the thumb [m].
+        miss: (k,) by how much a posture violates limits of joints or mode, penetrates a phalanx or lets the object out
+            [rad, or m / DEPTH]; 0 for an admissible one.
+    """
 
     angles: np.ndarray
     centre: np.ndarray
@@ -42,7 +48,7 @@ class Candidates:
 
 
 def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
-    """All postures of a mode about an object of this size [m], allowed (miss = 0) or not."""
+    """All postures of a mode about an object of a size [m], admissible (miss = 0) or not."""
     radius, thumb = size / 2.0, complex(*hand.thumb)
     bend, held, off = wrapped(radius, n) if mode.wraps else pinched(mode, radius, hand, n)
     touch = radius + hand.thumb_radius

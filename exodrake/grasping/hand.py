@@ -1,7 +1,7 @@
-"""The opposed hand and the three modes: what a grasp must look like, before any wire is asked.
+"""The thumb and the three grasp modes: the geometry of a grasp, before the tendons come in.
 
 The splint holds the thumb (paper, Section 2.1), but the paper does not say where: place and pad below are assumed, so
-that the nominal finger, which the wires bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
+that the nominal finger, which the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ FREE = 9.0  # rad, no limit
 class Hand:
     """The thumb in the finger's plane, and how soft skin is.
 
-    thumb: centre of its round tip (x, y palmar) [m]; thumb_radius [m]. pad: where the distal phalanx touches in a
-    pinch, as a share of its length. soft: how deep an object sinks into a pad [m]. tissue: how far joints go beyond
-    the onset of their end stops [rad]. All assumed.
+    Attributes (all assumed):
+        thumb: centre of its round tip (x, y palmar) [m]; thumb_radius: of the tip [m].
+        pad: where the distal phalanx touches in a pinch, as a fraction of its length.
+        soft: how deep an object sinks into a pad [m].
+        tissue: how far joints go beyond the onset of their end stops [rad].
     """
 
     thumb: tuple[float, float] = (0.030, 0.090)
@@ -39,8 +41,14 @@ class Hand:
 
 @dataclass(frozen=True)
 class Mode:
-    """A way to grasp. low, high: joint angles less the rest posture [rad]; weight: how much each joint's departure
-    from rest counts against a posture; wraps: all phalanges touch, rather than the distal one alone."""
+    """A way to grasp.
+
+    Attributes:
+        name: of the mode.
+        low, high: joint angles less the rest posture [rad].
+        weight: cost of each joint's departure from rest.
+        wraps: whether all phalanges touch the object, or the distal one alone.
+    """
 
     name: str
     low: tuple[float, float, float]
@@ -66,7 +74,7 @@ def mode_of(name: str) -> Mode:
 
 
 def check_size(size: float, hand: Hand, n: Parameters) -> float:
-    """The size of an object [m]; InputError if it is none, or wider than finger and thumb could ever span."""
+    """The size of an object [m]. InputError if it is not a length, or wider than finger and thumb can span."""
     span = abs(complex(*hand.thumb)) + sum(n.length) - hand.thumb_radius - n.radius[2]
     number = isinstance(size, (int, float, np.number)) and not isinstance(size, bool)
     if not number or not isfinite(size) or not 0.0 < size <= span:

@@ -1,4 +1,4 @@
-"""Postures to tensions: the statics inverted, with one-sided, bounded tensions and joints that may snap.
+"""Inverse statics: postures to tensions, which are one-sided and bounded, with joints that may snap.
 
 Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
 posture and end stops (`stiffness.tension_map` is this with constant stiffness). Whether the finger then stands there is
@@ -29,16 +29,16 @@ Confirm = Callable[[np.ndarray, np.ndarray], bool]
 
 SAME = 2e-3  # rad, postures closer than this are one
 STIFF = 0.4  # share of its passive stiffness that a joint keeps under tension, or it is too close to snapping
-LEAD = 0.15  # share of the ramp by which extensors may run ahead of flexors or behind: wires do not arrive together
-EFFORT = 0.02  # rad2, what full tension of a wire counts against a posture: no more co-contraction than it takes
+LEAD = 0.15  # share of the ramp by which extensors may run ahead of flexors or behind: tendons do not arrive together
+EFFORT = 0.02  # rad2, what full tension of a tendon counts against a posture: no more co-contraction than it takes
 NUDGE = 1e-5  # rad, of difference quotients
 SINGULAR = 1e-12  # m3, |det P| below which tensions do not exist (`physics.md` 1.21: q2 = q3 with equal routers)
 APART = 0.01  # rad between postures tried one after the other
-STEPS, STARTS = 13, 4  # tensions per wire looked at, and starts of the least squares
+STEPS, STARTS = 13, 4  # tensions per tendon tried, and starts of the least squares
 
 
 def parameters_of(robot: Robot) -> Parameters:
-    """The finger's numbers of a robot, without effects."""
+    """Parameters of a robot's finger, without effects."""
     found = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
     plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
     return Parameters(*plain)
@@ -70,7 +70,7 @@ def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndar
 def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
     """Posture (3,) [rad] at the end of a minimum-jerk ramp from rest to tension (3,) [N].
 
-    low: F_min (3,) [N]. lead: share of the ramp by which the extensor runs ahead of the flexors.
+    low: (3,) F_min [N]. lead: fraction of the ramp by which the extensor runs ahead of the flexors.
     """
     ahead = np.array([-0.5, -0.5, 0.5]) * lead
     share = smooth(np.linspace(0.0, 1.0 + abs(lead), RAMP)[:, None] + ahead - 0.5 * abs(lead))
@@ -92,8 +92,18 @@ def arrives(angles: np.ndarray, tension: np.ndarray, low: np.ndarray, n: Paramet
 def holdable(
     angles: np.ndarray, cost: np.ndarray, low: np.ndarray, high: np.ndarray, n: Parameters, confirm: Confirm
 ) -> tuple[int, np.ndarray] | None:
-    """Place and tensions (3,) [N] of the cheapest of the postures (k, 3) [rad] that the wires hold and the ramp
-    reaches; None for none. low, high: tension limits (3,) [N]. Neighbours of one that fails are not tried."""
+    """The cheapest posture that the tendons hold and the ramp reaches; neighbours of one that fails are not tried.
+
+    Args:
+        angles: (k, 3) postures [rad].
+        cost: (k,) of the postures.
+        low, high: (3,) tension limits [N].
+        n: parameters of the finger.
+        confirm: whether tensions do lead to a posture.
+
+    Returns:
+        Index of the posture and its tensions (3,) [N]; None if there is none.
+    """
     tension = tensions_for(angles, n)
     inside = np.flatnonzero(((tension >= low) & (tension <= high)).all(axis=1))
     inside = inside[steady(angles[inside], tension[inside], n)]

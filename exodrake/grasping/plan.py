@@ -1,4 +1,4 @@
-"""Plans: mode and object size -> posture -> tensions, and the part of the wish that the wires cannot fulfil.
+"""Plans: mode and object size -> posture -> tensions, and the part of the posture that the tendons cannot hold.
 
 plan = plan_grasp("caging", 0.06)
 plan.tensions, plan.planned, plan.feasible, plan.reason
@@ -30,10 +30,15 @@ GAP = 0.01  # m off the thumb that count in a cage like 1 rad
 class Plan:
     """A planned grasp.
 
-    size: diameter of the object [m]; centre of it, and fingertip (target), as (x, y palmar) [m], MCP in the origin.
-    wanted: joint angles by inverse kinematics; planned: those the tensions [N] hold, from rest along the ramp;
-    shortfall: wanted less planned, the infeasible part [rad]. feasible: no joint falls short by more than TOLERANCE.
-    reason: in words.
+    Attributes:
+        mode: its name. size: diameter of the object [m].
+        target, centre: fingertip, and centre of the object, as (x, y palmar) [m], MCP in the origin.
+        wanted: joint angles by inverse kinematics [rad].
+        tensions: [N] per tendon.
+        planned: joint angles that the tensions hold, from rest along the ramp [rad].
+        shortfall: wanted less planned, the infeasible part [rad].
+        feasible: whether no joint falls short by more than TOLERANCE. reason: why, in a sentence.
+        wires, joints: names. hand: thumb and skin.
     """
 
     mode: str
@@ -58,8 +63,14 @@ class Plan:
 def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | None = None) -> Plan:
     """Plan a grasp of a round object.
 
-    Args: mode: caging, narrow-pinch or wide-pinch. size: the object's diameter [m].
-    Raises InputError for an unknown mode, and for a size that is none or beyond the span of finger and thumb.
+    Args:
+        mode: caging, narrow-pinch or wide-pinch.
+        size: diameter of the object [m].
+        robot: the built-in one by default.
+        hand: thumb and skin.
+
+    Raises:
+        InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
     """
     robot, hand = robot or load_robot(), hand or Hand()
     way, n, (low, high) = mode_of(mode), parameters_of(robot), limits(robot)
@@ -73,7 +84,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         wanted, planned = found.angles[place], ramped(tension, low, n)
     else:
         cloud = reachable(low, high, n)
-        place = nearest_wish(found, allowed, cloud[1])
+        place = nearest_candidate(found, allowed, cloud[1])
         wanted = np.clip(found.angles[place], *bounds(way, hand, n))
         tension, planned = project(wanted, cloud, low, high, n, confirm)
     shortfall = wanted - planned
@@ -88,13 +99,13 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
 
 
 def cost_of(mode: Mode, found: Candidates, n: Parameters) -> np.ndarray:
-    """What speaks against each posture (k,): weighted departure from rest, distance of a caged object to the thumb."""
+    """Cost of each posture (k,): weighted departure from rest, and distance of a caged object to the thumb."""
     away = (found.angles - np.array(n.q0)) ** 2 @ np.array(mode.weight)
     return away + (np.maximum(found.gap, 0.0) / GAP) ** 2
 
 
-def nearest_wish(found: Candidates, allowed: np.ndarray, held: np.ndarray) -> int:
-    """Place of the allowed posture nearest those the wires hold (k, 3) [rad]; of the least wrong if none is allowed."""
+def nearest_candidate(found: Candidates, allowed: np.ndarray, held: np.ndarray) -> int:
+    """Index of the admissible posture nearest those that the tendons hold (k, 3) [rad]; else of the least miss."""
     from scipy.spatial import KDTree
 
     if not len(allowed):
@@ -108,7 +119,7 @@ def words(
     """Why a grasp is feasible or not, in a sentence."""
     axes, (low, high) = robot.machine.axes, limits(robot)
     if feasible:
-        return "the wires hold it within F_min .. F_max, and the ramp leads to it"
+        return "the tendons hold it within F_min .. F_max, and the ramp leads to it"
     what = f"{mode.name.replace('-', ' ')} of {1e3 * size:g} mm"
     if not touched:
         does = "closes round it" if mode.wraps else "brings it against the thumb"
@@ -119,7 +130,7 @@ def words(
     cause = (
         f"; the nearest they hold has {' and '.join(at)}" if at else "; nearer ones are not stable or not on the ramp"
     )
-    return f"{what} is out of the wires' reach: no tensions hold the posture, which falls short by {short}{cause}"
+    return f"{what} is out of the tendons' reach: no tensions hold the posture, which falls short by {short}{cause}"
 
 
 def pair(point: complex) -> tuple[float, float]:
@@ -128,5 +139,5 @@ def pair(point: complex) -> tuple[float, float]:
 
 
 def values(array: np.ndarray) -> tuple[float, ...]:
-    """An array as plain numbers."""
+    """An array as plain floats."""
     return tuple(float(v) for v in array)

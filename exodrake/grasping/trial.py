@@ -1,7 +1,7 @@
-"""The last word on a plan: the nominal robot, simulated without noise, must stand in the planned posture at the hold.
+"""Check of a plan by simulation: the nominal robot, without noise, must stand in the planned posture at the hold.
 
-Statics know nothing of a tension loop that comes slowly to its references where the finger is soft, nor of a joint that
-hesitates on its way to the second of two postures.
+Statics do not contain the tension loop, which is slow where the finger is soft, nor a joint that stays long near the
+first of two equilibria.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CLOSE = 0.03  # rad between plan and simulation
 
 
 def nominal(robot: Robot) -> Robot:
-    """The robot with its own numbers and without effects."""
+    """The robot with its own parameters and without effects."""
     null = [parameter.null for parameter in robot.machine.parameters]
     return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, null)]))
 
@@ -33,7 +33,7 @@ def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
 
 
 def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
-    """Whether a nominal robot, asked for these tensions (wires,) [N], gets to these angles (joints,) [rad]."""
+    """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
     axes = robot.machine.axes
     targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
     log = simulate(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None)
