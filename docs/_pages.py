@@ -10,7 +10,7 @@ from mkdocs.structure.files import File, Files
 from exodrake import PUBLIC
 from exodrake.cli.effects import describe, reach
 from exodrake.cli.main import COMMANDS, cli
-from exodrake.core.robot import MACHINES
+from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
 # heading -> names of the Python page, in order; what is in none of them comes last
@@ -82,7 +82,7 @@ def effects_page() -> str:
         " value under *absent at*. Keys such as [S:Stillsuit]\nare listed with"
         " [the physics](../explain/physics.md#sources).\n"
     )
-    for name in MACHINES:
+    for name in machine_names():
         machine = load_robot(name).machine
         if machine.effects:
             text += f"\n## {name}\n"

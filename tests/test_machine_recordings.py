@@ -10,13 +10,14 @@ from scipy.io import savemat
 from exodrake.core.errors import InputError
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.machines.recordings import SETS, reader
+from exodrake.machines.recordings import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines.ladder import ladder
 from studies.real_machines.measures import decimated, relative_error, rms_degrees
 from studies.real_machines.sets import FOLDERS, LADDERS
 from studies.real_machines.study import emps_numbers
 
+SETS = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
 REAL = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
 real = pytest.mark.skipif(not REAL.is_dir(), reason="no recordings of real machines here (shared/data/real)")
 

@@ -10,7 +10,7 @@ from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.core.part import Output, Task
 from exodrake.diagrams.block_diagram import part_shares, stream_order, wiring_svg
-from exodrake.machines.exo_index.machine import exo_index
+from exodrake.machines.exo_index.machine import machine as exo_index
 
 
 def with_block(name, **changes):
@@ -23,18 +23,18 @@ def block(name):
     return next(b for b in exo_index().parts if b.name == name)
 
 
-def test_unknown_wire_written():
-    with pytest.raises(InputError, match=r"bus writes unknown wire 'speed_aplied'"):
+def test_signal_unknown_to_the_machine_is_refused():
+    with pytest.raises(InputError, match=r"bus writes unknown signal 'speed_aplied'"):
         with_block("bus", outputs=(Output("output", ("speed_aplied",)),))
 
 
-def test_wire_that_nothing_writes():
-    with pytest.raises(InputError, match=r"controller reads wire 'tension_red', which nothing writes"):
+def test_signal_without_writer_is_refused():
+    with pytest.raises(InputError, match=r"controller reads signal 'tension_red', which nothing writes"):
         with_block("controller", tasks=(Task("control", ("tension_ref", "tension_red"), slots=(4,)),))
 
 
-def test_wire_written_twice():
-    with pytest.raises(InputError, match=r"wire 'tension_read' is written by sensor and by encoder"):
+def test_signal_with_two_writers_is_refused():
+    with pytest.raises(InputError, match=r"signal 'tension_read' is written by sensor and by encoder"):
         with_block("encoder", outputs=(Output("output", ("tension_read",)),))
 
 

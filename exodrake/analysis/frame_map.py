@@ -146,7 +146,7 @@ class FrameMap:
         """The same loop with other parameters: name -> value [SI]; a name without its channel sets all channels."""
         parameters = self.parameters.copy()
         for name, value in values.items():
-            parameters[self.robot.places(name)] = value
+            parameters[self.robot.indices(name)] = value
         return replace(self, parameters=parameters)
 
 

@@ -71,7 +71,7 @@ def stability_map(
         kp: (m,) rising [m/(s N)]; a grid by default.
         kd: (n,) rising [m/N]; a grid by default. A kd below 0 is the printed sign.
     """
-    nominal = (float(loop.parameters[loop.robot.places(KP)[0]]), float(loop.parameters[loop.robot.places(KD)[0]]))
+    nominal = (float(loop.parameters[loop.robot.indices(KP)[0]]), float(loop.parameters[loop.robot.indices(KD)[0]]))
     kp = np.linspace(0.0, KP_TOP, GAINS)[1:] if kp is None else np.asarray(kp, dtype=float)
     kd = np.linspace(KD_LOW, KD_TOP, GAINS) if kd is None else np.asarray(kd, dtype=float)
     size = excursions(loop, point.state, point.references)
@@ -86,7 +86,7 @@ def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LA
     if not any(name.startswith(LATENCY) for name in loop.robot.machine.index):
         return None
     size = excursions(loop, point.state, point.references)
-    own = loop.parameters[loop.robot.places(LATENCY)[0]]
+    own = loop.parameters[loop.robot.indices(LATENCY)[0]]
     late = [loop.with_values({LATENCY: own + f}) for f in frames]
     keeps = [used(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import robot_option
+
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
     from exodrake.core.robot import Robot
@@ -20,7 +22,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 
 @click.command()
-@click.option("--robot", "file", default="exo_index", metavar="FILE", help="Robot file, or name of a built-in robot.")
+@robot_option("file")
 @click.option("--set", "parameters", **MANY, help="controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
 @click.option("--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]. Repeatable.")
 @click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import robot_option
+
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
@@ -31,7 +33,7 @@ CANDIDATE = 3  # % for each candidate
 @click.option("--json", "json_file", **FILE, help="Write the answer as JSON, in SI.")
 @click.option("--report", **FILE, help="Write a report as one HTML page.")
 @click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
-@click.option("--robot", default="", metavar="FILE", help="Nominal robot: a file, or the name of a built-in robot.")
+@robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")

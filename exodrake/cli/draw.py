@@ -4,9 +4,11 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import robot_option
+
 
 @click.command()
-@click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@robot_option()
 @click.option("--out", default="wiring.svg", show_default=True, type=click.Path(path_type=Path, dir_okay=False))
 def command(robot: str, out: Path) -> None:
     """Draw the robot's wiring: parts, wires with their units, and the tasks in the slots of a frame."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import robot_option
+
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
@@ -27,7 +29,7 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @click.argument("mode")
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
 @click.option("--estimator", "file", type=click.Path(path_type=Path), default=None, help="File of `exodrake train`.")
-@click.option("--robot", default="exo_index", show_default=True, help="Robot file, or a built-in robot by name.")
+@robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for the files [grasps/MODE-SIZE].")
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:

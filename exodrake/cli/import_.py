@@ -5,8 +5,7 @@ from pathlib import Path
 import click
 
 from exodrake.core.errors import InputError
-
-SETS = ("emps", "tendon_sheath", "so101", "dvrk_wrist")  # exodrake.machines.recordings.SETS, which is heavier to import
+from exodrake.machines.library import recorded_machines
 
 
 @click.command()
@@ -15,7 +14,11 @@ SETS = ("emps", "tendon_sheath", "so101", "dvrk_wrist")  # exodrake.machines.rec
     "--map", "map_file", default=None, type=click.Path(path_type=Path), help="Mapping file (YAML), see below."
 )
 @click.option(
-    "--from", "known", default=None, type=click.Choice(SETS), help="A known set, which needs no mapping file."
+    "--from",
+    "known",
+    default=None,
+    type=click.Choice(recorded_machines()),
+    help="A known set, which needs no mapping file.",
 )
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path),

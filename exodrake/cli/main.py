@@ -9,6 +9,7 @@ from typing import IO, Any
 import click
 
 from exodrake import __version__
+from exodrake.cli.options import plugin_added
 from exodrake.core.errors import InputError
 
 # command -> (module with a click command named `command`, its line in --help); those without a module are not listed
@@ -94,6 +95,10 @@ def _exists(name: str) -> bool:
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, message="exodrake %(version)s")
+@click.option(
+    "--plugin", multiple=True, metavar="FOLDER", expose_value=False, callback=plugin_added,
+    help="Folder of your own machines, effects, parts or file formats. Repeatable.",
+)  # fmt: skip
 def cli() -> None:
     """Simulate a tendon-driven robot, and explain how far, where and why it differs from the real one."""
 

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import robot_option
+
 
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
-@click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@robot_option()
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Page to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the page in the browser.")

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import robot_option
+
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
@@ -22,7 +24,7 @@ MANY = {"multiple": True, "metavar": "TEXT"}
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the tension references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
-@click.option("--robot", default="", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@robot_option(default="")
 @click.option("--set", "parameters", **MANY, help="finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
 @click.option(
     "--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import robot_option
+
 if TYPE_CHECKING:
     from exodrake.monitor.watcher import Watch
 
@@ -17,7 +19,7 @@ REDRAW = 4  # times a second
 
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--robot", default="exo_index", metavar="FILE", help="Robot file, or the name of a built-in robot.")
+@robot_option()
 @click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="SECONDS",
               help="End when no row has come for so long [never]; 0 reads a complete log to its end.")  # fmt: skip
 def command(log: Path, robot: str, until_idle: float | None) -> None:

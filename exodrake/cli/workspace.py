@@ -4,9 +4,11 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import robot_option
+
 
 @click.command()
-@click.option("--robot", default="exo_index", show_default=True, help="Robot file, or a built-in robot by name.")
+@robot_option()
 @click.option(
     "--out",
     type=click.Path(path_type=Path),

@@ -22,7 +22,8 @@ from exodrake.compiled.fused import print_fused
 from exodrake.compiled.leaf_functions import print_leaves
 from exodrake.compiled.schedule import print_frame
 from exodrake.compiled.splice import compose_point
-from exodrake.core.machine import Machine, module_name, part_modules, prefix
+from exodrake.core.machine import Machine
+from exodrake.core.part import module_name, part_modules, prefix
 
 # Pages allocate nothing: without reference counts an array costs a call nothing, with them some ten nanoseconds.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from exodrake.compiled.splice import print_effects
-from exodrake.core.machine import Machine, prefix
-from exodrake.core.part import Part
+from exodrake.core.machine import Machine
+from exodrake.core.part import Part, prefix
 
 
 def print_leaves(machine: Machine) -> list[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from exodrake.core.machine import Machine, feedthrough_order, prefix
-from exodrake.core.part import Part, Task
+from exodrake.core.machine import Machine
+from exodrake.core.part import Part, Task, prefix
+from exodrake.core.wiring import feedthrough_order
 
 
 def print_frame(machine: Machine) -> list[str]:
@@ -96,7 +97,7 @@ def holding(machine: Machine) -> list[str]:
         return []
     name, state = observer.state
     part = next(b for b in machine.parts if b.name == name)
-    wire, at = machine.column(observer.output).signal, machine.state_place(part, state)
+    wire, at = machine.column(observer.output).signal, machine.state_index(part, state)
     own = [e.name for e in machine.parameters if e.part == name]
     number = next(i for i, full in enumerate(own) if full.startswith(observer.divisor + "."))
     first = machine.column_width(observer.measured_input)

@@ -11,8 +11,8 @@ import ast
 import math
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.machine import Machine, module_name, prefix
-from exodrake.core.part import Part, Point
+from exodrake.core.machine import Machine
+from exodrake.core.part import Part, Point, module_name, prefix
 from exodrake.core.signal import SCALAR
 
 

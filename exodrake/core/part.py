@@ -7,6 +7,7 @@ leaves and the compiled simulator.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import get_args, get_type_hints
@@ -104,3 +105,24 @@ class Part:
     def fields(self) -> tuple[Field, ...]:
         """The part's numbers, in the order of its `Numbers` class."""
         return fields_of(self.parameters, self.group or self.name)
+
+
+def module_name(module: ModuleType) -> str:
+    """A module's name without its package."""
+    return module.__name__.rsplit(".", 1)[-1]
+
+
+def prefix(module: str) -> str:
+    """Prefix of a module's names in generated code: the last name for the library's parts, else all of them."""
+    parts = module.split(".")
+    return parts[-1] if parts[:2] == ["exodrake", "systems"] else "_".join(parts[parts[0] == "exodrake" :])
+
+
+def part_modules(part: Part) -> list[ModuleType]:
+    """The part's module and those that define its other points."""
+    return [part.module, *dict.fromkeys(p.module for p in part.points if p.module is not None)]
+
+
+def points_of(parts: Iterable[Part]) -> dict[str, Part]:
+    """The part of each point ("module.point") where effects may act."""
+    return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}

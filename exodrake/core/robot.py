@@ -1,4 +1,4 @@
-"""A robot: a machine with its numbers; the same machine with other numbers, effects and parts."""
+"""A robot: a machine with its parameters; the same machine with other parameters, effects and variants."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import contextlib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -15,23 +13,20 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
-from exodrake.core.parameter import Tolerance
-
-BUILT_IN = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")
-MACHINES = {name: f"exodrake.machines.{name}.machine" for name in BUILT_IN}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Robot:
-    """A machine and its numbers.
+    """A machine and its parameters.
 
     Attributes:
-        machine: parts, wires, schedule.
-        values: (n,) flat vector of numbers in SI, in the order of `machine.entries`.
-        sources: per full name, where the number comes from.
-        ranges: per full name, plausible low and high.
-        limits: tension limits per wire [N]: `F_max`, `F_min`.
-        grasps: tension targets per mode and wire [N].
+        machine: parts, signals, schedule.
+        values: (n,) array, the flat parameter vector [SI], in the order of `machine.parameters`.
+        sources: where each parameter comes from, by full name.
+        ranges: plausible (low, high) of each parameter [SI], by full name.
+        limits: limits of the references: name of the limit -> channel -> value [SI].
+        grasps: reference targets: mode -> channel -> value [SI].
+        source: the robot file's name, for messages.
     """
 
     machine: Machine
@@ -42,31 +37,39 @@ class Robot:
     grasps: dict[str, dict[str, float]] = field(default_factory=dict)
     source: str = ""
 
+    def __repr__(self) -> str:
+        there = ", ".join([*self.effects(), *self.machine.variant_names]) or "no effects"
+        return f"Robot({self.machine.name} from {self.source or 'Python'}: {len(self.values)} parameters; {there})"
+
     def __getitem__(self, name: str) -> float:
-        """One number by its full name, `finger.kappa.MCP`; InputError with the nearest names."""
-        return float(self.values[self.places(name)[0]])
+        """A parameter by its full name, `part.name` or `part.name.channel`; InputError with the nearest names."""
+        return float(self.values[self.indices(name)[0]])
 
     def channels(self, name: str) -> np.ndarray:
-        """A number of all channels, e.g. `finger.kappa` -> (3,)."""
-        return self.values[self.places(name)]
+        """A parameter of all channels by its name without channel: (channels,) array [SI]."""
+        return self.values[self.indices(name)]
 
-    def places(self, name: str) -> list[int]:
-        """Places in the flat vector of a full name, or of all channels of a name without its channel."""
+    def indices(self, name: str) -> list[int]:
+        """Indices in the flat vector of a full name, or of all channels of a name without channel."""
         index = self.machine.index
         if name in index:
             return [index[name]]
         found = [i for full, i in index.items() if full.rsplit(".", 1)[0] == name]
         if not found:
-            raise InputError(f"{self.source or self.machine.name}: unknown number {name!r}{nearest(name, list(index))}")
+            where = self.source or self.machine.name
+            raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(index))}")
         return found
 
     def with_parameters(self, parameters: Mapping[str, Any], source: str = "") -> Robot:
-        """The robot with numbers changed: dotted or nested names to values [SI]; a name without channel sets all
-        channels.
+        """The robot with parameters changed.
+
+        Args:
+            parameters: values [SI] by dotted or nested names; a name without channel sets all channels.
+            source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
         for name, value in flatten(parameters):
-            for i in self.places(name):
+            for i in self.indices(name):
                 values[i] = checked(name, value, source)
                 if source:
                     sources[self.machine.parameters[i].name] = source
@@ -76,48 +79,58 @@ class Robot:
         """The robot with an effect in it.
 
         Args:
-            identity: the effect's id. numbers: parameters, each one value or one per channel; typical ones where left
-            out. channels: wires or joints it sits on; all if empty.
+            identity: the effect's id.
+            parameters: the effect's parameters [SI], each one value or one per channel; initial values where left out.
+            channels: channels it sits on; all if empty.
         """
         effect = self.machine.effect(identity)
         given = dict(parameters or {})
-        known = {n.name for n in effect.parameters}
+        known = {p.name for p in effect.parameters}
         for name in given:
             if name not in known:
                 raise InputError(f"{identity} has no parameter {name!r}{nearest(name, sorted(known))}")
         values = self.values.copy()
         wanted = check_channels(self.machine, effect, channels)
-        for number in effect.parameters:
-            value = given.get(number.name, number.initial)
+        for parameter in effect.parameters:
+            value = given.get(parameter.name, parameter.initial)
             for channel in wanted:
-                one = value.get(channel, number.null) if isinstance(value, Mapping) else value
-                full = ".".join(part for part in (identity, number.name, channel if number.axis else "") if part)
+                one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
+                names = (identity, parameter.name, channel if parameter.axis else "")
+                full = ".".join(part for part in names if part)
                 values[self.machine.index[full]] = checked(full, one, "effect")
         return replace(self, values=values)
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Effects present: id -> parameter -> channel -> value ("" for a parameter without channels)."""
+        """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
         present: dict[str, dict[str, dict[str, float]]] = {}
         for effect in self.machine.effects:
             first = effect.parameters[0]
-            at = {channel: self.values[i] for channel, i in self.channel_indices(effect.id, first.name, first.axis)}
-            if any(v != first.null for v in at.values()):
+            if any(self.values[i] != first.null for _, i in self.channel_indices(effect.id, first.name, first.axis)):
                 present[effect.id] = {
-                    n.name: {
-                        channel: float(self.values[i]) for channel, i in self.channel_indices(effect.id, n.name, n.axis)
-                    }
-                    for n in effect.parameters
+                    p.name: {c: float(self.values[i]) for c, i in self.channel_indices(effect.id, p.name, p.axis)}
+                    for p in effect.parameters
                 }
         return present
 
     def channel_indices(self, group: str, name: str, axis: str) -> list[tuple[str, int]]:
-        """Lane names and places of a number."""
+        """Channel names and indices of a parameter."""
         channels = self.machine.axes.of(axis)
         return [(channel, self.machine.index[".".join(p for p in (group, name, channel) if p)]) for channel in channels]
 
-    def with_part(self, page: str) -> Robot:
-        """The robot with a variant part, e.g. `controller_as_printed`; InputError for an unknown one."""
-        return replace(self, machine=vary(self.machine, page))
+    def reference_limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
+        column = self.machine.references[0]
+        channels = self.machine.axes.of(self.machine.signal[column.signal].axis)
+        low, high = self.machine.reference_limits or ("", "")
+        for channel in channels if high else ():
+            if channel not in self.limits.get(high, {}):
+                raise InputError(f"{self.source or self.machine.name}: no limit {high}.{channel}")
+        lowest = [self.limits.get(low, {}).get(channel, 0.0) for channel in channels]
+        return np.array(lowest), np.array([self.limits.get(high, {}).get(channel, math.inf) for channel in channels])
+
+    def with_part(self, name: str) -> Robot:
+        """The robot with a variant of a part; InputError with the machine's variants for an unknown one."""
+        return replace(self, machine=self.machine.with_variant(name))
 
 
 def refuse_negative(robot: Robot) -> Robot:
@@ -127,35 +140,6 @@ def refuse_negative(robot: Robot) -> Robot:
         if low > 0 > robot[name] and parameter.unit != "rad":
             raise InputError(f"{robot.source}: {name} = {robot[name]:g} {parameter.unit}, below 0")
     return robot
-
-
-VARIANTS = {
-    "controller_as_printed": ("controller.damping", "exodrake.systems.controller_as_printed", "damping"),
-    "routers_as_printed": ("routers.applied_arm", "exodrake.systems.routers_as_printed", "applied_arm"),
-}
-
-
-@cache
-def vary_cached(name: str, tolerances: tuple[Tolerance, ...], pages: tuple[str, ...]) -> Machine:
-    """A machine with variant parts; the same object each time, so that it is composed once."""
-    machine = machine_of(MACHINES[name], tolerances)
-    variants = {VARIANTS[p][0]: getattr(import_module(VARIANTS[p][1]), VARIANTS[p][2]) for p in pages}
-    return replace(machine, variants=variants)
-
-
-@cache
-def machine_of(module: str, tolerances: tuple[Tolerance, ...]) -> Machine:
-    """The machine of a page, with what scatters in it; the same object each time."""
-    name = module.removesuffix(".machine").rsplit(".", 1)[-1]
-    return replace(getattr(import_module(module), name)(), tolerances=tolerances)
-
-
-def vary(machine: Machine, page: str) -> Machine:
-    """The machine with one more variant part."""
-    if page not in VARIANTS:
-        raise InputError(f"unknown part {page!r}{nearest(page, list(VARIANTS))}; there are {', '.join(VARIANTS)}")
-    present = {p for p, (point, _, _) in VARIANTS.items() if point in machine.variants}
-    return vary_cached(machine.name, machine.tolerances, tuple(sorted(present | {page})))
 
 
 def flatten(parameters: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
@@ -178,18 +162,18 @@ def checked(name: str, value: Any, source: str) -> float:
         with contextlib.suppress(ValueError):
             value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise InputError(f"{source or 'numbers'}: {name} is {value!r}, wanted a number")
+        raise InputError(f"{source or 'parameters'}: {name} is {value!r}, wanted a number")
     try:
         number = float(value)
     except OverflowError:
-        raise InputError(f"{source or 'numbers'}: {name} is too large a number") from None
+        raise InputError(f"{source or 'parameters'}: {name} is too large a number") from None
     if math.isnan(number):
-        raise InputError(f"{source or 'numbers'}: {name} is not a number (NaN)")
+        raise InputError(f"{source or 'parameters'}: {name} is not a number (NaN)")
     return number
 
 
 def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) -> tuple[str, ...]:
-    """Lanes an effect shall sit on; InputError naming an unknown one."""
+    """Channels an effect shall sit on; InputError naming an unknown one."""
     known, wanted = machine.axes.of(effect.axis), tuple(channels)
     for channel in wanted:
         if channel not in known:

@@ -7,37 +7,23 @@ from typing import Any
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.simulation import protocols
-from exodrake.systems import tendon_finger
+from exodrake.simulation.references import protocol
 
 DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds
 
 
 def menu(problem: Problem) -> dict[str, Reference]:
-    """Experiments that the robot can run, cheapest first: the Exo-Index's protocols, or its own motion at other sizes
-    and speeds.
-    """
-    if tendon_finger.PART in problem.robot.machine.parts:
-        return exo_menu(problem.robot)
+    """Experiments that the machine declares, cheapest first, or its own motion at other sizes and speeds."""
+    robot = problem.robot
+    if robot.machine.experiments:
+        return {name: protocol(text, robot) for name, text in robot.machine.experiments.items()}
     own = problem.fit[0].reference
     rest = own[0]
     return {
         "the same motion, twice as fast": Reference(own[::2], "faster"),
         "the same motion at half size": Reference(rest + 0.5 * (own - rest), "smaller"),
         "the same motion, half as fast": Reference(np.repeat(own, 2, axis=0), "slower"),
-    }
-
-
-def exo_menu(robot: Robot) -> dict[str, Reference]:
-    """Experiments that any Exo-Index can run, cheapest first."""
-    return {
-        "steps": protocols.steps(robot),
-        "multisine": protocols.multisine(robot),
-        "chirp": protocols.chirp(robot),
-        "holds": protocols.holds(robot),
-        "random motion": protocols.random_motion(robot=robot, seed=0),
     }
 
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
-from exodrake.core.machine import Machine, feedthrough_order
+from exodrake.core.machine import Machine
 from exodrake.core.part import Part
+from exodrake.core.wiring import feedthrough_order
 from exodrake.systems import routers
 from exodrake.systems.tendon_finger import RATE, TAKEN, Q
 

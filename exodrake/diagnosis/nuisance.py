@@ -18,9 +18,6 @@ from exodrake.core.machine import Machine
 RELATIVE, ADDITIVE = "relative", "additive"
 
 
-SUDDEN = ("finger.q_f", "finger.q_e")  # end stops: a motion meets them or does not
-
-
 @dataclass(frozen=True)
 class Knob:
     """Places in the flat numbers that move together: `transform` is RELATIVE (1 + x), ADDITIVE (+ x) or log (exp x)."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.fit import Fitter, Point
 
 RETUNES = 4  # rounds at most
@@ -58,7 +57,7 @@ def leapt(fitter: Fitter, point: Point, responses: np.ndarray) -> Point:
     """The point, or a better one with an end stop elsewhere: it is met suddenly, and a fit from its wrong side stays
     there.
     """
-    for i in (i for i, knob in enumerate(fitter.knobs) if knob.name.startswith(nuisance.SUDDEN)):
+    for i in (i for i, knob in enumerate(fitter.knobs) if knob.name.startswith(fitter.problem.robot.machine.end_stops)):
         leaps = (fitter.leap(point, responses, i, share * fitter.limit[i]) for share in LEAPS)
         promised, x = min(leaps, key=lambda found: found[0])
         if promised < point.cost - LEAP_GAIN:

@@ -10,10 +10,12 @@ from dataclasses import replace
 from importlib import import_module
 from pkgutil import walk_packages
 
+from exodrake.core import plugins
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.machine import points_of
-from exodrake.core.part import Part
+from exodrake.core.part import Part, points_of
+
+plugins.extend(__path__, "effects")
 
 
 def discover(package: str) -> tuple[Effect, ...]:

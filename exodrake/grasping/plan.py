@@ -19,7 +19,6 @@ from exodrake.grasping.inverse import holdable, parameters_of, project, ramped, 
 from exodrake.grasping.trial import confirmed, nominal
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import grasp
-from exodrake.simulation.tensions import limits
 from exodrake.systems.tendon_finger import Parameters
 
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
@@ -73,7 +72,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
         InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
     """
     robot, hand = robot or load_robot(), hand or Hand()
-    way, n, (low, high) = mode_of(mode), parameters_of(robot), limits(robot)
+    way, n, (low, high) = mode_of(mode), parameters_of(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
@@ -117,7 +116,7 @@ def words(
     robot: Robot, mode: Mode, size: float, touched: bool, feasible: bool, shortfall: np.ndarray, tension: np.ndarray
 ) -> str:
     """Why a grasp is feasible or not, in a sentence."""
-    axes, (low, high) = robot.machine.axes, limits(robot)
+    axes, (low, high) = robot.machine.axes, robot.reference_limits()
     if feasible:
         return "the tendons hold it within F_min .. F_max, and the ramp leads to it"
     what = f"{mode.name.replace('-', ' ')} of {1e3 * size:g} mm"

@@ -1,6 +1,4 @@
-"""Machines of joints that go where they are told: commands -> joints -> reading. They differ in effect library and
-numbers.
-"""
+"""Machines of ideal position servos (command -> joint -> reading); they differ in effects and parameters."""
 
 from __future__ import annotations
 
@@ -12,7 +10,7 @@ from exodrake.core.machine import Column, Machine
 from exodrake.core.signal import JOINTS, SCALAR, Axes, Signal
 from exodrake.systems import angle_reading, joint, joint_command
 
-ASKED = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
+REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
 BEND = Signal("bend", "rad", JOINTS)
 REST = (
     Signal("noise_angle", "-", JOINTS),
@@ -25,9 +23,9 @@ REST = (
 )
 
 
-def floors(number: Callable[[str], float]) -> dict[str, float]:
-    """Noise of an angle [rad]."""
-    return {"angle": number("reading.floor")}
+def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
+    """Noise standard deviation of an angle [rad]."""
+    return {"angle": parameter("reading.floor")}
 
 
 def joint_machine(
@@ -36,33 +34,39 @@ def joint_machine(
     joints: tuple[str, ...],
     library: tuple[Effect, ...],
     frame: float,
-    depth: int,
+    max_effects: int,
     bent: bool = False,
 ) -> Machine:
-    """A machine of joints.
+    """A machine of position servos.
 
-    Args: part: what reports call the part that moves the joints; frame [s]; depth: effects that may be named together;
-        bent: whether logs say how far each joint's sheath is bent.
+    Args:
+        name: of the machine.
+        part: name of the part that moves the joints.
+        joints: names of the joints.
+        library: its effects.
+        frame: frame period [s].
+        max_effects: effects that a diagnosis may name together.
+        bent: whether logs state the bend of each joint's sheath.
     """
-    asked = (*ASKED, BEND) if bent else ASKED
+    references = (*REFERENCES, BEND) if bent else REFERENCES
     return Machine(
         name=name,
         axes=Axes((), joints),
-        signals=(*asked, *REST),
+        signals=(*references, *REST),
         parts=(
             replace(joint.PART, name=part),
             joint_command.SET_PART if bent else joint_command.PART,
             angle_reading.PART,
         ),
-        inputs=(*(w.name for w in asked), "noise_angle"),
-        columns=(*(Column(w.name, w.name) for w in asked), Column("angle", "angle_read", label="Joint angle")),
+        inputs=(*(s.name for s in references), "noise_angle"),
+        columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
         effects=library,
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),
         resolution=tuple(f"reading.step.{j}" for j in joints),
         compared=("angle",),
-        noise_std=floors,
+        noise_std=noise_std,
         segments={part: "angle"},
-        max_effects=depth,
+        max_effects=max_effects,
     )

@@ -1,15 +1,15 @@
-"""Robot files: a machine with its numbers, read and written.
+"""Robot files: a machine with its parameters, read and written.
 
-A file either holds all numbers (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
+A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
 
     base: exo_index
     parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
     effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
-    parts: [controller_as_printed]                                       # variants of parts, by page
+    parts: [controller_as_printed]                                       # variants of parts
     tolerances:                                                          # what differs from one such robot to the next
       - {parameters: ["tendon.k.{w}"], transform: relative, prior_std: 0.03, max_deviation: 0.10}
 
-`machine` is a built-in one or `package.page`, a page with a function of its last name that returns the Machine.
+`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code.
 """
 
 from __future__ import annotations
@@ -18,31 +18,39 @@ import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, parse_yaml, read_bytes, write_text
+from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
-from exodrake.core.robot import MACHINES, VARIANTS, Robot, checked, flatten, machine_of, refuse_negative
+from exodrake.core.robot import Robot, checked, flatten, refuse_negative
 from exodrake.core.robot_schema import check_content
+from exodrake.machines.library import machine_named, machine_names, robot_yaml
 
 
 def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:
-    """The robot of a file, or a built-in one by name. Raises InputError naming file and key.
+    """The robot of a file, or of a machine by its name.
 
-    above: files whose base this one is, for the message about a ring.
+    Args:
+        path: robot file, or name of a machine.
+        above: files whose base this one is, for the message about a ring.
+
+    Raises:
+        InputError: naming file and key.
     """
-    shipped = files("exodrake.machines") / str(path) / "robot.yaml"
-    if "/" not in str(path) and is_file(str(shipped)):
-        source, data = f"{path}.yaml", shipped.read_bytes()
+    shipped = robot_yaml(str(path))
+    if shipped is not None:
+        source, data = f"{path}.yaml", read_bytes(shipped)
     else:
         file = Path(path)
         if not is_file(file):
-            raise InputError(f"no robot file {str(path)!r}")
+            raise InputError(
+                f"no robot file {str(path)!r}, nor a machine of that name{nearest(str(path), list(machine_names()))}"
+            )
         source, data = file.name, read_bytes(file)
     return build(parse_yaml(data, source), source, above or (str(path),))
 
@@ -59,16 +67,16 @@ def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
 
 
 def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
-    """The robot with what a file's content says of parts, numbers, effects, limits and grasps."""
-    for page in content.get("parts") or ():
-        robot = robot.with_part(page)
+    """The robot with what a file's content says of variants, parameters, effects, limits and grasps."""
+    for part in content.get("parts") or ():
+        robot = robot.with_part(part)
     parameters = content.get("parameters") or {}
     robot = robot.with_parameters(parameters, robot.source)
     robot = refuse_negative(replace(robot, **stated(parameters, robot)))
     for identity, given in (content.get("effects") or {}).items():
         channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
         robot = robot.splice(identity, given, [channel for channel in channels if channel])
-    limits = check_limits({**robot.limits, **table(content.get("limits") or {})}, robot.source)
+    limits = check_limits(robot.machine, {**robot.limits, **table(content.get("limits") or {})}, robot.source)
     return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
 
 
@@ -82,18 +90,14 @@ def named(source: str) -> Iterator[None]:
 
 
 def blank(content: Mapping[str, Any], source: str) -> Robot:
-    """A machine whose effects are neutral and whose own numbers are still to come; InputError if some never do."""
-    name = str(content.get("machine"))
-    module = MACHINES.get(name, name)
-    try:
-        machine = machine_of(module, tolerances_of(content.get("tolerances") or ()))
-    except (ImportError, AttributeError, ValueError):
-        raise InputError(f"{source}: machine {name!r} is none of {', '.join(MACHINES)}, nor a page to import") from None
-    named = {n for n, _ in flatten(content.get("parameters") or {})}
+    """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
+    with named(source):
+        machine = machine_named(str(content.get("machine")), tolerances_of(content.get("tolerances") or ()))
+    given = {n for n, _ in flatten(content.get("parameters") or {})}
     for parameter in machine.parameters:
-        if parameter.null is None and parameter.name not in named and parameter.name.rsplit(".", 1)[0] not in named:
-            raise InputError(f"{source}: number {parameter.name} is missing")
-    return Robot(machine, np.array([e.null if e.null is not None else math.nan for e in machine.parameters]))
+        if parameter.null is None and parameter.name not in given and parameter.name.rsplit(".", 1)[0] not in given:
+            raise InputError(f"{source}: parameter {parameter.name} is missing")
+    return Robot(machine, np.array([p.null if p.null is not None else math.nan for p in machine.parameters]))
 
 
 def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, ...]:
@@ -111,7 +115,7 @@ def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
         for name, item in fields.items() if isinstance(fields, Mapping) else ():
             if not (isinstance(item, Mapping) and "value" in item):
                 continue
-            for i in robot.places(f"{group}.{name}"):
+            for i in robot.indices(f"{group}.{name}"):
                 parameter = robot.machine.parameters[i]
                 if item.get("unit", parameter.unit) != parameter.unit:
                     raise InputError(
@@ -124,19 +128,21 @@ def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
 
 
 def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Limits as plain values per wire."""
-    return {name: {w: float(v) for w, v in item.get("value", item).items()} for name, item in limits.items()}
+    """Limits as plain values per channel."""
+    return {name: {c: float(v) for c, v in item.get("value", item).items()} for name, item in limits.items()}
 
 
-def check_limits(limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
-    """Refuses negative tension limits and a floor above its ceiling."""
+def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
+    """Refuses negative limits, and a lowest reference above the highest one."""
+    unit = machine.signal[machine.references[0].signal].unit if machine.references else ""
     for name, item in limits.items():
-        for wire, value in item.items():
-            if checked(f"{name}.{wire}", value, source) < 0:
-                raise InputError(f"{source}: tension limit {name}.{wire} is {value} N, below 0")
-    for wire, low in limits.get("F_min", {}).items():
-        if low > limits.get("F_max", {}).get(wire, math.inf):
-            raise InputError(f"{source}: F_min.{wire} = {low} N exceeds F_max.{wire}")
+        for channel, value in item.items():
+            if checked(f"{name}.{channel}", value, source) < 0:
+                raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
+    lowest, highest = machine.reference_limits or ("", "")
+    for channel, low in limits.get(lowest, {}).items():
+        if low > limits.get(highest, {}).get(channel, math.inf):
+            raise InputError(f"{source}: {lowest}.{channel} = {low} {unit} exceeds {highest}.{channel}")
     return limits
 
 
@@ -157,7 +163,7 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
         identity: {name: values.get("", values) for name, values in present.items()}
         for identity, present in robot.effects().items()
     }
-    parts = [p for p, (point, _, _) in VARIANTS.items() if point in robot.machine.variants]
+    parts = list(robot.machine.variant_names)
     content = {"base": robot.machine.name, "parameters": parameters, "effects": effects, "parts": parts, "notes": notes}
     text = yaml.safe_dump({k: v for k, v in content.items() if v}, sort_keys=False)
     write_text(path, text)

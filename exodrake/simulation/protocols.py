@@ -17,7 +17,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.tensions import above_floor, check_range, clock, generator, limits, smooth
+from exodrake.simulation.tensions import above_floor, check_range, clock, generator, smooth
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
 
@@ -32,7 +32,7 @@ def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> 
     for wire in wanted:
         if wire not in wires:
             raise InputError(f"{mode}: unknown wire {wire!r}; the robot has {', '.join(wires)}")
-    for wire, (low, high) in zip(wires, np.transpose(limits(robot))):
+    for wire, (low, high) in zip(wires, np.transpose(robot.reference_limits())):
         if wire not in wanted:
             raise InputError(f"{mode}: no target tension for wire {wire}")
         if not 0.0 <= wanted[wire] <= high:
@@ -51,7 +51,7 @@ def grasp(
         mode: one of `robot.grasps`, or any name if `targets` (wire -> N) are given. rest, approach, hold, release: [s].
     """
     robot = robot or load_robot()
-    peak, floor = targets_of(mode, robot, targets), limits(robot)[0]
+    peak, floor = targets_of(mode, robot, targets), robot.reference_limits()[0]
     time = clock(robot, rest=rest, approach=approach, hold=hold, release=release, rest_after=rest)
     frame = robot.machine.frame
     up = smooth((time - rest) / max(approach, frame))
@@ -61,7 +61,7 @@ def grasp(
 
 def one_sweep(robot: Robot, wire: int, levels: Sequence[float], period: float) -> np.ndarray:
     """One wire 0-100-0 % of F_max in `period` [s], all others at `levels` (wires,) of F_max; (frames, wires) [N]."""
-    time, ceiling = clock(robot, period=period), limits(robot)[1]
+    time, ceiling = clock(robot, period=period), robot.reference_limits()[1]
     tension = np.tile(np.asarray(levels) * ceiling, (len(time), 1))
     tension[:, wire] = ceiling[wire] * (1.0 - np.abs(2.0 * time / period - 1.0))
     return tension
@@ -116,7 +116,7 @@ def chirp(
     check_range("high", high, low * (1.0 + 1e-6), nyquist, "Hz")
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.1, 1.0, "of F_max")
-    time, ceiling = clock(robot, span=span), limits(robot)[1]
+    time, ceiling = clock(robot, span=span), robot.reference_limits()[1]
     growth = np.log(high / low) / span
     phase = 2.0 * np.pi * low * np.expm1(growth * time) / growth
     bottom = 0.1
@@ -133,7 +133,7 @@ def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: f
     """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
     robot = robot or load_robot()
     check_range("count", count, 1, 1000, "holds")
-    ceiling = limits(robot)[1]
+    ceiling = robot.reference_limits()[1]
     levels = generator(seed).uniform(0.1, 0.9, (int(count), len(ceiling))) * ceiling
     return above_floor(robot, np.repeat(levels, len(clock(robot, dwell=dwell)), axis=0), "holds")
 
@@ -143,7 +143,7 @@ def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dw
     robot = robot or load_robot()
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
-    ceiling = limits(robot)[1]
+    ceiling = robot.reference_limits()[1]
     low = np.tile(base * ceiling, (len(clock(robot, dwell=dwell)), 1))
     parts = [low]
     for wire in range(len(ceiling)):
@@ -168,7 +168,7 @@ def multisine(
     which 0.2 F_max are swung.
     """
     robot = robot or load_robot()
-    time, ceiling, rng = clock(robot, period=period), limits(robot)[1], generator(seed)
+    time, ceiling, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
     check_range("high", high, len(ceiling) / period, 0.5 / robot.machine.frame, "Hz")
     check_range("base", base, 0.0, 0.8, "of F_max")
     check_range("repeats", repeats, 1, 1000, "periods")
@@ -191,7 +191,7 @@ def random_motion(
     robot = robot or load_robot()
     check_range("fastest", fastest, 0.01, 5.0, "Hz")
     time, rng = clock(robot, duration=duration), generator(seed)
-    floor, ceiling = limits(robot)
+    floor, ceiling = robot.reference_limits()
     tension, sines, share = np.empty((len(time), len(ceiling))), 7, 0.9
     for wire in range(len(ceiling)):
         frequency = rng.uniform(0.03 * fastest, fastest, sines)

@@ -150,7 +150,7 @@ def parse_number(text: str, robot: Robot) -> tuple[str, float]:
         found = float(number)
     except ValueError:
         raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI") from None
-    wanted = robot.machine.parameters[robot.places(name)[0]].unit
+    wanted = robot.machine.parameters[robot.indices(name)[0]].unit
     if unit:
         if si_unit(unit, name) != wanted:
             raise InputError(f"{name} is in [{wanted}], not in [{unit.strip()}]")

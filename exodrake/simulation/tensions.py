@@ -9,15 +9,6 @@ from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 
 
-def limits(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
-    """Floor F_min and ceiling F_max of the wires (wires,) [N]; InputError if the robot states no F_max for a wire."""
-    wires, ceiling, floor = robot.machine.axes.tendons, robot.limits.get("F_max", {}), robot.limits.get("F_min", {})
-    for wire in wires:
-        if wire not in ceiling:
-            raise InputError(f"{robot.source or robot.machine.name}: no tension limit F_max.{wire}")
-    return np.array([floor.get(w, 0.0) for w in wires]), np.array([ceiling[w] for w in wires])
-
-
 def smooth(share: np.ndarray) -> np.ndarray:
     """Minimum-jerk step from 0 to 1 while `share` goes from 0 to 1; same shape."""
     x = np.clip(share, 0.0, 1.0)
@@ -43,7 +34,7 @@ def check_range(name: str, value: float, low: float, high: float, unit: str) -> 
 
 def above_floor(robot: Robot, tension: np.ndarray, name: str) -> Reference:
     """The reference of these tensions (frames, wires) [N], raised to the floor where they are below."""
-    return Reference(np.maximum(tension, limits(robot)[0]), name)
+    return Reference(np.maximum(tension, robot.reference_limits()[0]), name)
 
 
 def generator(seed: int) -> np.random.Generator:

@@ -19,6 +19,6 @@ EFFECTS = (
 
 
 @cache
-def dvrk_wrist() -> Machine:
-    """Joints that stand where the kinematics of rigid cables put them."""
-    return joint_machine("dvrk_wrist", "cable", ("q4", "q5", "q6"), EFFECTS, frame=1.0, depth=6)
+def machine() -> Machine:
+    """Joints driven by rigid cables without friction."""
+    return joint_machine("dvrk_wrist", "cable", ("q4", "q5", "q6"), EFFECTS, frame=1.0, max_effects=6)

@@ -11,7 +11,7 @@ from exodrake.effects import effects_of
 from exodrake.systems import carriage, linear_scale, position_drive
 
 PARTS = (carriage.PART, linear_scale.PART, position_drive.PART)
-TABLE = (
+SIGNALS = (
     Signal("position_ref", "m", JOINTS),
     Signal("position_start", "m", JOINTS),
     Signal("speed_start", "m/s", JOINTS),
@@ -29,18 +29,18 @@ COLUMNS = (
 )
 
 
-def floors(number: Callable[[str], float]) -> dict[str, float]:
-    """Repeatability of place [m] and force [N]."""
-    return {"position": number("scale.floor"), "force": number("drive.floor")}
+def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
+    """Repeatability of position [m] and force [N]."""
+    return {"position": parameter("scale.floor"), "force": parameter("drive.floor")}
 
 
 @cache
-def emps() -> Machine:
-    """The frictionless inertia under its drive, with every effect of its effect library at its neutral value."""
+def machine() -> Machine:
+    """The frictionless inertia under its drive, with every effect of its library at its null value."""
     return Machine(
         name="emps",
         axes=Axes((), ("carriage",)),
-        signals=TABLE,
+        signals=SIGNALS,
         parts=PARTS,
         inputs=("position_ref", "position_start", "speed_start", "noise_position"),
         columns=COLUMNS,
@@ -50,7 +50,7 @@ def emps() -> Machine:
         noise=("scale.sigma",),
         resolution=("scale.step",),
         compared=("position", "force"),
-        noise_std=floors,
+        noise_std=noise_std,
         segments={"drive": "force", "carriage": "position"},
         max_effects=4,
     )

@@ -1,4 +1,4 @@
-"""The Exo-Index robot's table: wires, parts in order, and what its log shows. Slots as in `model.md`, Timing."""
+"""The Exo-Index robot: its signals, its parts in order, and what its log shows; slots as in `model.md`, Timing."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.core.machine import Column, Machine, Observer
+from exodrake.core.machine import Column, Machine, Observer, Regime
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
 from exodrake.effects import effects_of
-from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
+from exodrake.systems import (
+    bus,
+    controller,
+    controller_as_printed,
+    encoder,
+    mocap,
+    motor,
+    routers_as_printed,
+    sensor,
+    tendon_finger,
+)
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
 
-TABLE = (
+SIGNALS = (
     Signal("tension_ref", "N", TENDONS),
     Signal("noise_tension", "-", TENDONS),
     Signal("noise_angle", "-", JOINTS),
@@ -44,37 +54,40 @@ COLUMNS = (
     Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
     Column("angle", "angle_read", required=False, label="Joint angle"),
 )
-COLOURS = {  # tendons: Okabe and Ito; joints: Tol's muted scheme
-    "AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00", "MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933",
-}  # fmt: skip
 
 
-def floors(number: Callable[[str], float]) -> dict[str, float]:
-    """Noise of each kind of signal from the sensors' numbers: N, m, m/s, rad. Rounding to q adds q^2/12."""
-    tension = np.sqrt(number("sensor.sigma_F") ** 2 + TWELFTH * number("sensor.q_F") ** 2)
+def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
+    """Noise standard deviation of each kind [N, m, m/s, rad], from the sensors' parameters."""
+    tension = np.sqrt(parameter("sensor.sigma_F") ** 2 + TWELFTH * parameter("sensor.q_F") ** 2)
     damped = np.hypot(
-        number("controller.kp") + number("controller.kd") / number("controller.period"),
-        number("controller.kd") / number("controller.period"),
+        parameter("controller.kp") + parameter("controller.kd") / parameter("controller.period"),
+        parameter("controller.kd") / parameter("controller.period"),
     )
-    step = number("encoder.q_theta") * number("encoder.radius")
+    step = parameter("encoder.q_theta") * parameter("encoder.radius")
     return {
         "tension": float(tension),
         "stroke": float(np.sqrt(TWELFTH) * step),
         "speed_cmd": float(tension * damped),
-        "angle": number("mocap.sigma_q"),
+        "angle": parameter("mocap.sigma_q"),
     }
 
 
+STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a second
+SLACK = 0.15  # N: half the anti-slack reference of 0.3 N
+COLOURS = {
+    **{"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"},  # Okabe and Ito: told apart by all eyes
+    **{"MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933"},  # Tol's muted scheme
+}
 TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared
 
 
 @cache
-def exo_index() -> Machine:
-    """The nominal machine with every effect of the effect library at its neutral value."""
+def machine() -> Machine:
+    """The nominal machine with every effect of the library at its null value."""
     return Machine(
         name="exo_index",
         axes=AXES,
-        signals=TABLE,
+        signals=SIGNALS,
         parts=PARTS,
         inputs=("tension_ref", "noise_tension", "noise_angle", "packet_arrival"),
         columns=COLUMNS,
@@ -82,9 +95,23 @@ def exo_index() -> Machine:
         noise=("sensor.sigma_F", "mocap.sigma_q"),
         resolution=("sensor.q_F", "encoder.q_theta"),
         compared=("tension", "stroke", "speed_cmd", "angle"),
-        noise_std=floors,
+        noise_std=noise_std,
         segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
+        variants_available={
+            "controller_as_printed": ("controller.damping", controller_as_printed.damping),
+            "routers_as_printed": ("routers.applied_arm", routers_as_printed.applied_arm),
+        },
+        reference_limits=("F_min", "F_max"),
+        experiments={
+            "steps": "steps",
+            "multisine": "multisine",
+            "chirp": "chirp",
+            "holds": "holds",
+            "random motion": "random-motion:seed=0",
+        },
+        end_stops=("finger.q_f", "finger.q_e"),
+        regime=Regime("stroke", "tension", "angle", still=STILL, slack=SLACK),
         colours=COLOURS,
         operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
     )

@@ -22,6 +22,6 @@ EFFECTS = (
 
 
 @cache
-def so101() -> Machine:
-    """Servos that stand at once where they are told."""
-    return joint_machine("so101", "servo", JOINT_NAMES, EFFECTS, frame=0.02, depth=5)
+def machine() -> Machine:
+    """Ideal position servos without dynamics."""
+    return joint_machine("so101", "servo", JOINT_NAMES, EFFECTS, frame=0.02, max_effects=5)

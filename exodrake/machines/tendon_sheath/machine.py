@@ -19,6 +19,6 @@ EFFECTS = (
 
 
 @cache
-def tendon_sheath() -> Machine:
-    """A rigid transmission: the joint goes where it is told, whatever the sheath's bend."""
-    return joint_machine("tendon_sheath", "sheath", ("bending",), EFFECTS, frame=0.025, depth=4, bent=True)
+def machine() -> Machine:
+    """A rigid transmission: the joint angle is the commanded one at any bend of the sheath."""
+    return joint_machine("tendon_sheath", "sheath", ("bending",), EFFECTS, frame=0.025, max_effects=4, bent=True)

@@ -1,0 +1,60 @@
+"""Options that commands share: --robot with --machine, and --plugin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
+
+
+def robot_option(name: str = "robot", default: str = "exo_index") -> Callable[[Callable], Callable]:
+    """Adds --robot, and --machine for the folder of a machine of the user's own, to a command.
+
+    Args:
+        name: the command's parameter for the robot file or machine name.
+        default: its value if neither option is given.
+    """
+
+    def add(command: Callable) -> Callable:
+        machine = click.option(
+            "--machine", metavar="FOLDER", expose_value=False, is_eager=True, callback=machine_added,
+            help="Folder of a machine of your own (machine.py, robot.yaml); its robot is the default.",
+        )  # fmt: skip
+        robot = click.option(
+            "--robot", name, default=default, metavar="FILE", callback=robot_named,
+            help="Robot file, or the name of a machine.",
+        )  # fmt: skip
+        return robot(machine(command))
+
+    return add
+
+
+def machine_added(context: click.Context, _: click.Parameter, folder: str | None) -> None:
+    """Registers the folder of --machine; InputError if it holds no machine."""
+    if folder is None:
+        return
+    from exodrake.core import plugins
+    from exodrake.core.errors import InputError
+
+    path = plugins.add(folder)
+    if not (path / plugins.MACHINE).is_file():
+        raise InputError(f"{folder}: no {plugins.MACHINE} in it")
+    context.meta[MACHINE] = path.name
+
+
+def robot_named(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
+    """The value of --robot, or the machine of --machine where only that is given."""
+    given = context.get_parameter_source(str(parameter.name)) is click.core.ParameterSource.COMMANDLINE
+    return value if given else context.meta.get(MACHINE, value)
+
+
+def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]) -> None:
+    """Registers the folders of --plugin."""
+    if folders:
+        from exodrake.core import plugins
+
+        for folder in folders:
+            plugins.add(folder)

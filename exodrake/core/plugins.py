@@ -1,0 +1,93 @@
+"""Plugins: folders with a user's own machines, effects, parts, detectors and file formats.
+
+A plugin folder is laid out as this package is, each module where its like is here:
+
+    machines/NAME/machine.py, robot.yaml    effects/NAME.py    systems/NAME.py    data/formats/NAME.py
+
+Its modules are imported under this package's names (`exodrake.effects.NAME`); names that exist here keep their meaning.
+A folder that holds `machine.py` itself is one machine, named like the folder. Plugins come from `add` (the options
+`--plugin` and `--machine`), from the environment variable EXODRAKE_PLUGINS, which worker processes inherit, and from
+installed packages with an entry point in the group `exodrake.plugins` whose value is the package that is the folder.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import MutableSequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from exodrake.core.errors import InputError
+
+VARIABLE = "EXODRAKE_PLUGINS"
+GROUP = "exodrake.plugins"
+PACKAGE = Path(__file__).parent.parent
+MACHINE = "machine.py"
+EXTENSIBLE = ("machines", "effects", "systems", "data/formats", "diagnosis/detect")
+
+
+def add(folder: str | Path) -> Path:
+    """Registers a plugin folder for this process and its workers.
+
+    Raises:
+        InputError: if the folder is absent, holds nothing of a plugin, or comes too late for modules already in use.
+    """
+    path = Path(folder).resolve()
+    if not path.is_dir():
+        raise InputError(f"{folder}: no such plugin folder")
+    if not (path / MACHINE).is_file() and not any((path / part).is_dir() for part in EXTENSIBLE):
+        raise InputError(f"{folder}: no plugin: wanted {MACHINE}, or a folder {', '.join(EXTENSIBLE)}")
+    if path in folders():
+        return path
+    os.environ[VARIABLE] = os.pathsep.join(filter(None, (os.environ.get(VARIABLE, ""), str(path))))
+    for part in EXTENSIBLE:
+        package = sys.modules.get("exodrake." + part.replace("/", "."))
+        if package is not None:
+            extend(package.__path__, part)
+    return path
+
+
+def folders() -> list[Path]:
+    """Plugin folders: those of EXODRAKE_PLUGINS, then those of installed packages."""
+    named = [Path(item) for item in os.environ.get(VARIABLE, "").split(os.pathsep) if item]
+    return [*named, *installed()]
+
+
+@cache
+def installed() -> list[Path]:
+    """Folders of the packages that entry points name; nothing of them is imported."""
+    from importlib.metadata import entry_points
+    from importlib.util import find_spec
+
+    found = []
+    for entry in entry_points(group=GROUP):
+        top, *rest = entry.value.split(".")
+        spec = find_spec(top)
+        found += [Path(place, *rest) for place in (spec.submodule_search_locations or ())] if spec else []
+    return found
+
+
+def single_machines() -> dict[str, Path]:
+    """Plugin folders that are one machine each, by name."""
+    return {path.name: path for path in folders() if (path / MACHINE).is_file()}
+
+
+def extend(search_path: MutableSequence[str], part: str) -> None:
+    """Adds the plugins' folders of one part to a package's `__path__`; called in that package's `__init__`."""
+    for folder in folders():
+        place = str(folder / part)
+        if place not in search_path and os.path.isdir(place):
+            search_path.append(place)
+    for name, folder in single_machines().items() if part == "machines" else ():
+        if not any(Path(place, name, MACHINE).is_file() for place in search_path):
+            package = sys.modules.setdefault(f"exodrake.machines.{name}", ModuleType(f"exodrake.machines.{name}"))
+            package.__path__ = [str(folder)]
+
+
+def module_names(search_path: MutableSequence[str]) -> list[str]:
+    """Names of all modules and packages on a package's `__path__`, plugins' included, sorted."""
+    from pkgutil import iter_modules
+
+    return sorted({found.name for found in iter_modules(search_path) if not found.name.startswith("_")})

@@ -1,0 +1,70 @@
+"""The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import exodrake.machines
+from exodrake.core import plugins
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
+from exodrake.core.parameter import Tolerance
+
+ROBOT = "robot.yaml"
+
+
+def machine_folders() -> dict[str, Path]:
+    """Folder of each machine by name: built-in ones first; a plugin cannot replace them."""
+    found: dict[str, Path] = {}
+    for place in map(Path, exodrake.machines.__path__):
+        for file in sorted(place.glob(f"*/{plugins.MACHINE}")):
+            found.setdefault(file.parent.name, file.parent)
+    return {**plugins.single_machines(), **found}
+
+
+def machine_names() -> tuple[str, ...]:
+    """Names of all machines."""
+    return tuple(machine_folders())
+
+
+def recorded_machines() -> tuple[str, ...]:
+    """Names of the machines that have recordings to import."""
+    return tuple(name for name, folder in machine_folders().items() if (folder / "recordings.py").is_file())
+
+
+def robot_yaml(name: str) -> Path | None:
+    """The robot file of a machine, or None if there is no machine of that name."""
+    folder = machine_folders().get(name)
+    return folder / ROBOT if folder else None
+
+
+@cache
+def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
+    """The machine of that name with its tolerances; the same object each time, so that it is compiled once.
+
+    Raises:
+        InputError: for an unknown name, with the names that exist, and for a folder whose `machine.py` is unusable.
+    """
+    if name not in machine_folders():
+        raise InputError(f"unknown machine {name!r}{nearest(name, list(machine_names()))}; known: {joined()}")
+    made = getattr(module_of(name, "machine"), "machine", None)
+    found = made() if callable(made) else made
+    if not isinstance(found, Machine):
+        raise InputError(f"{machine_folders()[name]}: machine.py defines no function machine() that returns a Machine")
+    if found.name != name:
+        raise InputError(f"{machine_folders()[name]}: the machine calls itself {found.name!r}, not {name!r}")
+    return replace(found, tolerances=tolerances)
+
+
+def module_of(name: str, module: str) -> ModuleType:
+    """A module of a machine's folder."""
+    return import_module(f"exodrake.machines.{name}.{module}")
+
+
+def joined() -> str:
+    """The machines' names for a message."""
+    return ", ".join(machine_names())
