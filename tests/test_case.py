@@ -80,7 +80,7 @@ def test_one_file_is_a_case(folder):
     assert case.name == "b" and len(case.fit_logs) == 1 and "held out" in case.notes[0]
 
 
-def test_numbers_yaml_takes_for_text(folder):
+def test_overrides_hold_numbers_with_bare_exponents(folder):
     (folder / "case.yaml").write_text("robot: {kp: 6e-3, name: soft}\nlogs: [{file: a.csv}]\n")
     assert read_case(folder).robot == {"kp": 0.006, "name": "soft"}
 
@@ -102,7 +102,7 @@ def test_clock_faults_are_noted(folder):
         ("\x00", ["case.yaml", "not YAML"]),
         ("!!python/object:os.system {}", ["not YAML"]),
         ("- 1", ["case.yaml"]),
-        ({"robot": {}}, ["'logs'", "nothing"]),
+        ({"robot": {}}, ["'logs'", "missing"]),
         ({"logs": []}, ["'logs'"]),
         ({"logs": "a.csv"}, ["'logs'"]),
         ({"logs": [{"file": "a.csv"}], "robott": {}}, ["'robott'", "'robot'"]),

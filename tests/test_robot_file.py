@@ -33,7 +33,7 @@ def test_no_folder_is_refused_and_nothing_written(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_number_that_yaml_reads_as_text(tmp_path):
+def test_a_number_with_a_bare_exponent_is_a_number(tmp_path):
     (tmp_path / "robot.yaml").write_text("base: exo_index\nparameters: {controller.kd: 1e-5}\n")
     assert exo.load_robot(tmp_path / "robot.yaml")["controller.kd"] == 1e-5
 

@@ -3,7 +3,6 @@
 import contextlib
 import os
 from pathlib import Path
-from typing import Any
 
 from exodrake.core.errors import InputError
 
@@ -32,25 +31,6 @@ def read_bytes(path: str | Path) -> bytes:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
-
-
-def parse_yaml(data: bytes, source: str | Path) -> Any:
-    """A YAML file's content. InputError naming file and line for one that does not parse."""
-    import yaml
-
-    try:
-        return yaml.safe_load(data)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        raise InputError(f"{source}{line}: not YAML ({getattr(error, 'problem', None) or 'unreadable'})") from None
-    except (RecursionError, ValueError, TypeError, OverflowError, AttributeError) as error:
-        raise InputError(f"{source}: not YAML ({type(error).__name__})") from None
-
-
-def read_yaml(path: str | Path) -> Any:
-    """`parse_yaml` of a file."""
-    return parse_yaml(read_bytes(path), path)
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:

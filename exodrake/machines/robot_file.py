@@ -24,12 +24,62 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.files import is_file, parse_yaml, read_bytes, write_text
+from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.robot import Robot, checked, flatten, refuse_negative
-from exodrake.core.robot_schema import check_content
+from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
+from exodrake.core.yaml_file import dump_yaml, parse_yaml
 from exodrake.machines.library import machine_named, machine_names, robot_yaml
+
+TRANSFORMS = ("relative", "additive", "log")
+
+
+def stated_or_nested(value: Any, where: str) -> Any:
+    """A parameter with its value, unit, range and source, or parameters by name."""
+    return (STATED if isinstance(value, Mapping) and "value" in value else PARAMETERS)(value, where)
+
+
+def limit(value: Any, where: str) -> Any:
+    """A limit of each channel, with or without unit, range and source."""
+    return (STATED_LIMIT if isinstance(value, Mapping) and "value" in value else VALUES)(value, where)
+
+
+VALUES = names(number())
+PARAMETERS = names(either(stated_or_nested, number()))
+STATED = mapping(
+    {
+        "value": either(VALUES, number()),
+        "unit": text(),
+        "range": listing(number(), length=2, wanted="[low, high]"),
+        "source": anything,
+    }
+)
+STATED_LIMIT = mapping({"value": VALUES, "unit": text(), "range": anything, "source": anything})
+EFFECTS = names(names(either(VALUES, number())))
+VARIANTS = listing(text(), wanted="a list of names")
+TOLERANCE = mapping(
+    {
+        "parameters": VARIANTS,
+        "transform": text(TRANSFORMS),
+        "prior_std": number(above=0.0),
+        "max_deviation": number(above=0.0),
+    },
+    required=("parameters", "transform", "prior_std", "max_deviation"),
+)
+SCHEMA = mapping(
+    {
+        "machine": optional(text()),
+        "base": optional(text()),
+        "parameters": optional(PARAMETERS),
+        "effects": optional(EFFECTS),
+        "parts": optional(VARIANTS),
+        "limits": optional(names(limit)),
+        "grasps": optional(names(VALUES)),
+        "tolerances": optional(listing(TOLERANCE)),
+        "notes": anything,
+    }
+)
 
 
 def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> Robot:
@@ -57,7 +107,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
 
 def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
     """A robot from a file's content; above: bases that led to it. InputError naming file and key."""
-    check_content(content, source)
+    content = SCHEMA(content, source)
     base = content.get("base")
     if base in above:
         raise InputError(f"{source}: base {base!r} comes back to itself")
@@ -151,8 +201,6 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
 
     InputError if it cannot be written; the file is whole or not there.
     """
-    import yaml
-
     base = load_robot(robot.machine.name)
     parameters = {
         e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
@@ -165,5 +213,4 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
     }
     parts = list(robot.machine.variant_names)
     content = {"base": robot.machine.name, "parameters": parameters, "effects": effects, "parts": parts, "notes": notes}
-    text = yaml.safe_dump({k: v for k, v in content.items() if v}, sort_keys=False)
-    write_text(path, text)
+    write_text(path, dump_yaml({k: v for k, v in content.items() if v}))

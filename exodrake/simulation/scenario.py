@@ -13,7 +13,7 @@ engine: compiled
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +22,31 @@ import numpy as np
 from exodrake import __version__
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.files import is_file, parse_yaml, read_bytes, read_yaml
+from exodrake.core.files import is_file, read_bytes
 from exodrake.core.robot import Robot
-from exodrake.core.robot_schema import check_content
+from exodrake.core.schema import anything, mapping, optional, text
 from exodrake.core.units import si_unit, to_si
+from exodrake.core.yaml_file import dump_yaml, parse_yaml, read_yaml
 from exodrake.data.log import Log
-from exodrake.machines.robot_file import build, load_robot
+from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options
 from exodrake.simulation.simulate import simulate
 
 ENGINES = ("compiled", "drake")
+SCHEMA = mapping(
+    {
+        "exodrake": anything,
+        "protocol": optional(text()),
+        "reference": optional(text()),
+        "robot": anything,
+        "parameters": optional(PARAMETERS),
+        "effects": optional(EFFECTS),
+        "parts": optional(VARIANTS),
+        "seed": anything,
+        "quantisation": anything,
+        "engine": optional(text(ENGINES)),
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -102,18 +117,8 @@ def channels_of(given: Mapping[str, Any]) -> list[str]:
 def read_scenario(path: str | Path) -> Scenario:
     """A scenario from its file; InputError naming file and key. Files it names are looked up beside it."""
     name = Path(path).name
-    page = parse_yaml(read_bytes(path), name)
-    if not isinstance(page, Mapping):
-        raise InputError(f"{name}: wanted a mapping of keys")
-    content: dict[str, Any] = {k: v for k, v in page.items() if k != "exodrake"}
-    known = [f.name for f in fields(Scenario)]
-    for key in content:
-        if key not in known:
-            raise InputError(f"{name}: unknown key {key!r}{nearest(str(key), known)}")
-    check_content({key: content[key] for key in ("parameters", "effects", "parts") if key in content}, name)
-    for key in ("protocol", "reference", "engine"):
-        if not isinstance(content.get(key, ""), str):
-            raise InputError(f"{name}: {key} is {content[key]!r}, wanted text")
+    content = SCHEMA(parse_yaml(read_bytes(path), name), name)
+    content.pop("exodrake", None)
     if content.get("reference"):
         content["reference"] = str(Path(path).parent / content["reference"])
     given: dict[str, Any] = {k: v for k, v in content.items() if v is not None or k == "seed"}
@@ -125,11 +130,9 @@ def read_scenario(path: str | Path) -> Scenario:
 
 def scenario_text(scenario: Scenario) -> str:
     """The scenario as YAML."""
-    import yaml
-
     content = asdict(scenario) | {"parts": list(scenario.parts)}
     kept = {k: v for k, v in content.items() if k in ("seed", "quantisation", "engine") or v}
-    return yaml.safe_dump({"exodrake": __version__, **kept}, sort_keys=False)
+    return dump_yaml({"exodrake": __version__, **kept})
 
 
 def embedded(robot: str) -> str | Mapping[str, Any]:

@@ -17,19 +17,41 @@
 With `time: {period: 0.02}` instead of a column, row n starts at n times the period.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_yaml
+from exodrake.core.schema import flag, inside, mapping, names, number, optional, refusal, text, whole
 from exodrake.core.units import check_unit
-from exodrake.data.case_file import check_keys
+from exodrake.core.yaml_file import read_yaml
 
-KEYS = ("time", "columns", "period", "hold", "separator", "decimal", "skip", "heading", "stamp")
-TIME_KEYS = ("column", "unit", "start", "period")
-COLUMN_KEYS = ("name", "unit", "scale", "offset")
+LARGEST = 1e300  # of a finite number
+FINITE = number(low=-LARGEST, high=LARGEST)
+PERIOD = number(above=0.0, high=LARGEST, unit="s")
+
+
+def column_name(value: Any, where: str) -> str:
+    """A foreign column's name, or its number in a table without heading."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
+
+
+COLUMN = mapping({"name": text(), "unit": text(), "scale": FINITE, "offset": FINITE}, required=("name", "unit"))
+TIME = mapping({"column": optional(column_name), "unit": text(), "start": optional(FINITE), "period": optional(PERIOD)})
+SCHEMA = mapping(
+    {
+        "time": optional(TIME),
+        "columns": names(COLUMN, least=1),
+        "period": optional(PERIOD),
+        "hold": whole(),
+        "separator": text(length=1),
+        "decimal": text(length=1),
+        "skip": whole(),
+        "heading": flag,
+        "stamp": text(("log", "header")),
+    },
+    required=("columns",),
+)
 
 
 @dataclass(frozen=True)
@@ -62,77 +84,37 @@ class Mapped:
 
 
 def read_mapping(path: str | Path) -> Mapped:
-    """Read and check a mapping file. InputError names file and key."""
-    page = check_keys(read_yaml(path), KEYS, str(path))
-    time = check_keys(page.get("time") or {}, TIME_KEYS, f"{path}: key 'time'")
-    where = f"{path}: key"
+    """Reads and checks a mapping file; InputError names file and key."""
+    content = SCHEMA(read_yaml(path), str(path))
+    time = content.get("time") or {}
+    check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
     return Mapped(
-        columns=_columns(page.get("columns"), path),
-        time=None if time.get("column") is None else str(time["column"]),
-        time_unit=_time_unit(time, path),
-        time_period=_number(time, "period", None, f"{path}: key 'time',", above=0),
-        start=_number(time, "start", None, f"{path}: key 'time',"),
-        period=_number(page, "period", None, where, above=0),
-        hold=int(_number(page, "hold", 1, where, above=-1) or 0),
-        separator=_text(page, "separator", ",", where),
-        decimal=_text(page, "decimal", ".", where),
-        skip=int(_number(page, "skip", 0, where, above=-1) or 0),
-        heading=_choice(page, "heading", (True, False), where),
-        stamp=_choice(page, "stamp", ("log", "header"), where),
+        columns=_columns(content["columns"], f"{path}, 'columns'"),
+        time=time.get("column"),
+        time_unit=time.get("unit", "s"),
+        time_period=time.get("period"),
+        start=time.get("start"),
+        period=content.get("period"),
+        hold=content.get("hold", 1),
+        separator=content.get("separator", ","),
+        decimal=content.get("decimal", "."),
+        skip=content.get("skip", 0),
+        heading=content.get("heading", True),
+        stamp=content.get("stamp", "log"),
     )
 
 
-def _columns(given: Any, path: str | Path) -> tuple[Column, ...]:
-    if not isinstance(given, Mapping) or not given:
-        raise InputError(f"{path}: key 'columns': wanted foreign columns and what they are, found {given!r}")
+def _columns(content: dict[str, dict[str, Any]], where: str) -> tuple[Column, ...]:
+    """The columns; refuses a unit that does not suit its column, and a name that comes twice."""
     columns = []
-    for foreign, item in given.items():
-        where = f"{path}: key 'columns', {str(foreign)!r}"
-        entry = check_keys(item, COLUMN_KEYS, where)
-        for key in ("name", "unit"):
-            if not isinstance(entry.get(key), str) or not entry[key].strip():
-                raise InputError(f"{where}: key {key!r} is missing")
-        check_unit(entry["name"], entry["unit"], where)
-        scale, offset = (
-            _number(entry, key, value, f"{where}: key") for key, value in (("scale", 1.0), ("offset", 0.0))
-        )
-        columns.append(Column(str(foreign), entry["name"].strip(), entry["unit"], scale or 0.0, offset or 0.0))
-    names = [column.name for column in columns]
-    for name in names:
-        if names.count(name) > 1 or name == "time":
-            raise InputError(f"{path}: key 'columns': {name!r} is the name of more than one column")
+    for foreign, item in content.items():
+        name = item["name"].strip()
+        if not name or not item["unit"].strip():
+            raise refusal(inside(where, foreign), f"key {'unit' if name else 'name'!r} is missing")
+        check_unit(name, item["unit"], inside(where, foreign))
+        columns.append(Column(foreign, name, item["unit"], item.get("scale", 1.0), item.get("offset", 0.0)))
+    taken = [column.name for column in columns]
+    for name in taken:
+        if taken.count(name) > 1 or name == "time":
+            raise InputError(f"{where}: {name!r} is the name of more than one column")
     return tuple(columns)
-
-
-def _time_unit(time: Mapping, path: str | Path) -> str:
-    unit = str(time.get("unit", "s"))
-    check_unit("time", unit, f"{path}: key 'time'")
-    return unit
-
-
-def _number(page: Mapping, key: str, default: float | None, where: str, above: float | None = None) -> float | None:
-    value = page.get(key, default)
-    if value is None:
-        return None
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{where} {key!r}: wanted a number, found {value!r}") from None
-    if abs(number) == float("inf") or number != number or (above is not None and number <= above):
-        raise InputError(f"{where} {key!r}: {value!r} is out of range")
-    return number
-
-
-def _text(page: Mapping, key: str, default: str, where: str) -> str:
-    value = page.get(key, default)
-    if not isinstance(value, str) or len(value) != 1:
-        raise InputError(f"{where} {key!r}: wanted one character, found {value!r}")
-    return value
-
-
-def _choice(page: Mapping, key: str, allowed: tuple, where: str) -> Any:
-    """The first of `allowed` is the default."""
-    value = page.get(key, allowed[0])
-    if value not in allowed:
-        raise InputError(f"{where} {key!r}: {value!r} is none of {', '.join(map(repr, allowed))}")
-    return value

@@ -1,15 +1,26 @@
 """Which markers sit on which segment (paper Fig. 8-9: nine on the phalanges, three on the back of the hand, two on the
 thumb)."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_yaml
+from exodrake.core.schema import listing, mapping, optional, text
+from exodrake.core.yaml_file import read_yaml
 
 SEGMENTS = ("base", "proximal", "middle", "distal")
 JOINTS = ("MCP", "PIP", "DIP")
+
+
+def marker(value: Any, where: str) -> str:
+    """A marker's name; systems that number their markers give numbers."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
+
+
+TRIAD = listing(marker, length=3, wanted="three marker names")
+THUMB = optional(listing(marker, wanted="a list of marker names"))
+SCHEMA = mapping({**dict.fromkeys(SEGMENTS, TRIAD), "thumb": THUMB, "tip": marker})
 
 
 @dataclass(frozen=True)
@@ -40,18 +51,8 @@ def read_layout(path: str | Path) -> Layout:
 
     InputError naming file and key for an unknown key, a triad of other than three names, or a marker named twice.
     """
-    content = read_yaml(path)
-    known = {field.name for field in fields(Layout)}
-    if not isinstance(content, dict) or set(content) - known:
-        odd = ", ".join(sorted(map(str, set(content) - known))) if isinstance(content, dict) else "no keys"
-        raise InputError(f"{path}: {odd}; the keys are {', '.join(sorted(known))}")
-    for key in SEGMENTS:
-        if key in content and not (isinstance(content[key], list) and len(content[key]) == 3):
-            raise InputError(f"{path}: {key} wants three marker names")
-    for key, value in content.items():
-        if key != "tip" and not isinstance(value, list | None):
-            raise InputError(f"{path}: {key} wants a list of marker names")
-    names: dict[str, Any] = {k: str(v) if k == "tip" else tuple(map(str, v or ())) for k, v in content.items()}
+    content: dict[str, Any] = SCHEMA(read_yaml(path), str(path))
+    names: dict[str, Any] = {key: v if key == "tip" else tuple(v or ()) for key, v in content.items()}
     layout = Layout(**names)
     twice = {name for name in layout.finger if layout.finger.count(name) > 1}
     if twice:
