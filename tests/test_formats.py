@@ -15,7 +15,7 @@ from scipy.io import loadmat, savemat
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.data.formats.foreign import import_log
+from exodrake.data.foreign.import_log import import_log
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
 

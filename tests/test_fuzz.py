@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import exodrake as exo
-from exodrake.data.formats.table import FORMATS
+from exodrake.data.formats import formats
 from exodrake.identification.kinematics.markers import csv_bytes
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 
@@ -81,7 +81,7 @@ def test_spoilt_logs(place, undrawn, data, gz, command):
 
 
 @bounded(120)
-@given(data=st.data(), ending=st.sampled_from(sorted(FORMATS)))
+@given(data=st.data(), ending=st.sampled_from(sorted(formats())))
 def test_spoilt_binary_files(place, data, ending):
     folder = place()
     exo.write_log(LOG.rows(slice(0, 4)), folder / f"log{ending}")

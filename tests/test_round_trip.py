@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from exodrake.core.errors import InputError
 from exodrake.core.units import KINDS, UNITS
-from exodrake.data.formats.table import FORMATS
+from exodrake.data.formats import formats
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
 
@@ -41,7 +41,7 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     return np.array_equal(a, b, equal_nan=True) and np.array_equal(np.signbit(a[a == 0]), np.signbit(b[b == 0]))
 
 
-@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("ending", formats())
 @settings(
     max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
@@ -61,7 +61,7 @@ def test_back_to_the_last_digit_or_refused(tmp_path, ending, log):
     assert all(same_bits(back[name], log[name]) for name in log.columns)
 
 
-@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("ending", formats())
 def test_ordinary_names_are_never_refused(tmp_path, ending):
     """The property above would hold for a writer that refuses all."""
     names = [f"{kind}_{wire}" for kind in sorted(set(KINDS) - {"time"}) for wire in ("AF", "index_PIP", "7")]

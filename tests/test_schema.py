@@ -10,7 +10,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.schema import MAX_MESSAGE
 from exodrake.core.yaml_file import MAX_BYTES, dump_yaml, parse_yaml
 from exodrake.data import case_file
-from exodrake.data.formats import mapping
+from exodrake.data.foreign import mapping
 from exodrake.identification.kinematics import layout
 from exodrake.machines import robot_file
 from exodrake.simulation import scenario

@@ -37,7 +37,7 @@ def diagnose_many(
 
 def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
     """Case -> folder for its answer. InputError for a case that is not there, and for two of one name."""
-    from exodrake.data.formats.table import stem
+    from exodrake.data.formats import stem
 
     places: dict[Path, Path] = {}
     for name in cases:

@@ -42,7 +42,7 @@ def command(recording: Path, map_file: Path | None, known: str | None, out: Path
     if (map_file is None) == (known is None):
         raise InputError("import wants either --map FILE or --from SET")
     if map_file is not None:
-        from exodrake.data.formats.foreign import import_log
+        from exodrake.data.foreign.import_log import import_log
         from exodrake.data.log_file import write_log
 
         log = import_log(recording, map_file)

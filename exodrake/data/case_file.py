@@ -9,6 +9,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.data.case import ROLES, Case
+from exodrake.data.formats import ending
 
 LONGEST_FRAME = 10.0  # s; a longer one is a mistaken unit: quasi-static logs have frames of a second
 LOG = mapping(
@@ -47,8 +48,6 @@ def read_case_file(path: Path) -> CaseFile:
 
 def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     """Logs of a folder without case.yaml, and a note on what was assumed; InputError for a folder without logs."""
-    from exodrake.data.formats.table import ending
-
     files = sorted(item.name for item in folder.iterdir() if ending(item) and item.is_file() and item.name[0] != ".")
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")

@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import is_file, is_folder, write_text
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
+from exodrake.data.case_file import case_text, find_logs, read_case_file
 from exodrake.data.clock import regularise
+from exodrake.data.columns import check_columns
+from exodrake.data.formats import stem
 from exodrake.data.log import REQUIRED, Log
-from exodrake.data.log_file import write_log
+from exodrake.data.log_file import read_table, write_log
 
 
 def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: float | None = None) -> Case:
@@ -21,10 +25,6 @@ def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: fl
     required: as in `read_log`. period: frame [s] when case.yaml gives none. Repeated rows and missing frames are
     mended and noted; a clock that steps backwards is refused.
     """
-    from exodrake.core.files import is_file, is_folder
-    from exodrake.data.case_file import find_logs, read_case_file
-    from exodrake.data.formats.table import stem
-
     place = Path(folder)
     if is_file(place) and place.name != FILE:
         return _case(stem(place), place.parent, [{"file": place.name}], {}, period or PERIOD, required)
@@ -65,8 +65,6 @@ def _case(
     required: Sequence[str],
     notes: Sequence[str] = (),
 ) -> Case:
-    from exodrake.data.formats.table import stem
-
     logs, said = [], list(notes)
     for entry in entries:
         log, faults = _read(place / entry["file"], required, period)
@@ -79,8 +77,6 @@ def _case(
 
 
 def _read(path: Path, required: Sequence[str], period: float) -> tuple[Log, list[str]]:
-    from exodrake.data.formats.table import check_columns, read_table
-
     log = read_table(path)
     check_columns(log, required)
     return regularise(log, period)
@@ -88,9 +84,6 @@ def _read(path: Path, required: Sequence[str], period: float) -> tuple[Log, list
 
 def _write_into(case: Case, folder: Path) -> None:
     """Logs first: a folder with a case.yaml is complete."""
-    from exodrake.core.files import write_text
-    from exodrake.data.case_file import case_text
-
     for item in case.logs:
         path = folder / item.file
         if not path.resolve().is_relative_to(folder.resolve()):

@@ -1,34 +1,48 @@
-"""Logs read from and written to files."""
+"""Logs read from and written to files, whose ending says the format."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    pass
+from exodrake.core.files import read_bytes, write_bytes
+from exodrake.data.columns import check_columns, check_writable
+from exodrake.data.formats import format_of
 from exodrake.data.log import REQUIRED, Log, check_clock
 
 
 def read_log(path: str | Path, required: Sequence[str] = REQUIRED, complete: Sequence[str] = ()) -> Log:
-    """Read a log in SI from .csv, .csv.gz, .npz, .parquet, .mcap or .mat.
+    """Reads a log in SI from .csv, .csv.gz, .npz, .parquet, .mcap, .mat or a plugin's format.
 
-    required: columns, or kinds (then every name found under one required kind must be there under all of them); `()`
-    takes any log. complete: columns or kinds in which no sample may be missing. InputError names file, column and row
-    for an unknown or unsuitable unit, a missing, doubled or empty column, text in a cell, a ragged row, an empty file
-    and a clock that does not increase (see `exodrake.data.clock.regularise` for those).
+    Args:
+        path: the file.
+        required: columns, or kinds (then every channel found under one of them must be there under all of them); `()`
+            takes any log.
+        complete: columns or kinds in which no sample may be missing.
+
+    Raises:
+        InputError: naming file, column and row, for an unknown or unsuitable unit, a missing, doubled or empty column,
+            text in a cell, a ragged row, an empty file and a clock that does not increase (`clock.regularise` mends
+            that).
     """
-    from exodrake.data.formats.table import check_columns, read_table
-
     log = read_table(path)
     check_columns(log, required, complete)
     check_clock(log)
     return log
 
 
-def write_log(log: Log, path: str | Path) -> None:
-    """Write a log by the file's ending, in SI, whole or not at all; `read_log` gives it back to the last bit."""
-    from exodrake.data.formats.table import write_table
+def read_table(path: str | Path) -> Log:
+    """A log whose required columns and clock are not checked."""
+    return format_of(path).read(read_bytes(path), str(path))
 
-    write_table(log, path)
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit.
+
+    Raises:
+        InputError: for an unknown ending, and for what no file would give back: no rows, an infinite sample, a hole in
+            the clock, a name that no heading can hold.
+    """
+    module = format_of(path)
+    check_writable(log, str(path))
+    write_bytes(path, module.write(log))

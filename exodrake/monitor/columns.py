@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.units import check_unit, to_si
-from exodrake.data.formats.table import split_heading
+from exodrake.data.columns import split_heading
 from exodrake.monitor.simulator import KINDS
 
 NEEDED = ("tension_ref", "tension", "stroke")

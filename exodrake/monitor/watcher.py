@@ -12,7 +12,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-from exodrake.data.formats.table import ending, read_table
+from exodrake.data.formats import ending
+from exodrake.data.log_file import read_table
 from exodrake.monitor.alarm import Alarm, judge, limits
 from exodrake.monitor.columns import read_heading
 from exodrake.monitor.companion import LOOP, SEGMENTS, Companion, channels

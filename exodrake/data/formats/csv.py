@@ -7,8 +7,10 @@ from math import nan
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.formats.table import headings, log_from_columns
+from exodrake.data.columns import headings, log_from_columns
 from exodrake.data.log import Log
+
+ENDINGS = (".csv",)
 
 
 def read(data: bytes, source: str) -> Log:

@@ -7,6 +7,8 @@ from exodrake.core.errors import InputError
 from exodrake.data.formats import csv
 from exodrake.data.log import Log
 
+ENDINGS = (".csv.gz",)
+
 
 def read(data: bytes, source: str) -> Log:
     """As `csv.read`. InputError for a file that is no gzip or is cut short."""

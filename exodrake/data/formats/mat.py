@@ -6,9 +6,10 @@ import re
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.formats.table import heading, log_from_columns
+from exodrake.data.columns import heading, log_from_columns
 from exodrake.data.log import Log
 
+ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
 
 

@@ -13,9 +13,10 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.units import kind_of
-from exodrake.data.formats.table import heading, log_from_columns
+from exodrake.data.columns import heading, log_from_columns
 from exodrake.data.log import Log
 
+ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
 LATEST = 2.0**64  # ns, MCAP's stamps
 BARE = "value"  # field of a column that has no wire or joint in its name

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.formats.table import headings, log_from_columns
+from exodrake.data.columns import headings, log_from_columns
 from exodrake.data.log import Log
+
+ENDINGS = (".npz",)
 
 
 def read(data: bytes, source: str) -> Log:

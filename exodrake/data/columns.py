@@ -1,48 +1,12 @@
-"""Which file format by which ending, and what every format has in common: headers with units, required columns."""
+"""What every file format has in common: headings with units, columns to logs, required columns."""
 
-from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes, write_bytes
 from exodrake.core.units import KINDS, check_unit, to_si
 from exodrake.data.log import Log
-
-# ending -> module with read(data: bytes, source: str) -> Log and write(log: Log) -> bytes
-FORMATS = {
-    ".csv": "exodrake.data.formats.csv",
-    ".csv.gz": "exodrake.data.formats.csv_gz",
-    ".npz": "exodrake.data.formats.npz",
-    ".parquet": "exodrake.data.formats.parquet",
-    ".mcap": "exodrake.data.formats.mcap",
-    ".mat": "exodrake.data.formats.mat",
-}
-
-
-def ending(path: str | Path) -> str | None:
-    """The known ending of a file name, longest first, or None."""
-    name = Path(path).name.lower()
-    return next((known for known in sorted(FORMATS, key=len, reverse=True) if name.endswith(known)), None)
-
-
-def stem(path: str | Path) -> str:
-    """A file's name without folder and ending: `sweeps_1` of `logs/sweeps_1.csv.gz`."""
-    name = Path(path).name
-    return name[: -len(ending(name) or "")] if ending(name) else Path(name).stem
-
-
-def read_table(path: str | Path) -> Log:
-    """A log from a file of any known format; neither required columns nor the clock are checked."""
-    return _format(path, "read")(read_bytes(path), str(path))
-
-
-def write_table(log: Log, path: str | Path) -> None:
-    """Write a log whole or not at all. InputError for what no file would give back: see `check_writable`."""
-    check_writable(log, str(path))
-    write_bytes(path, _format(path, "write")(log))
 
 
 def check_writable(log: Log, target: str) -> None:
@@ -134,10 +98,3 @@ def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = (
 def _refuse_infinite(values: np.ndarray, where: str) -> None:
     if np.isinf(values).any():
         raise InputError(f"{where}, row {int(np.flatnonzero(np.isinf(values))[0]) + 1}: infinite")
-
-
-def _format(path: str | Path, verb: str) -> Callable:
-    known = ending(path)
-    if known is None:
-        raise InputError(f"{path}: ending is none of {', '.join(FORMATS)}")
-    return getattr(import_module(FORMATS[known]), verb)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.formats.track import Track
+from exodrake.data.foreign.track import Track
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.formats.mapping import Mapped
+from exodrake.data.foreign.mapping import Mapped
 
 MISSING = ("", "nan", "na", "null", "none", "-")
 

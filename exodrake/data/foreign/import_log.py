@@ -7,10 +7,10 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.units import to_si
-from exodrake.data.formats.foreign_tables import read_columns
-from exodrake.data.formats.mapping import Mapped, read_mapping
-from exodrake.data.formats.table import check_columns, heading, log_from_columns
-from exodrake.data.formats.track import Track
+from exodrake.data.columns import check_columns, heading, log_from_columns
+from exodrake.data.foreign.mapping import Mapped, read_mapping
+from exodrake.data.foreign.tables import read_columns
+from exodrake.data.foreign.track import Track
 from exodrake.data.log import Log, check_clock
 
 
@@ -24,7 +24,7 @@ def import_log(file: str | Path, map_file: str | Path) -> Log:
     mapped = read_mapping(map_file)
     data = read_bytes(file)
     if Path(file).name.lower().endswith(".mcap"):
-        from exodrake.data.formats.ros2 import read_tracks
+        from exodrake.data.foreign.ros2 import read_tracks
 
         tracks = read_tracks(data, str(file), [column.foreign for column in mapped.columns], mapped.stamp)
         period = mapped.period or 0.02  # topics have clocks of their own, so a common one is needed
