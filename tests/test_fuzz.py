@@ -228,7 +228,7 @@ def test_the_order_of_columns_does_not_matter():
     assert a.columns == b.columns
     np.testing.assert_array_equal(a.fit[0].reference, b.fit[0].reference)
     np.testing.assert_array_equal(a.fit[0].measured, b.fit[0].measured)
-    np.testing.assert_array_equal(a.floor, b.floor)
+    np.testing.assert_array_equal(a.noise_std, b.noise_std)
 
 
 def test_a_case_of_another_robot_is_refused(tmp_path):

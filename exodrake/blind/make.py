@@ -163,10 +163,10 @@ def begin(folder, labels, stamp):
 
 def stamp_of(seed, cases, mix):
     """Digest of what a set follows from: seed, number of cases, mix, and the code of the reference simulator."""
-    from exodrake.core.provenance import digest, pages_of
+    from exodrake.core.provenance import digest, source_files
 
     return hashlib.sha256(
-        f"{seed} {cases} {mix} {digest(sorted(pages_of(Path(__file__).parent)))}".encode()
+        f"{seed} {cases} {mix} {digest(source_files(Path(__file__).parent))}".encode()
     ).hexdigest()
 
 

@@ -127,9 +127,9 @@ def read_answers(folder, labels):
 
 def check_configurations(answered, folder):
     """InputError if the diagnoses were made with several versions or thresholds."""
-    from exodrake.core.provenance import told
+    from exodrake.core.provenance import described
 
-    found = {told(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
     if len(found) > 1:
         raise InputError(
             f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"

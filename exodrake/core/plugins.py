@@ -39,6 +39,8 @@ def add(folder: str | Path) -> Path:
         raise InputError(f"{folder}: no such plugin folder")
     if not (path / MACHINE).is_file() and not any((path / part).is_dir() for part in EXTENSIBLE):
         raise InputError(f"{folder}: no plugin: wanted {MACHINE}, or a folder {', '.join(EXTENSIBLE)}")
+    if (path / MACHINE).is_file() and (PACKAGE / "machines" / path.name).is_dir():
+        raise InputError(f"{folder}: there is a machine {path.name} already; rename the folder")
     if path in folders():
         return path
     os.environ[VARIABLE] = os.pathsep.join(filter(None, (os.environ.get(VARIABLE, ""), str(path))))

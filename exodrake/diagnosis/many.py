@@ -17,7 +17,7 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
-from exodrake.core.provenance import configuration, told
+from exodrake.core.provenance import configuration, described
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.machines.robot_file import load_robot
@@ -51,7 +51,7 @@ def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozense
 
     here = configured(robot, tried)
     if here != wanted:
-        raise RuntimeError(f"this worker has {told(here)}; asked for is {told(wanted)}")
+        raise RuntimeError(f"this worker has {described(here)}; asked for is {described(wanted)}")
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
     return found.to_json() | {"configuration": wanted}
 
@@ -63,10 +63,10 @@ def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) 
     answers = {case: stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
-        theirs = told((answers[foreign[0]] or {}).get("configuration"))
+        theirs = described((answers[foreign[0]] or {}).get("configuration"))
         raise InputError(
             f"{places[foreign[0]]}: answered with {theirs}, and so are {len(foreign)} of {len(places)} cases with"
-            f" another configuration than this one ({told(wanted)}); --redo answers them anew"
+            f" another configuration than this one ({described(wanted)}); --redo answers them anew"
         )
     return [case for case in places if answers[case] is None or case in foreign]
 
