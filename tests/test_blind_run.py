@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import make as making
-from exodrake.blind import run as running
+from exodrake.blind import make as making, run as running
 from exodrake.blind.case_mix import CaseMix
 from exodrake.blind.commitment import read_committed
 from exodrake.blind.score import score

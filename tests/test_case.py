@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog

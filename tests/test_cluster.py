@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from exodrake.blind import make as making
-from exodrake.blind import run as running
+from exodrake.blind import make as making, run as running
 from exodrake.blind.case_mix import CaseMix
 from exodrake.blind.commitment import read_committed
 from exodrake.core import parallel

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 from mcap.reader import make_reader
 from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import loadmat, savemat

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from fuzzing import packed, run, spoilt_bytes, spoilt_page, spoilt_table
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import exodrake as exo
 from exodrake.data.formats import formats

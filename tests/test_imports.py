@@ -111,12 +111,3 @@ def test_the_package_itself_is_light():
     code = "import exodrake as exo, sys; print('numpy' in sys.modules); exo.Log; print('pydrake' in sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)
     assert run.stdout.split() == ["False", "False"]
-
-
-def test_every_public_name_is_there():
-    import exodrake
-
-    for name in exodrake.PUBLIC:
-        assert getattr(exodrake, name).__name__ == name
-    with pytest.raises(AttributeError):
-        exodrake.nothing_of_the_kind  # noqa: B018

@@ -131,9 +131,9 @@ def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
 
 def test_a_folder_that_is_no_plugin_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such plugin folder"):
-        plugins.add(tmp_path / "none")
+        plugins.add_plugin(tmp_path / "none")
     with pytest.raises(InputError, match="no plugin"):
-        plugins.add(tmp_path)
+        plugins.add_plugin(tmp_path)
     (tmp_path / "effects").mkdir()
     refused = exodrake("draw", "--machine", tmp_path)
     assert refused.returncode == 2 and "machine.py" in refused.stderr

@@ -17,6 +17,7 @@ from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_swee
 from exodrake.analysis.steps import StepResponse, step_response
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     import control
@@ -26,6 +27,7 @@ KINK, ROUGH = 0.02, 1e-3  # one-sided slopes, and step sizes, that differ by mor
 STEADY_ERROR = 0.02  # share of a step
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
     """The closed loop of a robot at an operating point.

@@ -5,8 +5,7 @@ from math import cos, sin
 import numpy as np
 from numba import njit
 
-from exodrake.blind import joint_torques as joints
-from exodrake.blind import tendons as paths
+from exodrake.blind import joint_torques as joints, tendons as paths
 from exodrake.blind.chain import inverse_dynamics, mass_matrix
 from exodrake.blind.records import (  # fmt: skip
     ANGLE,

@@ -165,9 +165,7 @@ def stamp_of(seed, cases, mix):
     """Digest of what a set follows from: seed, number of cases, mix, and the code of the reference simulator."""
     from exodrake.core.provenance import digest, source_files
 
-    return hashlib.sha256(
-        f"{seed} {cases} {mix} {digest(source_files(Path(__file__).parent))}".encode()
-    ).hexdigest()
+    return hashlib.sha256(f"{seed} {cases} {mix} {digest(source_files(Path(__file__).parent))}".encode()).hexdigest()
 
 
 def made(plan, folder, labels):

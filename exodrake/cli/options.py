@@ -39,7 +39,7 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     from exodrake.core import plugins
     from exodrake.core.errors import InputError
 
-    path = plugins.add(folder)
+    path = plugins.add_plugin(folder)
     if not (path / plugins.MACHINE).is_file():
         raise InputError(f"{folder}: no {plugins.MACHINE} in it")
     context.meta[MACHINE] = path.name
@@ -57,4 +57,4 @@ def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]
         from exodrake.core import plugins
 
         for folder in folders:
-            plugins.add(folder)
+            plugins.add_plugin(folder)

@@ -9,9 +9,11 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
 from exodrake.core.signal import TENDONS
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Reference:
     """What the robot is asked to do: `tension` (n, wires) [N], one row per frame; `name` of the protocol.

@@ -5,9 +5,11 @@ A plugin folder is laid out as this package is, each module where its like is he
     machines/NAME/machine.py, robot.yaml    effects/NAME.py    systems/NAME.py    data/formats/NAME.py
 
 Its modules are imported under this package's names (`exodrake.effects.NAME`); names that exist here keep their meaning.
-A folder that holds `machine.py` itself is one machine, named like the folder. Plugins come from `add` (the options
-`--plugin` and `--machine`), from the environment variable EXODRAKE_PLUGINS, which worker processes inherit, and from
-installed packages with an entry point in the group `exodrake.plugins` whose value is the package that is the folder.
+A folder that holds `machine.py` itself is one machine, named like the folder.
+
+Plugins come from `add_plugin` (the options `--plugin` and `--machine`), from the environment variable EXODRAKE_PLUGINS,
+which worker processes inherit, and from installed packages with an entry point in the group `exodrake.plugins` whose
+value is the package that is the folder.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ MACHINE = "machine.py"
 EXTENSIBLE = ("machines", "effects", "systems", "data/formats", "diagnosis/detect")
 
 
-def add(folder: str | Path) -> Path:
+def add_plugin(folder: str | Path) -> Path:
     """Registers a plugin folder for this process and its workers.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The configuration of a diagnosis: version, thresholds and code, so that answers of two are never taken for one set."""
+"""The configuration of a diagnosis (version, thresholds, code): answers of two make no set."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from exodrake.core import plugins
 PACKAGE = Path(__file__).parent.parent
 THRESHOLDS = PACKAGE / "diagnosis" / "thresholds.yaml"
 ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simulation", "diagnosis")
-ASIDE = ("diagnosis/healthy.py", "data/plot.py")  # of those folders, but without bearing on an answer
+ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
 
 
 @cache

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
 
 ROLES = ("fit", "holdout")
@@ -24,6 +25,7 @@ PERIOD = 0.02  # s, frame of the nominal robot
 FILE = "case.yaml"
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class CaseLog:
     """One log of a case. repeats: file of the log whose reference this one runs again, or None."""
@@ -35,6 +37,7 @@ class CaseLog:
     file: str
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Case:
     """Logs of one robot in one state.

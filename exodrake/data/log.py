@@ -68,7 +68,8 @@ class Log:
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
-        return f"Log({self.label}: {len(self)} rows, {span}; {', '.join(self.signals)})"
+        listed = ", ".join(self.kinds or self.columns)
+        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 80 else listed[:77] + '...'})"
 
     @property
     def label(self) -> str:

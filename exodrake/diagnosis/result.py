@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
 
@@ -126,6 +127,7 @@ class Candidate:
         return dict(vars(self))
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Where, which and how far, and how sure. `robots`: the nominal, the retuned and the improved robot."""

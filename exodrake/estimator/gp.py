@@ -24,6 +24,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
+from exodrake.core.short_repr import short_repr
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import NEW, parts, sweep_kernel
 from exodrake.systems.gp_estimator import Weights, predict_rows
@@ -57,6 +58,7 @@ class Prior:
         return (sweeps.angle - self.offset) / self.gain
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
     """A trained estimator.

@@ -13,6 +13,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
 from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
 from exodrake.grasping.inverse import holdable, parameters_of, project, ramped, reachable
@@ -25,6 +26,7 @@ TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the
 GAP = 0.01  # m off the thumb that count in a cage like 1 rad
 
 
+@short_repr
 @dataclass(frozen=True)
 class Plan:
     """A planned grasp.

@@ -11,10 +11,12 @@ from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, offsets
 from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
 from exodrake.simulation.delayed_samples import cubic
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Recording:
     """All wires of a run: `time` (n,) [s], start of each frame, and `wires` name -> (n, channels) at the frame's

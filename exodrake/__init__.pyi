@@ -1,0 +1,44 @@
+"""Public names, for type checkers and for `__init__`, which imports each at first use."""
+
+from exodrake.analysis.closed_loop import ClosedLoop as ClosedLoop, analyse as analyse
+from exodrake.compiled.inputs import Reference as Reference
+from exodrake.core.errors import InputError as InputError
+from exodrake.core.machine import Machine as Machine
+from exodrake.core.plugins import add_plugin as add_plugin
+from exodrake.core.robot import Robot as Robot
+from exodrake.data.case import Case as Case, CaseLog as CaseLog
+from exodrake.data.case_folder import read_case as read_case, write_case as write_case
+from exodrake.data.clock import regularise as regularise
+from exodrake.data.log import Log as Log
+from exodrake.data.log_file import read_log as read_log, write_log as write_log
+from exodrake.diagnosis.pipeline import diagnose as diagnose
+from exodrake.diagnosis.result import Diagnosis as Diagnosis
+from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg
+from exodrake.diagrams.diagram import build_diagram as build_diagram
+from exodrake.diagrams.gp_estimator import GPEstimator as GPEstimator
+from exodrake.diagrams.parts import (
+    AdmittanceController as AdmittanceController,
+    Encoder as Encoder,
+    MotionCapture as MotionCapture,
+    MotorBus as MotorBus,
+    MotorDynamics as MotorDynamics,
+    TendonFinger as TendonFinger,
+    TensionSensor as TensionSensor,
+)
+from exodrake.grasping.plan import plan_grasp as plan_grasp
+from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
+from exodrake.simulation.protocols import (
+    chirp as chirp,
+    grasp as grasp,
+    holds as holds,
+    multisine as multisine,
+    random_motion as random_motion,
+    short_sweeps as short_sweeps,
+    steps as steps,
+    sweeps as sweeps,
+)
+from exodrake.simulation.references import from_log as from_log, protocol as protocol
+from exodrake.simulation.simulate import Recording as Recording, record as record, simulate as simulate
+
+__version__: str
+PUBLIC: dict[str, str]

@@ -1,0 +1,62 @@
+"""`import exodrake as exo`: every public name resolves for readers, completion, help() and type checkers."""
+
+import dataclasses
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+
+ROOT = Path(__file__).parent.parent
+CLASSES = [name for name in exo.PUBLIC if inspect.isclass(getattr(exo, name))]
+RESULTS = [name for name in CLASSES if dataclasses.is_dataclass(getattr(exo, name))]
+
+
+@pytest.mark.parametrize("name", exo.PUBLIC)
+def test_every_public_name_resolves_and_has_a_docstring(name):
+    assert getattr(exo, name).__name__ == name and getattr(exo, name).__doc__
+    assert name in dir(exo) and name in exo.__all__
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="nothing_of_the_kind"):
+        exo.nothing_of_the_kind  # noqa: B018
+
+
+def full(cls: type) -> object:
+    """An instance whose every field is a large array, though no such instance could be made."""
+    made = object.__new__(cls)
+    for field in dataclasses.fields(cls):
+        object.__setattr__(made, field.name, np.zeros((1000, 3)))
+    return made
+
+
+REAL = {
+    "Robot": exo.load_robot,
+    "Machine": lambda: exo.load_robot().machine,
+    "Log": lambda: exo.Log(np.arange(9.0), {f"angle_{k}": np.zeros(9) for k in range(99)}),
+}
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_every_result_has_a_repr_of_at_most_two_lines(name):
+    written = repr(REAL[name]() if name in REAL else full(getattr(exo, name)))
+    assert len(written.splitlines()) <= 2 and len(written) <= 240 and name in written
+
+
+def test_results_with_arrays_are_among_those_tested():
+    assert {"Robot", "Machine", "Log", "Case", "Diagnosis", "Reference", "Recording", "ClosedLoop"} <= set(RESULTS)
+
+
+def test_a_type_checker_sees_every_public_name(tmp_path):
+    uses = [f"exo.{name}" for name in exo.PUBLIC]
+    (tmp_path / "uses.py").write_text("\n".join(["import exodrake as exo", *uses, "exo.nonsense"]) + "\n")
+    command = [sys.executable, "-m", "pyright", "--outputjson", str(tmp_path / "uses.py")]
+    run = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    found = [item["message"] for item in json.loads(run.stdout)["generalDiagnostics"] if item["severity"] == "error"]
+    assert (ROOT / "exodrake" / "py.typed").is_file() and len(found) == 1 and "nonsense" in found[0]
