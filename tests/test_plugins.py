@@ -18,15 +18,23 @@ from exodrake.machines.robot_file import load_robot
 
 JOINTS = ("shoulder", "elbow")
 MACHINE = """
-from exodrake.effects import joint_play
-from exodrake.effects.for_machine import for_machine
+from exodrake.effects import for_machine
 from exodrake.machines.position_servos import joint_machine
 
 
 def machine():
-    play = for_machine(joint_play.EFFECT, "servo.play")
+    play = for_machine("joint.play", "servo.play")
     return joint_machine("puppet", "servo", ("shoulder", "elbow"), (play,), frame=0.02, max_effects=1)
 """
+EFFECT = '''
+"""Bias: what the load cell reads is off by a constant."""
+
+from dataclasses import replace
+
+from exodrake.effects.signal import sensor_offset
+
+BIAS = replace(sensor_offset.EFFECT, id="sensor.bias")
+'''
 FORMAT = '''
 """TSV: cells separated by tabs."""
 
@@ -117,6 +125,14 @@ def test_a_file_format_from_a_plugin_is_written_and_read(plugin, tmp_path):
     assert (tmp_path / "back.csv").read_bytes() == (tmp_path / "log.csv").read_bytes()
     without = exodrake("export", tmp_path / "log.csv", "--out", tmp_path / "other.tsv")
     assert without.returncode == 2 and "ending is none of .csv" in without.stderr
+
+
+def test_an_effect_from_a_plugin_is_in_the_library(tmp_path):
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "sensor_bias.py").write_text(EFFECT)
+    there = exodrake("--plugin", tmp_path, "effects", "sensor.bias")
+    assert there.returncode == 0 and "sensor.bias" in there.stdout, there.stderr
+    assert "sensor.bias" not in exodrake("effects").stdout
 
 
 def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
