@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import robot_option, tried_of
 
 if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
@@ -90,15 +89,6 @@ def diagnose_case(
     write_all(contents_of(found, json_file, out_robot))
     if report is not None:
         write_all({report: report_of(found, read, nominal)})
-
-
-def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
-    """Ids of the effects to try, from lists with commas; None for the default ones."""
-    if not only and not without:
-        return None
-    from exodrake.diagnosis.screen import chosen
-
-    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
 
 
 def check_target(path: Path | None) -> None:

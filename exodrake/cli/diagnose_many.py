@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from exodrake.cli.options import tried_of
 from exodrake.core.errors import InputError
 
 
@@ -17,7 +18,6 @@ def diagnose_many(
     """Diagnoses cases side by side. Exit status 1 if some fail; UsageError or InputError before the work starts."""
     from rich.console import Console
 
-    from exodrake.cli.diagnose import tried_of
     from exodrake.core.progress import counted
     from exodrake.diagnosis.many import diagnose_all, stored
     from exodrake.machines.robot_file import load_robot

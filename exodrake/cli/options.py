@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from exodrake.core.machine import Machine
 
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 
@@ -58,3 +61,12 @@ def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]
 
         for folder in folders:
             plugins.add_plugin(folder)
+
+
+def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
+    """Ids of the effects to try, from lists with commas; None for the default ones."""
+    if not only and not without:
+        return None
+    from exodrake.diagnosis.screen import chosen
+
+    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))

@@ -8,67 +8,11 @@ from functools import cached_property
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.measured import Column, Observer, Regime
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, module_name, part_modules
 from exodrake.core.signal import Axes, Signal
 from exodrake.core.wiring import check_effects, check_schedule, check_signals
-
-
-@dataclass(frozen=True)
-class Column:
-    """A family of log columns `kind_channel`.
-
-    Attributes:
-        kind: what the column names begin with.
-        signal: the signal that the columns show, in its unit.
-        required: whether a log without it is refused.
-        label: name in figures and reports; made from the kind by default.
-        unit: unit in figures and reports; by default that of `display.SHOWN`.
-    """
-
-    kind: str
-    signal: str
-    required: bool = True
-    label: str = ""
-    unit: str = ""
-
-
-@dataclass(frozen=True)
-class Observer:
-    """Output injection that keeps a simulation near a log, so that the error of one part does not go round the loop.
-
-    Attributes:
-        measured_input: column kind whose signal takes its measured values.
-        output: column kind that is held near its measured values.
-        state: (part, state) that is corrected once a frame.
-        divisor: parameter that converts a difference of the output into one of the state.
-        gain: share of the difference that is corrected in a frame.
-    """
-
-    measured_input: str
-    output: str
-    state: tuple[str, str]
-    divisor: str
-    gain: float
-
-
-@dataclass(frozen=True)
-class Regime:
-    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel.
-
-    Attributes:
-        position: column kind whose rate of change is the motion.
-        load: column kind of the load.
-        joint: column kind of the joint position, or "".
-        still: speed below which a channel counts as at rest [unit of the position / s].
-        slack: load below which a channel counts as slack [unit of the load].
-    """
-
-    position: str
-    load: str
-    joint: str
-    still: float
-    slack: float
 
 
 @dataclass(frozen=True, repr=False)
