@@ -34,7 +34,6 @@ BELOW = {
 TIED = {
     "diagrams/warm_up.py": "simulation",
     "estimator/compare.py": "identification",
-    "grasping/run.py": "estimator",
     "simulation/simulate.py": "diagrams",  # the engine "drake"
 }
 
@@ -43,8 +42,13 @@ def part_of(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
 
+def is_module(name: str) -> bool:
+    place = PACKAGE.parent.joinpath(*name.split("."))
+    return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+
+
 def imports(path: Path) -> set[str]:
-    """Absolute names of what a file imports, modules and names in them, inside functions too but not for types only."""
+    """Absolute names of all modules a file imports, inside functions too, but not for type checking only."""
     tree = ast.parse(path.read_text(), str(path))
     typing_only = {
         inner
@@ -62,7 +66,8 @@ def imports(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
             module = ".".join(part for part in (base, node.module or "") if part)
-            found |= {f"{module}.{alias.name}" for alias in node.names} | ({module} - {"exodrake"})
+            named = {f"{module}.{alias.name}" for alias in node.names}
+            found |= {name if module == "exodrake" or is_module(name) else module for name in named}
     return found
 
 

@@ -15,8 +15,7 @@ from exodrake import __version__
 from exodrake.diagnosis.line import TREMOR
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect, SignalGap
-from exodrake.report import number_format as n
-from exodrake.report import wording as w
+from exodrake.report import number_format as n, wording as w
 from exodrake.report.diagnosis_figures import MOST, bars_svg, condition_svg, ranking_svg, spectrum_svg
 from exodrake.report.held_out_runs import HeldOutRuns, changed_parameters, simulate_held_out, top_condition
 from exodrake.report.page import Block, Drawing, Table, render

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
-from exodrake.report import number_format as n
-from exodrake.report import wording as w
+from exodrake.report import number_format as n, wording as w
 
 if TYPE_CHECKING:
     from rich.console import Console
