@@ -1,4 +1,4 @@
-"""The plant inside: three elastic wires on a planar finger, one stiff block (`model.md`, Wire, Path, Finger).
+"""Three elastic tendons on a planar finger, one stiff part (`model.md`, Wire, Path, Finger).
 
     M(q) q'' + C(q, q') q' + B q' + tau_p(q) = P(q)^T T_d + tau_external          P = dl/dq
 
@@ -147,7 +147,7 @@ def torque(arms, i, pull):
 
 
 def update(x, z, n, e, dt, stroke, wire_speed):
-    """One tick of length dt [s]; wires [m], [m/s]."""
+    """One tick of length dt [s]; signals [m], [m/s]."""
     constants, high = inertia(n.length, n.mass, n.radius), heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
     lag = 2.0 * dt / 3.0
     ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])

@@ -1,4 +1,4 @@
-"""Triples as vectors and three of them as matrices: what a finger of three joints needs."""
+"""Vectors and matrices of three: tuples of floats, which numba keeps in registers."""
 
 
 def dot(u, v):
