@@ -1,4 +1,4 @@
-"""The exam of every effect in the library: absent at the null value, finite over its range and in pairs, visible at its defaults."""
+"""The exam of every effect: absent at its null value, finite over its range and in pairs, visible at its defaults."""
 
 from functools import cache
 
@@ -67,7 +67,7 @@ def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
 
 @in_the_library
 def test_visible(effect: Effect) -> None:
-    """At its default values the effect moves some column of the log by more than half its noise standard deviation (RMS)."""
+    """By default the effect moves some column of the log by more than half its noise standard deviation (RMS)."""
     record = run_rows([row_of(nominal().splice(effect.id))])[0]
     check(record)
     with_it, without = seen_by(record), seen_by(plain())
