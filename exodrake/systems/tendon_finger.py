@@ -103,7 +103,7 @@ def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
 def entry(i, k, inertia, damping, lag, s, passive_slope, push_slope):
     """Entry i, k of the Newton matrix [N m s/rad]."""
     own = inertia / lag + damping if i == k else inertia / lag
-    return own + lag * stiffness(i, k, *s, passive_slope, push_slope)
+    return own + lag * stiffness(i, k, s[0], s[1], s[2], s[3], passive_slope, push_slope)
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
