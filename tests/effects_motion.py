@@ -1,4 +1,4 @@
-"""What the effects are examined on: an aggressive reference, rows of numbers, and records of all wires."""
+"""What the effects are examined on: an aggressive reference, rows of parameters, and records of all signals."""
 
 import math
 from functools import cache
@@ -17,13 +17,13 @@ SEED = 20
 
 @cache
 def nominal() -> Robot:
-    """The nominal robot, all effects neutral."""
+    """The nominal robot, without effects."""
     return load_robot()
 
 
 @cache
 def motion() -> np.ndarray:
-    """Tension references (FRAMES, 3) [N]: slow and fast swings, steps, holds and a slack start of one wire."""
+    """Tension references (FRAMES, 3) [N]: slow and fast swings, steps, holds and a slack start of one tendon."""
     t = 0.02 * np.arange(FRAMES)
     swing = 0.5 - 0.5 * np.cos(2 * np.pi * np.outer(t, (0.25, 0.37, 0.31)))
     quick = 0.15 * np.sin(2 * np.pi * np.outer(t, (1.9, 2.3, 1.4)))
@@ -33,7 +33,7 @@ def motion() -> np.ndarray:
 
 
 def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
-    """Records (rows, FRAMES, wires) of all wires of noise-free runs; the packet_arrival of lost frames is drawn."""
+    """Records (rows, FRAMES, signals) of noise-free runs; the packet_arrival of lost frames is drawn."""
     machine = nominal().machine
     module = compile_machine(machine)
     still, packet_arrival = np.zeros((FRAMES, 3)), NoiseInputs.draw(FRAMES, seed, machine).packet_arrival
@@ -49,12 +49,12 @@ def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
 
 
 def row_of(robot: Robot) -> np.ndarray:
-    """Flat numbers of an unquantised run."""
+    """Flat parameters of an unquantised run."""
     return prepared(robot, quantisation=False)
 
 
 def place(name: str) -> slice:
-    """Where a wire lies in a record."""
+    """Slice of a signal in a record."""
     return offsets(nominal().machine)[name]
 
 

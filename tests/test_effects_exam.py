@@ -1,4 +1,4 @@
-"""The exam of every effect in the library: absent at neutral, finite over its range and in pairs, visible as usual."""
+"""The exam of every effect: absent at its null value, finite over its range and in pairs, visible at its defaults."""
 
 from functools import cache
 
@@ -11,7 +11,7 @@ from exodrake.machines.exo_index.machine import exo_index
 
 EFFECTS = exo_index().effects
 PERIOD = 0.02
-FLOORS = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_delay": 0.005}
+NOISE_STD = {"tension_read": 0.01, "stroke_read": 12.3e-6, "angle_read": 0.005, "mocap_delay": 0.005}
 BOUNDS = {"tension": 500.0, "tension_finger": 500.0, "stroke": 0.5, "angle": 6.0, "rate": 1e3, "tension_read": 500.0}
 DRAWS = 20
 
@@ -20,12 +20,12 @@ in_the_library = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 
 @cache
 def plain() -> np.ndarray:
-    """Record of the nominal robot (frames, wires)."""
+    """Record of the nominal robot (frames, signals)."""
     return run_rows([row_of(nominal())])[0]
 
 
 def drawn(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
-    """Numbers drawn from the whole of their ranges, ends included."""
+    """Parameters drawn from the whole of their ranges, ends included."""
     where = rng.choice((0.0, 1.0, rng.random()), size=len(effect.parameters))
     return {n.name: float(n.low + x * (n.high - n.low)) for n, x in zip(effect.parameters, where)}
 
@@ -38,8 +38,8 @@ def check(record: np.ndarray) -> None:
 
 
 @in_the_library
-def test_absent_at_neutral(effect: Effect) -> None:
-    """At the first number's neutral value the record is the plain robot's to the last bit, whatever the others are."""
+def test_absent_at_its_null_value(effect: Effect) -> None:
+    """At the first parameter's null value the record is the plain robot's to the last bit, whatever the others are."""
     first, rng = effect.parameters[0], np.random.default_rng(1)
     rows = [row_of(nominal().splice(effect.id, {**drawn(effect, rng), first.name: first.null})) for _ in range(2)]
     for record in run_rows(rows):
@@ -58,8 +58,8 @@ def test_finite_over_its_range(effect: Effect) -> None:
 
 
 def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
-    """What a log would show of a record: late pictures count by the angle that they miss."""
-    shown = {name: record[:, place(name)] for name in FLOORS}
+    """What a log would show of a record: late samples count by the angle that they miss."""
+    shown = {name: record[:, place(name)] for name in NOISE_STD}
     late = shown.pop("mocap_delay")
     rate = np.gradient(shown["angle_read"], PERIOD, axis=0)
     return {**shown, "angle_read": shown["angle_read"] - rate * late}
@@ -67,12 +67,12 @@ def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
 
 @in_the_library
 def test_visible(effect: Effect) -> None:
-    """At its usual values the effect moves some column of the log by more than half its noise floor (RMS)."""
+    """By default the effect moves some column of the log by more than half its noise standard deviation (RMS)."""
     record = run_rows([row_of(nominal().splice(effect.id))])[0]
     check(record)
     with_it, without = seen_by(record), seen_by(plain())
     gaps = {name: np.sqrt(np.mean((with_it[name] - without[name]) ** 2, axis=0)).max() for name in with_it}
-    assert max(gap / FLOORS[name] for name, gap in gaps.items()) > 0.5, gaps
+    assert max(gap / NOISE_STD[name] for name, gap in gaps.items()) > 0.5, gaps
 
 
 @pytest.mark.parametrize("draw", range(200))
@@ -87,15 +87,15 @@ def test_pairs_are_finite(draw: int) -> None:
 
 
 def test_all_at_once_is_finite() -> None:
-    """Every effect at its usual values."""
+    """Every effect at its default values."""
     robot = nominal()
     for effect in EFFECTS:
         robot = robot.splice(effect.id)
     check(run_rows([row_of(robot)])[0])
 
 
-def test_shelf_is_well_formed() -> None:
-    """Ids are unique, points exist, functions are described, states are advanced, typical values lie in range."""
+def test_library_is_well_formed() -> None:
+    """Ids are unique, points exist, functions are described, states are advanced, initial values lie in range."""
     machine = nominal().machine
     points = {f"{(p.module or b.module).__name__.rsplit('.', 1)[-1]}.{p.name}" for b in machine.parts for p in b.points}
     assert len({e.id for e in EFFECTS}) == len(EFFECTS)
@@ -103,12 +103,12 @@ def test_shelf_is_well_formed() -> None:
         assert set(effect.at) <= points, effect.id
         assert set(effect.advances) <= set(effect.at)
         assert bool(effect.states) == bool(effect.advances), effect.id
-        for text in (effect.summary, effect.signature, effect.source):
+        for text in (effect.summary, effect.signature, effect.source, effect.family):
             assert text
         for function in effect.at.values():
             assert function.__doc__
-        for number in effect.parameters:
-            assert number.low <= number.initial <= number.high, (effect.id, number.name)
+        for parameter in effect.parameters:
+            assert parameter.low <= parameter.initial <= parameter.high, (effect.id, parameter.name)
 
 
 def test_motion_moves() -> None:

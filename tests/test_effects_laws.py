@@ -1,4 +1,4 @@
-"""The own law of each effect, where it has a closed form: the pages' functions called directly."""
+"""The own law of each effect, where it has a closed form: the modules' functions called directly."""
 
 from math import exp, pi, sin
 
@@ -94,13 +94,13 @@ def test_gear_loop_is_the_square_of_efficiency() -> None:
     assert unwinding / winding == pytest.approx(0.65**2)
 
 
-@pytest.mark.parametrize("page, parameters", [(motor_spool_growth, (2.0,)), (motor_spool_layers, (0.06, 0.008))])
-def test_spool_winds_without_loss_of_power(page, parameters) -> None:
+@pytest.mark.parametrize("module, parameters", [(motor_spool_growth, (2.0,)), (motor_spool_layers, (0.06, 0.008))])
+def test_spool_winds_without_loss_of_power(module, parameters) -> None:
     """Speed is the derivative of the wire wound, and load times nominal speed is tension times wire speed."""
     for spool in (-0.004, 0.003, 0.0125, 0.031):
-        slope = (page.wound(spool + 1e-7, *parameters) - page.wound(spool - 1e-7, *parameters)) / 2e-7
-        assert page.winding(1.0, spool, *parameters) == pytest.approx(slope, rel=1e-6)
-        assert page.load(5.0, spool, *parameters) == pytest.approx(5.0 * slope, rel=1e-6)
+        slope = (module.wound(spool + 1e-7, *parameters) - module.wound(spool - 1e-7, *parameters)) / 2e-7
+        assert module.winding(1.0, spool, *parameters) == pytest.approx(slope, rel=1e-6)
+        assert module.load(5.0, spool, *parameters) == pytest.approx(5.0 * slope, rel=1e-6)
 
 
 def test_capstan_ratio_in_a_slow_pull() -> None:

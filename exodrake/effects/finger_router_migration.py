@@ -13,14 +13,14 @@ from exodrake.effects.relaxation import relaxed
 SETTLING = 0.01  # time in which the garment follows the tension [s]; assumed
 
 
-def worn_height(height, tension, migration, settled):
+def worn_height(height, tension, migration, felt):
     """Router height under the wire [m]."""
-    return height + migration * settled
+    return height + migration * felt
 
 
-def settle(dt, stretched, tension, tension_finger, travel, migration, settled):
-    """Tension that the garment has settled under [N]."""
-    return relaxed(settled, tension_finger, dt, SETTLING)
+def settle(dt, stretched, tension, tension_finger, travel, migration, felt):
+    """Tension that the garment has relaxed under [N]."""
+    return relaxed(felt, tension_finger, dt, SETTLING)
 
 
 EFFECT = Effect(
@@ -30,7 +30,7 @@ EFFECT = Effect(
     source="physics.md 4.D; 0.05-0.3 mm/N",
     at={"wire_paths.worn_height": worn_height, "tendon.settle": settle},
     parameters=(EffectParameter("migration", "m/N", null=0.0, low=1e-5, high=3e-4, axis=TENDONS, default=1e-4),),
-    states=(State("settled", TENDONS, unit="N"),),
+    states=(State("felt", TENDONS, unit="N"),),
     advances=("tendon.settle",),
     family="geometry",
     order=410,

@@ -9,7 +9,7 @@ from exodrake.systems.rounding import rounded
 
 
 class Parameters(NamedTuple):
-    """Noise and resolution of each joint's reading, and by how much runs of one motion differ (no equation uses it)."""
+    """Noise and resolution of each joint's reading; floor: standard deviation between equal runs (in no equation)."""
 
     sigma: Annotated[tuple, Unit("rad", JOINTS)]
     step: Annotated[tuple, Unit("rad", JOINTS)]
@@ -22,7 +22,7 @@ def seen(e, z, i, angle):
 
 
 def read(x, z, n, e, angle, noise_angle):
-    """One reading of all joints; wires [rad], standard normal."""
+    """One reading of all joints; signals [rad], standard normal."""
     for i in range(angle.shape[0]):
         x[i] = rounded(seen(e, z, i, angle[i]) + n.sigma[i] * noise_angle[i], n.step[i])
 

@@ -1,4 +1,4 @@
-"""Motor bus: hands each speed command to its drive in the wire's slot, held until the next one (`model.md`, Timing)."""
+"""Motor bus: hands each speed command to its drive in its slot, held until the next one (`model.md`, Timing)."""
 
 import sys
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from exodrake.core.signal import TENDONS
 
 
 class Parameters(NamedTuple):
-    """The bus has no numbers of its own."""
+    """The bus has no parameters of its own."""
 
 
 DEPTH = 12  # commands remembered per wire, the newest first
@@ -17,14 +17,17 @@ DEPTH = 12  # commands remembered per wire, the newest first
 def sent(e, z, j, command, history, first, applied, packet_arrival):
     """Point: speed [m/s] that reaches drive j.
 
-    Args: command: the newest [m/s]; history: commands of all wires, the newest of this one at `first`, older ones
-        after it; applied: speed held so far [m/s]; packet_arrival: uniform number in 0 .. 1 of this frame.
+    Args:
+        command: the newest [m/s].
+        history: commands of all tendons [m/s], the newest of this one at `first`, older ones after it.
+        applied: speed held so far [m/s].
+        packet_arrival: uniform draw in 0 .. 1 of this frame.
     """
     return command
 
 
 def write(x, z, n, e, j, speed_cmd, packet_arrival):
-    """The bus writes to drive j; wire [m/s], uniform numbers."""
+    """The bus writes to drive j; signal [m/s], uniform draws."""
     for k in range(DEPTH - 1, 0, -1):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]

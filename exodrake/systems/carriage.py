@@ -37,7 +37,7 @@ def settle(e, z, dt, travel):
 
 
 def update(x, z, n, e, dt, force):
-    """One tick; wire [N]."""
+    """One tick; signal [N]."""
     if x[STARTED] > 0.0:
         before = x[SPEED]
         free = before + dt * pushed(e, z, force[0], before) / n.M
@@ -48,7 +48,7 @@ def update(x, z, n, e, dt, force):
 
 
 def place(x, z, n, e, position_start, speed_start):
-    """In the first frame the carriage is where the log starts, and as fast; wires [m], [m/s]."""
+    """Place and speed at the start of the log, taken in the first frame; signals [m], [m/s]."""
     if x[STARTED] == 0.0:
         x[PLACE] = position_start[0]
         x[SPEED] = speed_start[0]

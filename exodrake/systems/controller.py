@@ -31,7 +31,7 @@ def damping(rate, kd):
 
 
 def control(x, z, n, e, tension_ref, tension_read):
-    """The law for all wires; wires [N]."""
+    """The law for all wires; signals [N]."""
     for j in range(3):
         rate = (tension_read[j] - x[BEFORE + j]) / n.period if x[STARTED] > 0.0 else 0.0
         wanted = n.kp * (tension_ref[j] - tension_read[j]) + damping(rate, n.kd)

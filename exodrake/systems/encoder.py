@@ -21,7 +21,7 @@ def homed(e, z, j, stroke):
 
 
 def read(x, z, n, e, j, spool_angle):
-    """The bus reads encoder j; wire [rad]."""
+    """The bus reads encoder j; signal [rad]."""
     x[j] = rounded(homed(e, z, j, n.radius * spool_angle[j]), n.q_theta * n.radius)
 
 

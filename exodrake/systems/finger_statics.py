@@ -4,7 +4,7 @@ A wire's moment arm at a joint depends on that joint's angle alone, so the three
 
     sum_j T_j R_ji(q_i) = kappa_i (q_i - q0_i) + end_stop(q_i)
 
-Numbers are those of `systems.tendon_finger` (same functions, compiled here): wires AF, MF, AE; joints MCP, PIP, DIP.
+Parameters are those of `systems.tendon_finger` (same functions, compiled here): wires AF, MF, AE; joints MCP, PIP, DIP.
 """
 
 from math import cos, sin
@@ -20,7 +20,7 @@ STEPS, STEP, HALVINGS = 40, 0.05, 46  # search: at most 2 rad in steps of 0.05 r
 MF_JOINTS = 1  # the MCP flexor passes the first joint only
 
 # Where two routers meet, arms are not finite: no equilibrium there, rather than a division by zero.
-# Not cached on disk, since numba would not notice a change of the other pages.
+# Not cached on disk, since numba would not notice a change of the other modules.
 compiled = njit(error_model="numpy")
 path, end_stop = compiled(routers.path), compiled(finger.end_stop)
 

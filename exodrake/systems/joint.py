@@ -1,4 +1,4 @@
-"""Joints that go where they are told: behind a cable, a sheath or a geared servo. Nominally at once and exactly.
+"""Ideal position servos without dynamics: joints behind a cable, a sheath or a gear follow the command at once.
 
     aim_j = ratio command_j          angle_j <- aim_j
 
@@ -50,7 +50,7 @@ def other(values, first, k, count):
 
 
 def update(x, z, n, e, dt, command, origin, setting, ready):
-    """One tick; wires [rad]. x: angles, aims, their moves, started. First the joints stand where the log starts."""
+    """One tick; signals [rad]. x: angles, aims, their moves, started. First the joints stand where the log starts."""
     count = command.shape[0]
     if ready[0] > 0.0:
         first = x[3 * count] == 0.0

@@ -28,7 +28,7 @@ def sent(e, z, j, command, history, first, applied, packet_arrival):
 
 
 def take(x, z, n, e, angle_ref, angle_start):
-    """One command for every joint; wires [rad]. Before the first one the robot stood there."""
+    """One command for every joint; signals [rad]. Before the first one the robot stood there."""
     joints = angle_ref.shape[0]
     for j in range(joints):
         for k in range(DEPTH - 1, 0, -1):

@@ -17,7 +17,7 @@ class Parameters(NamedTuple):
 
 
 def read(x, z, n, e, position, noise_position):
-    """One reading; wires [m], standard normal."""
+    """One reading; signals [m], standard normal."""
     x[0] = rounded(position[0] + n.sigma * noise_position[0], n.step)
 
 

@@ -31,7 +31,7 @@ def late(e, z, delay, clock):
 
 
 def sample(x, z, n, e, angle, noise_angle):
-    """One picture of all joints: wires [rad], standard normal noise."""
+    """One sample of all joints: signals [rad], standard normal noise."""
     for i in range(3):
         x[READING + i] = seen(e, z, i, angle[i]) + n.sigma_q * noise_angle[i]
     x[LATE] = late(e, z, 0.0, x[PICTURES] * n.period)

@@ -3,7 +3,7 @@
     w_ref = v_ref N / r_set      e = w_ref - w      i = clip(Kp e + z, -i_max, +i_max)      z' = Ki e
     J w' = kM i - b w - r T_c / N               theta' = w / N                          s = r theta
 
-z is frozen while i is clipped and e pushes on. r_set is the spool radius that drive and log were told: nominally r.
+z is frozen while i is clipped and e pushes on. r_set is the spool radius configured in drive and log: nominally r.
 Integrated by the classical Runge-Kutta rule over one tick with command and tension held (`model.md`, Motor).
 """
 
@@ -15,7 +15,7 @@ from exodrake.core.signal import TENDONS
 
 
 class Parameters(NamedTuple):
-    """Motor, gear, spool and drive of each wire; the gear ratio and the radius that all drives were told."""
+    """Motor, gear, spool and drive of each wire; the gear ratio and the spool radius configured in all drives."""
 
     kM: Annotated[tuple, Unit("N m/A", TENDONS)]
     J: Annotated[tuple, Unit("kg m2", TENDONS)]
@@ -98,7 +98,7 @@ def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
 
 
 def update(x, z, n, e, dt, speed_applied, tension):
-    """One tick. x: rotor speeds, integral parts [A], output angles [rad] (3 each); wires [m/s], [N]."""
+    """One tick. x: rotor speeds, integral parts [A], output angles [rad] (3 each); signals [m/s], [N]."""
     for j in range(3):
         w = x[j]
         follow(e, z, j, dt, speed_applied[j])

@@ -15,7 +15,7 @@ from exodrake.core.signal import SCALAR
 
 
 class Parameters(NamedTuple):
-    """Gains of the two loops, force per volt, frame; floor: by how much runs of one motion differ in force."""
+    """Gains of the two loops, force per volt, frame; floor: standard deviation of the force between equal runs."""
 
     kp: Annotated[float, Unit("1/s")]
     kv: Annotated[float, Unit("V s/m")]
@@ -28,7 +28,7 @@ FORCE, BEFORE, EARLIER, STARTED = 0, 1, 2, 3
 
 
 def control(x, z, n, e, position_ref, position_read, speed_start):
-    """The law; wires [m], [m/s]."""
+    """The law; signals [m], [m/s]."""
     if x[STARTED] == 0.0:
         x[BEFORE] = position_read[0] - n.period * speed_start[0]
         x[EARLIER] = x[BEFORE] - n.period * speed_start[0]

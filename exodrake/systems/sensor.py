@@ -64,7 +64,7 @@ def load_on(x, z, e, j, tension):
 
 
 def update(x, z, n, e, dt, tension, wire_speed):
-    """One tick of the amplifiers; wires [N], [m/s]."""
+    """One tick of the amplifiers; signals [N], [m/s]."""
     for j in range(3):
         load = load_on(x, z, e, j, tension)
         x[CELL + j] = followed(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
@@ -89,7 +89,7 @@ def output(x, z, n, e, tension, cell):
 
 
 def read(x, z, n, e, j, cell, noise_tension):
-    """The bus reads cell j: wires [N], standard normal noise."""
+    """The bus reads cell j: signals [N], standard normal noise."""
     x[READING + j] = rounded(reading(e, z, j, cell[j], x[CLOCK]) + n.sigma_F * noise_tension[j], n.q_F)
 
 

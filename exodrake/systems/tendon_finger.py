@@ -1,4 +1,4 @@
-"""The plant inside: three elastic wires on a planar finger, one stiff block (`model.md`, Wire, Path, Finger).
+"""Three elastic tendons on a planar finger, one stiff part (`model.md`, Wire, Path, Finger).
 
     M(q) q'' + C(q, q') q' + B q' + tau_p(q) = P(q)^T T_d + tau_external          P = dl/dq
 
@@ -17,7 +17,7 @@ from exodrake.systems import finger, tendon, wire_paths
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
 from exodrake.systems.routers import applied_arm
 from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.systems.triples import along, column, dot, solve
+from exodrake.systems.triples import along, column, dot, quotient, solve
 from exodrake.systems.wire_paths import heights, paths
 
 
@@ -81,12 +81,7 @@ def outside(e, z, n, angle, rate, moments, clock, lag):
     c0 = external(e, z, nothing, (q0 + NUDGE, q1, q2), (w0 + quick, w1, w2), bones, clock)
     c1 = external(e, z, nothing, (q0, q1 + NUDGE, q2), (w0, w1 + quick, w2), bones, clock)
     c2 = external(e, z, nothing, (q0, q1, q2 + NUDGE), (w0, w1, w2 + quick), bones, clock)
-    return here, (slope(here, c0), slope(here, c1), slope(here, c2))
-
-
-def slope(here, there):
-    """Difference quotient of a triple [per rad]."""
-    return (there[0] - here[0]) / NUDGE, (there[1] - here[1]) / NUDGE, (there[2] - here[2]) / NUDGE
+    return here, (quotient(here, c0, NUDGE), quotient(here, c1, NUDGE), quotient(here, c2, NUDGE))
 
 
 def stiffness(i, k, arms, bends, falls, tensions, passive_slope, external_slope):
@@ -94,6 +89,21 @@ def stiffness(i, k, arms, bends, falls, tensions, passive_slope, external_slope)
     own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
     r, s = column(arms, i), column(arms, k)
     return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
+
+
+def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
+    """Row i of the Newton matrix d(residual)/d(rate) [N m s/rad]; inertia: row i of the mass matrix [kg m2]."""
+    return (
+        entry(i, 0, inertia[0], damping, lag, s, passive_slope, push_slope),
+        entry(i, 1, inertia[1], damping, lag, s, passive_slope, push_slope),
+        entry(i, 2, inertia[2], damping, lag, s, passive_slope, push_slope),
+    )
+
+
+def entry(i, k, inertia, damping, lag, s, passive_slope, push_slope):
+    """Entry i, k of the Newton matrix [N m s/rad]."""
+    own = inertia / lag + damping if i == k else inertia / lag
+    return own + lag * stiffness(i, k, s[0], s[1], s[2], s[3], passive_slope, push_slope)
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
@@ -123,21 +133,9 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     r2 = dot((m13, m23, m33), speed_up) + spin[2] + n.B[2] * rate[2] + p2 - torque(arms, 2, pull) - push[2]
     s = (arms, bends, falls, pull)
     rows = (
-        (
-            m11 / lag + n.B[0] + lag * stiffness(0, 0, *s, k0, push_slope),
-            m12 / lag + lag * stiffness(0, 1, *s, k0, push_slope),
-            m13 / lag + lag * stiffness(0, 2, *s, k0, push_slope),
-        ),
-        (
-            m12 / lag + lag * stiffness(1, 0, *s, k1, push_slope),
-            m22 / lag + n.B[1] + lag * stiffness(1, 1, *s, k1, push_slope),
-            m23 / lag + lag * stiffness(1, 2, *s, k1, push_slope),
-        ),
-        (
-            m13 / lag + lag * stiffness(2, 0, *s, k2, push_slope),
-            m23 / lag + lag * stiffness(2, 1, *s, k2, push_slope),
-            m33 / lag + n.B[2] + lag * stiffness(2, 2, *s, k2, push_slope),
-        ),
+        newton_row(0, (m11, m12, m13), n.B[0], lag, s, k0, push_slope),
+        newton_row(1, (m12, m22, m23), n.B[1], lag, s, k1, push_slope),
+        newton_row(2, (m13, m23, m33), n.B[2], lag, s, k2, push_slope),
     )
     return solve(rows, (-r0, -r1, -r2))
 
@@ -149,7 +147,7 @@ def torque(arms, i, pull):
 
 
 def update(x, z, n, e, dt, stroke, wire_speed):
-    """One tick of length dt [s]; wires [m], [m/s]."""
+    """One tick of length dt [s]; signals [m], [m/s]."""
     constants, high = inertia(n.length, n.mass, n.radius), heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
     lag = 2.0 * dt / 3.0
     ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])

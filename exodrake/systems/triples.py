@@ -1,4 +1,4 @@
-"""Triples as vectors and three of them as matrices: what a finger of three joints needs."""
+"""Vectors and matrices of three: tuples of floats, which numba keeps in registers."""
 
 
 def dot(u, v):
@@ -24,3 +24,8 @@ def solve(m, r):
 def along(start, step, rate):
     """start + step rate for triples."""
     return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
+
+
+def quotient(here, there, step):
+    """Difference quotient (there - here) / step of triples."""
+    return (there[0] - here[0]) / step, (there[1] - here[1]) / step, (there[2] - here[2]) / step

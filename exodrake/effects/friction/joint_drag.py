@@ -29,7 +29,7 @@ def settle_by_previous(dt, moved, ahead, behind, setting, share, reach, deflecti
 
 
 SUMMARY = "the cables of a neighbour drag a joint along until they slip"
-SIGNATURE = "a joint that was told to rest goes to and fro between two stops as its neighbour turns round"
+SIGNATURE = "a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round"
 SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
 SHARE = EffectParameter("share", "-", null=0.0, low=-1.0, high=1.0, axis=JOINTS, default=0.4)
 REACH = EffectParameter("reach", "rad", null=0.1, low=0.02, high=0.4, axis=JOINTS, default=0.1, transform="log")

@@ -18,7 +18,7 @@ def aimed_by_previous(aim, ahead, behind, setting, share):
 
 
 SUMMARY = "cables run past another joint's axis, whose motion moves this one"
-SIGNATURE = "a joint that was told to rest moves in proportion to its neighbour's command, without a loop"
+SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop"
 SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
 SHARE = EffectParameter("share", "-", null=0.0, low=-0.4, high=0.4, axis=JOINTS, default=0.1)
 BY_NEXT, BY_PREVIOUS = {"joint.aimed": aimed_by_next}, {"joint.aimed": aimed_by_previous}

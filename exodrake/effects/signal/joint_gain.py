@@ -1,4 +1,4 @@
-"""The drive's gear or pulley is not as told.
+"""Gear or pulley ratio of a joint differs from the configured one.
 
 aim = (1 + gain) command
 """
@@ -14,7 +14,7 @@ def aimed(aim, ahead, behind, setting, gain):
 
 EFFECT = Effect(
     id="joint.gain",
-    summary="the joint goes further or less far than told",
+    summary="the joint goes further or less far than commanded",
     signature="error proportional to the command, no loop",
     source="pulley radii and elastic cables; range assumed",
     at={"joint.aimed": aimed},
