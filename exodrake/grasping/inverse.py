@@ -97,7 +97,8 @@ def holdable(
     Args:
         angles: (k, 3) postures [rad].
         cost: (k,) of the postures.
-        low, high: (3,) tension limits [N].
+        low: (3,) least tensions [N].
+        high: (3,) largest tensions [N].
         n: parameters of the finger.
         confirm: whether tensions do lead to a posture.
 
