@@ -57,7 +57,7 @@ def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None 
     """
     bones = skeleton(robot)
     time, angle, tension, top = frames_of(log, robot, angles)
-    with quiet_meshcat() as meshcat:
+    with silent_meshcat() as meshcat:
         draw_scene(meshcat, bones, thing)
         draw_tendons(meshcat, bones, angle[0])
         step = float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
@@ -100,7 +100,7 @@ def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarr
 
 
 @contextmanager
-def quiet_meshcat() -> Iterator[Any]:
+def silent_meshcat() -> Iterator[Any]:
     """A Meshcat server without log messages, closed afterwards."""
     from pydrake.geometry import Meshcat, MeshcatParams
 
