@@ -20,7 +20,7 @@ robot = exo.load_robot()
 
 for mode, size in (("narrow-pinch", 0.03), ("wide-pinch", 0.06), ("caging", 0.06), ("caging", 0.08)):
     plan = exo.plan_grasp(mode, size, robot)
-    tensions = ", ".join(f"{wire} {pull:.1f} N" for wire, pull in zip(plan.wires, plan.tensions))
+    tensions = ", ".join(f"{tendon} {pull:.1f} N" for tendon, pull in zip(plan.tendons, plan.tensions))
     print(f"{mode} of {1e3 * size:.0f} mm: {tensions}")
     if not plan.feasible:
         print(f"  {plan.reason}")

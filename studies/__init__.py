@@ -1,0 +1,1 @@
+"""Studies with exodrake: programs that write documentation pages."""

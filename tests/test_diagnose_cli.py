@@ -35,7 +35,7 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda _: None):
+        def ready(case, robot=None, progress=lambda _: None, tried=None):
             for step in STEPS:
                 progress(step)
             return diagnosis(verdict)
@@ -125,10 +125,10 @@ def test_demo_refuses_a_folder_with_an_earlier_demo(tmp_path):
 
 
 def test_demo_draws_a_fault_by_its_seed():
-    from exodrake.cli.demo import planned
+    from exodrake.cli.demo import case_plan
 
-    assert planned(3) == planned(3)
-    assert len({planned(seed).ids for seed in range(20)}) > 8
+    assert case_plan(3) == case_plan(3)
+    assert len({case_plan(seed).ids for seed in range(20)}) > 8
 
 
 @pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 4")])
@@ -138,10 +138,10 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
     from rich.console import Console
 
     from exodrake.blind.commitment import write_committed
-    from exodrake.cli.demo import LABELS, SEAL, reveal
+    from exodrake.cli.demo import COMMITMENT, LABELS, reveal
 
     truth = {"id": "tendon.capstan_friction", "wires": ["AF"], "joints": [], "parameters": {"mu_phi": 0.3}}
-    write_committed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / SEAL)
+    write_committed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / COMMITMENT)
     console = Console(file=StringIO(), record=True, width=120)
     reveal(console, tmp_path, diagnosis(verdict))
     text = console.export_text()

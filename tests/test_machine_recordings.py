@@ -12,9 +12,9 @@ from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.machines.recordings import reader
 from exodrake.machines.robot_file import load_robot
-from studies.real_machines.ladder import ladder
+from studies.real_machines.growing_models import growing_models
 from studies.real_machines.measures import decimated, relative_error, rms_degrees
-from studies.real_machines.sets import FOLDERS, LADDERS
+from studies.real_machines.recordings import FOLDERS, MODELS
 from studies.real_machines.study import emps_numbers
 
 SETS = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
@@ -96,7 +96,7 @@ def test_bad_recordings_are_refused_by_name(name, file, text, says, tmp_path):
 def test_emps_force_errors_are_the_published_ones():
     case, robot = reader("emps")(REAL / FOLDERS["emps"]), load_robot("emps")
     problem = make_problem(case, robot)
-    inertia, viscous, _, _, full, asymmetric = ladder(problem, LADDERS["emps"])
+    inertia, viscous, _, _, full, asymmetric = growing_models(problem, MODELS["emps"])
     force = problem.columns.index("force_carriage")
     measured = problem.holdout[0].measured[:, force]
     errors = [
@@ -111,7 +111,7 @@ def test_emps_force_errors_are_the_published_ones():
 def test_emps_numbers_are_the_published_ones():
     """To 2 %, in closed loop, from all cycles as published."""
     problem = make_problem(reader("emps")(REAL / FOLDERS["emps"]), load_robot("emps"))
-    full = ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["emps"][:5])[-1]
+    full = growing_models(replace(problem, fit=(*problem.fit, *problem.holdout)), MODELS["emps"][:5])[-1]
     found = [float(number) for number in emps_numbers(full.robot)]
     assert found == pytest.approx([95.11, 203.5, 20.39, -3.16], rel=0.02)
 
@@ -121,8 +121,8 @@ def test_emps_numbers_are_the_published_ones():
 def test_play_brings_each_sheath_near_a_degree(bend):
     case = reader("tendon_sheath")(REAL / FOLDERS["tendon_sheath"] / f"{bend}.txt")
     problem = make_problem(case, load_robot("tendon_sheath"))
-    rigid, loose, play = ladder(problem, LADDERS["tendon_sheath"])
-    rounded = ladder(problem, LADDERS["sheath_alone"])[-1]
+    rigid, loose, play = growing_models(problem, MODELS["tendon_sheath"])
+    rounded = growing_models(problem, MODELS["sheath_alone"])[-1]
     errors = [rms_degrees(r.held[0]) for r in (rigid, loose, play, rounded)]
     assert 19 < errors[0] < 40 and 4 < errors[1] < 14 and errors[2] < 1.3
     assert errors[3] < min(errors[2], 1.25)
@@ -131,5 +131,5 @@ def test_play_brings_each_sheath_near_a_degree(bend):
 @real
 def test_play_of_the_wrist_joints_own_cable():
     case = reader("dvrk_wrist")(REAL / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
-    _, loose, play = ladder(make_problem(case, load_robot("dvrk_wrist")), LADDERS["dvrk_wrist"][:3])
+    _, loose, play = growing_models(make_problem(case, load_robot("dvrk_wrist")), MODELS["dvrk_wrist"][:3])
     assert np.degrees(loose.rms[0]) > 1.2 and np.degrees(play.rms[0]) < 0.5

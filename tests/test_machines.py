@@ -34,7 +34,7 @@ from exodrake.effects.signal import (
 )
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate
-from studies.real_machines.ladder import ladder
+from studies.real_machines.growing_models import growing_models
 
 MACHINES = ("emps", "tendon_sheath", "so101", "dvrk_wrist")
 TWO_MOTIONS = 2
@@ -106,7 +106,7 @@ def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them(
     planted = robot.splice("sheath.play", {"half_width": 0.2})
     steps = [("rigid", ()), ("play", ("sheath.play",)), ("lag", ("sheath.lag",))]
     rigid, play, lag = (
-        r.rms[0] for r in ladder(make_problem(case_of(planted, "tendon_sheath", range(2)), robot), steps)
+        r.rms[0] for r in growing_models(make_problem(case_of(planted, "tendon_sheath", range(2)), robot), steps)
     )
     assert play < 0.05 * rigid and play == pytest.approx(load_robot("tendon_sheath")["reading.floor"], rel=0.2)
     assert lag == pytest.approx(play, rel=0.1)
@@ -173,7 +173,7 @@ def test_friction_that_builds_up_is_told_from_friction_that_does_not():
     for identity, parameters in planted.items():
         made = made.splice(identity, parameters)
     problem = make_problem(case_of(made, "emps", range(TWO_MOTIONS)), robot)
-    fitted = ladder(problem, [(identity, (identity,)) for identity in planted])[-1].robot
+    fitted = growing_models(problem, [(identity, (identity,)) for identity in planted])[-1].robot
     for identity, parameters in planted.items():
         for name, value in parameters.items():
             assert fitted[f"{identity}.{name}"] == pytest.approx(value, rel=0.05), name

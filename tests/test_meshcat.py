@@ -18,19 +18,19 @@ def log():
     return exo.simulate(ROBOT, exo.grasp("caging", ROBOT))
 
 
-def drawn_length(wire, angle):
-    """Length of a wire as drawn [m]."""
+def drawn_length(tendon, angle):
+    """Length of a tendon as drawn [m]."""
     bones = skeleton(ROBOT)
-    return sum(along(*span(bones, p, angle))[2] for p in bones.pieces if p.wire == wire)
+    return sum(along(*span(bones, p, angle))[2] for p in bones.pieces if p.tendon == tendon)
 
 
-@pytest.mark.parametrize("wire, joints, side", [("AF", 3, 1), ("MF", 1, 1), ("AE", 3, -1)])
-def test_drawn_wires_shorten_as_the_model_says(wire, joints, side):
+@pytest.mark.parametrize("tendon, joints, side", [("AF", 3, 1), ("MF", 1, 1), ("AE", 3, -1)])
+def test_drawn_tendons_shorten_as_the_model_says(tendon, joints, side):
     a, h = 0.005, 0.003 if side > 0 else 0.005
     rho, alpha = np.hypot(a, h), np.arctan2(h, a)
     angle = np.array([0.4, 0.7, 0.3])
     taken = 2 * rho * (np.cos(alpha) - np.cos(alpha + side * angle[:joints] / 2))
-    assert drawn_length(wire, np.zeros(3)) - drawn_length(wire, angle) == pytest.approx(taken.sum(), abs=1e-12)
+    assert drawn_length(tendon, np.zeros(3)) - drawn_length(tendon, angle) == pytest.approx(taken.sum(), abs=1e-12)
 
 
 def test_tip():
@@ -70,3 +70,8 @@ def test_gaps_are_bridged_and_empty_columns_refused(log):
 
 def test_one_row(log):
     assert "caging" in recording_html(log.rows(slice(0, 1)), ROBOT)
+
+
+def test_robot_without_finger_is_refused_by_name(log):
+    with pytest.raises(exo.InputError, match="emps: no tendon-driven finger"):
+        recording_html(log, exo.load_robot("emps"))

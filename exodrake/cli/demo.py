@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.result import Diagnosis
 
 GRASP = "caging"
-CASE, LABELS, SEAL = "case", "label.json", "seal.txt"
+CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and files of the demo
 
 
 @click.command()
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("demo"), show_default=True, help="Folder.")
 def command(seed: int, out: Path) -> None:
-    """Simulate a grasp, hide a fault in a reference simulator, and find it from logs alone."""
+    """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from rich.console import Console
 
     from exodrake.cli.simulate import check_folder
@@ -28,13 +28,13 @@ def command(seed: int, out: Path) -> None:
     check_folder(out)
     fresh(out)
     console = Console(highlight=False)
-    chapter(console, 1, "A grasp of the nominal robot", "The model closes an index finger by three wires.")
+    chapter(console, 1, "A grasp of the nominal robot", "The model closes an index finger by three tendons.")
     grasp(console, out / "grasp")
     chapter(console, 2, "A robot with a hidden fault", HIDDEN)
     hide(console, out, seed)
     chapter(console, 3, "The diagnosis", "Only the logs and the nominal robot are known. This takes a minute or two.")
     found = diagnose(out)
-    chapter(console, 4, "The envelope", "Now the label is read, and checked against its seal.")
+    chapter(console, 4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
     reveal(console, out, found)
     console.print(f"\n[bold]look at[/bold]  {out / 'grasp' / 'recording.html'}   the finger in 3D", soft_wrap=True)
     console.print(f"         {out / 'report.html'}   the diagnosis", soft_wrap=True)
@@ -43,7 +43,7 @@ def command(seed: int, out: Path) -> None:
 
 HIDDEN = (
     "Another simulator, with other equations, other numbers within 3 % and one effect that the nominal robot lacks, "
-    "writes five logs. What it hides is sealed."
+    "writes five logs. The label is committed to by its SHA-256."
 )
 
 
@@ -56,7 +56,7 @@ def chapter(console: Console, number: int, title: str, words: str) -> None:
 
 
 def fresh(out: Path) -> None:
-    """InputError if an earlier demo lies in the folder: a sealed case is not made over."""
+    """InputError if the folder holds an earlier demo, which is not overwritten."""
     from exodrake.core.errors import InputError
 
     if (out / CASE).exists() or (out / LABELS).exists():
@@ -69,9 +69,9 @@ def grasp(console: Console, folder: Path) -> None:
     from exodrake.simulation.scenario import Scenario
 
     with console.status("simulating (the first run compiles for half a minute)") as status:
-        asked = Scenario(GRASP)
-        robot, log = asked.run()
-        contents = files_of(asked, robot, log, GRASP, status.update)
+        scenario = Scenario(GRASP)
+        robot, log = scenario.run()
+        contents = files_of(scenario, robot, log, GRASP, status.update)
         write_folder(folder, log, contents)
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
@@ -79,20 +79,20 @@ def grasp(console: Console, folder: Path) -> None:
 
 
 def hide(console: Console, out: Path, seed: int) -> None:
-    """Makes one case with one effect in the reference simulator; its label goes into a sealed file."""
+    """Makes one case with one injected effect by the reference simulator, and commits to its label."""
     from exodrake.blind.commitment import write_committed
     from exodrake.blind.make import make_case
     from exodrake.blind.simulator import warm_up
 
     with console.status("the reference simulator runs"):
         warm_up()
-        label = make_case(planned(seed), out)
-        write_committed({CASE: label}, out / LABELS, out / SEAL)
-    seal = (out / SEAL).read_text()[:16]
-    console.print(f"   five logs in {out / CASE}, label sealed as {seal}…", soft_wrap=True)
+        label = make_case(case_plan(seed), out)
+        write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
+    digest = (out / COMMITMENT).read_text()[:16]
+    console.print(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…", soft_wrap=True)
 
 
-def planned(seed: int) -> Any:
+def case_plan(seed: int) -> Any:
     """The plan of a case with a single effect, drawn by the seed."""
     import numpy as np
 
@@ -121,22 +121,22 @@ def diagnose(out: Path) -> Diagnosis:
 
 
 def reveal(console: Console, out: Path, found: Diagnosis) -> None:
-    """Opens the label, and says whether the verdict was right."""
+    """Reads the label, and prints whether the verdict was right."""
     from exodrake.blind.commitment import read_committed
     from exodrake.blind.matching import accepted_ids, found_ids
 
-    label = read_committed(out / LABELS, out / SEAL)[CASE]
+    label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
     for truth in label["effects"]:
         seat = " and ".join((*truth["wires"], *truth["joints"]))
         parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
         console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({parameters}, SI)")
         right = bool(accepted_ids(truth) & found_ids(found.to_json()))
-        said = f"the verdict was {found.verdict}"
-        missed = f"[red]not named[/red]: {said}; among the candidates it is {place_of(truth['id'], found)}"
-        console.print(f"   [green]found[/green]: {said}" if right else f"   {missed}")
+        verdict = f"the verdict was {found.verdict}"
+        missed = f"[red]not named[/red]: {verdict}; among the candidates it is {rank_of(truth['id'], found)}"
+        console.print(f"   [green]found[/green]: {verdict}" if right else f"   {missed}")
 
 
-def place_of(identity: str, found: Diagnosis) -> str:
-    """Place of an effect among the candidates, in words."""
+def rank_of(identity: str, found: Diagnosis) -> str:
+    """Rank of an effect among the candidates, in words."""
     names = [candidate.id for candidate in found.candidates]
     return f"number {names.index(identity) + 1} of {len(names)}" if identity in names else "not listed"

@@ -125,7 +125,7 @@ def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     rows = []
     reached = at_hold(log, "angle", plan.joints)
     guess, deviation = at_hold(log, "angle_est", plan.joints), at_hold(log, "angle_std", plan.joints)
-    for i, (tendon, joint) in enumerate(zip(plan.wires, plan.joints)):
+    for i, (tendon, joint) in enumerate(zip(plan.tendons, plan.joints)):
         angles = (f"{v:.3f}" for v in (plan.wanted[i], plan.planned[i], plan.shortfall[i], reached[i]))
         estimated = f"{guess[i]:.3f} ± {deviation[i]:.3f} rad"
         rows.append((tendon, f"{plan.tensions[i]:.2f} N", joint, *angles, estimated))

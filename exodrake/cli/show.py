@@ -16,9 +16,9 @@ from exodrake.cli.options import robot_option
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
 def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
-    """Write LOG as a page with the moving finger, its wires coloured by tension.
+    """Write LOG as a page with the moving finger, its tendons coloured by tension.
 
-    `#t=1.5` behind the page's address stops it at that time.
+    `#t=1.5` at the end of the page's address stops it at that time.
     """
     from exodrake.core.files import write_text
     from exodrake.data.log_file import read_log
@@ -26,9 +26,9 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
     from exodrake.machines.robot_file import load_robot
 
     kind = "angle_est" if estimated else "angle"
-    page = recording_html(read_log(log, required=("tension",)), load_robot(robot), log.name, angles=kind)
+    html = recording_html(read_log(log, required=()), load_robot(robot), log.name, angles=kind)
     target = out or log.with_name(log.name.split(".")[0] + ".html")
-    write_text(target, page)
-    click.echo(f"{target}: {len(page) / 1e6:.1f} MB")
+    write_text(target, html)
+    click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
     if show:
         click.launch(str(target))

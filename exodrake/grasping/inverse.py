@@ -63,8 +63,8 @@ def tensions_for(angles: np.ndarray, n: Parameters) -> np.ndarray:
 def stiffness(angles: np.ndarray, tension: np.ndarray, n: Parameters) -> np.ndarray:
     """Stiffness of each joint under tension (k, 3) [N m/rad]: below 0 it snaps."""
     up, down = angles + NUDGE, angles - NUDGE
-    wires = np.einsum("kji,kj->ki", arms(up, n) - arms(down, n), tension)
-    return (passive(up, n) - passive(down, n) - wires) / (2.0 * NUDGE)
+    pull = np.einsum("kji,kj->ki", arms(up, n) - arms(down, n), tension)
+    return (passive(up, n) - passive(down, n) - pull) / (2.0 * NUDGE)
 
 
 def ramped(tension: np.ndarray, low: np.ndarray, n: Parameters, lead: float = 0.0) -> np.ndarray:
@@ -97,7 +97,8 @@ def holdable(
     Args:
         angles: (k, 3) postures [rad].
         cost: (k,) of the postures.
-        low, high: (3,) tension limits [N].
+        low: (3,) least tensions [N].
+        high: (3,) largest tensions [N].
         n: parameters of the finger.
         confirm: whether tensions do lead to a posture.
 

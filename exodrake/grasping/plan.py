@@ -39,7 +39,7 @@ class Plan:
         planned: joint angles that the tensions hold, from rest along the ramp [rad].
         shortfall: wanted less planned, the infeasible part [rad].
         feasible: whether no joint falls short by more than TOLERANCE. reason: why, in a sentence.
-        wires, joints: names. hand: thumb and skin.
+        tendons, joints: names. hand: thumb and skin.
     """
 
     mode: str
@@ -52,13 +52,13 @@ class Plan:
     shortfall: tuple[float, ...]
     feasible: bool
     reason: str
-    wires: tuple[str, ...]
+    tendons: tuple[str, ...]
     joints: tuple[str, ...]
     hand: Hand
 
     def reference(self, robot: Robot | None = None, **durations: float) -> Reference:
         """Tension references for the Diagram: rest, approach, hold, release; durations as in `exo.grasp` [s]."""
-        return grasp(self.mode, robot or load_robot(), dict(zip(self.wires, self.tensions)), **durations)
+        return grasp(self.mode, robot or load_robot(), dict(zip(self.tendons, self.tensions)), **durations)
 
 
 def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | None = None) -> Plan:

@@ -82,7 +82,7 @@ def condition_svg(found: Condition, before: str, after: str) -> str:
 
 
 def jittered(at: np.ndarray) -> np.ndarray:
-    """Conditions (n,) with few levels, moved at random so that samples over one level can be told apart."""
+    """Conditions (n,) with few levels, moved at random so that samples over one level do not hide each other."""
     if len(np.unique(at)) > max(map(len, LEVELS)):
         return at
     return at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at))

@@ -50,7 +50,7 @@ def page(diagnosis: Diagnosis, runs: HeldOutRuns) -> str:
         legend=((MEASURED, "measured"), (BEFORE, "before: nominal robot"), (AFTER, f"after: {after}")),
         signals=signal_drawings(runs) if drawn else (), gaps=gap_table(diagnosis),
         spectrum=Drawing(spectrum_svg(runs), wide=True) if drawn else None,
-        shaken=any(effect.id == TREMOR for effect in diagnosis.effects),
+        tremor=any(effect.id == TREMOR for effect in diagnosis.effects),
         effects=[(e, effect_table(e)) for e in diagnosis.effects], sure=SURE,
         candidates=candidate_blocks(diagnosis), retuned=retuned_tables(diagnosis), close=close_candidates(diagnosis),
         logs=log_table(runs), thresholds=threshold_table(), **where(diagnosis, runs),

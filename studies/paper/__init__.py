@@ -1,4 +1,4 @@
-"""The paper beside exodrake: every figure and table that has data behind it, from simulation, and a register of claims.
+"""The paper beside exodrake: every figure and table with data behind it, from simulation, and a register of claims.
 
 `reproduce.chapters` computes the chapters, a page each (`arms`, `equations`, `hardware`, `centres`, `estimation`,
 `reach`); `page.page` sets them as one HTML page that needs nothing from outside; `page.claims_csv` is the register.

@@ -1,7 +1,7 @@
 """Fig. 9 and Table 1: joint centres as lines over the joint angle, from synthetic markers with a known truth.
 
-The paper's recordings are not published, so its printed slopes and lengths are planted in a synthetic hand (the MCP's
-are not: 29 mm of travel is no joint), recorded with noise, and looked for again, once with skin that slides.
+The paper's recordings are not published, so a synthetic hand is given the printed slopes and lengths (but for the
+MCP's: 29 mm of travel is no joint). Its markers are identified, with noise, with rigid and with sliding skin.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ COLOURS = {"X": "#1f6fb4", "Y": "#d1592b", "Z": "#3a8f4f"}
 
 @dataclass(frozen=True)
 class Markers:
-    """What was found from rigid skin, what from sliding skin, and what had been planted."""
+    """Kinematics identified with rigid skin and with sliding skin, and the true ones."""
 
     rigid: Kinematics
     sliding: Kinematics
@@ -48,7 +48,7 @@ def chapter(markers: Markers) -> Chapter:
         " angles below 0.3 rad, where the error grows as 1/θ; they are left out of the lines."
     )
     lead = (
-        "The printed slopes of PIP and DIP, and the printed lengths, are planted in a synthetic hand and found again"
+        "The printed slopes of PIP and DIP, and the printed lengths, are those of a synthetic hand, identified"
         f" from noisy markers. “Skin slides” repeats it with skin that drags each marker by {1e3 * SLIDING:.0f} mm/rad:"
         " the scatter of PIP and DIP then comes near Table 1, while slopes and lengths go wrong by many times what the"
         " fit believes."
@@ -64,7 +64,7 @@ def chapter(markers: Markers) -> Chapter:
 
 
 HEAD = (
-    "joint", "|slope| printed [mm/rad]", "planted", "found", "skin slides", "3-D RMSE printed [mm]", "found",
+    "joint", "|slope| printed [mm/rad]", "true", "found", "skin slides", "3-D RMSE printed [mm]", "found",
     "skin slides", "length printed [mm]", "found", "skin slides",
 )  # fmt: skip
 
@@ -73,20 +73,20 @@ def table_rows(markers: Markers) -> list[tuple[str, ...]]:
     """A row per joint under HEAD; sizes of slopes, since the frames of the paper's markers are not printed."""
     rows = []
     for k, name in enumerate(JOINTS):
-        planted = markers.truth.axes[k + 1]
+        true = markers.truth.axes[k + 1]
         found = [kinematics.joints[k] for kinematics in (markers.rigid, markers.sliding)]
         slopes = [f"{1e3 * np.linalg.norm(joint.line.gradient):.2f}" for joint in found]
         scatter = [f"{1e3 * joint.line.rmse_3d:.2f}" for joint in found]
         lengths = [f"{1e3 * kinematics.lengths[k]:.2f}" for kinematics in (markers.rigid, markers.sliding)]
         rows.append(
-            (name, f"{np.linalg.norm(GRADIENT[name]):.2f}", f"{1e3 * np.linalg.norm(planted.slope):.2f}", *slopes,
+            (name, f"{np.linalg.norm(GRADIENT[name]):.2f}", f"{1e3 * np.linalg.norm(true.slope):.2f}", *slopes,
              f"{np.linalg.norm(RMSE[name]):.2f}", *scatter, f"{LENGTHS[name]:.2f}", *lengths)
         )  # fmt: skip
     return rows
 
 
 AXIS_HEAD = (
-    "joint", "axis", "slope printed [mm/rad]", "planted*", "found*", "intercept printed [mm]", "found*",
+    "joint", "axis", "slope printed [mm/rad]", "true*", "found*", "intercept printed [mm]", "found*",
     "RMSE printed [mm]", "found*",
 )  # fmt: skip
 
@@ -95,11 +95,11 @@ def axis_rows(markers: Markers) -> list[tuple[str, ...]]:
     """Rows under AXIS_HEAD; * in the frames of the synthetic hand's markers, which are not the paper's."""
     rows = []
     for k, name in enumerate(JOINTS):
-        line, planted = markers.rigid.joints[k].line, markers.truth.axes[k + 1].slope
+        line, true = markers.rigid.joints[k].line, markers.truth.axes[k + 1].slope
         for i, axis in enumerate(COLOURS):
             found = f"{1e3 * line.gradient[i]:.2f} ± {1e3 * line.gradient_interval[i]:.2f}"
             rows.append(
-                (name if i == 0 else "", axis, f"{GRADIENT[name][i]:.2f}", f"{1e3 * planted[i]:.2f}", found,
+                (name if i == 0 else "", axis, f"{GRADIENT[name][i]:.2f}", f"{1e3 * true[i]:.2f}", found,
                  f"{INTERCEPT[name][i]:.2f}", f"{1e3 * line.intercept[i]:.2f}", f"{RMSE[name][i]:.2f}",
                  f"{1e3 * line.rmse[i]:.2f}")
             )  # fmt: skip
@@ -107,7 +107,7 @@ def axis_rows(markers: Markers) -> list[tuple[str, ...]]:
 
 
 def inside(markers: Markers) -> int:
-    """How many of the nine planted slopes lie in their 95 % intervals."""
+    """How many of the nine true slopes lie in their 95 % intervals."""
     return sum(
         int(np.sum(np.abs(joint.line.gradient - axis.slope) <= joint.line.gradient_interval))
         for joint, axis in zip(markers.rigid.joints, markers.truth.axes[1:])
@@ -136,7 +136,7 @@ def claims(markers: Markers) -> tuple[Claim, ...]:
         Claim(
             "Table 1", "slopes of the joint centres", "PIP 3.33, DIP 0.77 mm/rad", slopes_found(markers), UNKNOWN,
             "No marker data are published. The method serves: in a synthetic hand"
-            f" {inside(markers)} of 9 planted slopes are found within their 95 % intervals.",
+            f" {inside(markers)} of 9 true slopes lie within their 95 % intervals.",
         ),
         Claim(
             "Table 1", "phalanx lengths", "42.64, 20.14, 18.72 mm", f"found again within {worst:.1f} mm", UNKNOWN,
@@ -149,7 +149,7 @@ def claims(markers: Markers) -> tuple[Claim, ...]:
             " variance only for MCP-y and PIP-x.",
         ),
         Claim(
-            "Table 1", "travel of the MCP centre over its range", f"{travel:.0f} mm", "3 mm planted", UNKNOWN,
+            "Table 1", "travel of the MCP centre over its range", f"{travel:.0f} mm", "3 mm in our hand", UNKNOWN,
             "A metacarpal head has a radius of some 7 mm. Skin or base-marker motion, or small angles (1/θ), would make"
             " such a slope; exodrake keeps it out of its bones.",
         ),

@@ -15,8 +15,8 @@ DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 def chapter(robot) -> Chapter:
     """Equations that are wrong as printed."""
+    from exodrake.grasping.inverse import parameters_of
     from studies.paper import loop_sign
-    from studies.paper.study import parameters_of
 
     rows = [
         (f"{degrees}°", f"{residue(degrees, False):.0e}", f"{residue(degrees, True):.2f}",

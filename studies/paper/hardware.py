@@ -65,13 +65,13 @@ def chapter(robot, rate: float) -> Chapter:
 
 def schedule(machine) -> list[tuple[str, str, str]]:
     """Slot, time in the frame [ms], tasks."""
-    wires, rows = machine.axes.tendons, []
+    tendons, rows = machine.axes.tendons, []
     for slot in range(machine.slots):
         tasks = []
         for block in machine.parts:
             for task in block.tasks:
                 if slot in task.slots:
-                    channel = f" {wires[task.slots.index(slot)]}" if task.per_channel else ""
+                    channel = f" {tendons[task.slots.index(slot)]}" if task.per_channel else ""
                     tasks.append(f"{block.name}: {task.function}{channel}")
         at = 1e3 * machine.slot * (slot + 0.5)
         rows.append((str(slot), f"{at:.0f}", "; ".join(tasks) or IDLE.get(slot, "idle")))
@@ -146,7 +146,7 @@ def figure(coarse: Staircase, fine: Staircase) -> str:
 
 
 def zoom(axes, stairs: Staircase) -> None:
-    """Shows only the window in which steps of tension can be told apart."""
+    """Shows only the window in which steps of tension can be distinguished."""
     inside = stairs.tension[(stairs.time >= WINDOW[0]) & (stairs.time <= WINDOW[1])]
     axes.set_xlim(*WINDOW)
     axes.set_ylim(inside.min() - UNIT, inside.max() + UNIT)

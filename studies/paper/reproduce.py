@@ -24,8 +24,7 @@ class Reproduction:
 
 
 def reproduce(effort: Effort = FULL, seed: int = 0) -> Reproduction:
-    """Computes every chapter from simulation. Takes a minute on one core, and one more where the compiled simulator
-    must be compiled first."""
+    """Computes every chapter from simulation, in a minute on one core; compiling the simulator takes one more."""
     from time import perf_counter
 
     from threadpoolctl import threadpool_limits

@@ -3,11 +3,10 @@
     48 sweeps -> 36 to learn from, 12 held out whole -> Gaussian process | constant stiffness (Eq. 1, 20-21)
 
 The worn robot has what the nominal one leaves out and no model below knows: friction in the sheaths and creep of the
-wires. The same is done on the nominal robot, to tell what of the model's error those two make.
+wires. The same is done on the nominal robot, to see how much of the model's error those two make.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from exodrake.estimator.validate import Score, validate
 from studies.paper.claim import Effort
 
 MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
-CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the effect library's usual values
+CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the initial values of the effect library
 HELD_OUT = 12  # sweeps of the 48
 FAST = 99.9  # percentile of the joint rates that counts as fastest
 DATA, MODEL = "Gaussian process", "constant stiffness"
@@ -64,16 +63,6 @@ def worn_robot(robot: Robot) -> Robot:
     return rubbing.splice("tendon.creep", {"stiffness": CREEP_STIFFNESS, "time_constant": CREEP_TIME})
 
 
-def parameters_of(robot: Robot):
-    """The finger's `tendon_finger.Numbers` as plain floats."""
-    from exodrake.core.part import fields_of
-    from exodrake.systems.tendon_finger import Parameters
-
-    channels = [robot.channels(f"{field.group}.{field.name}").tolist() for field in fields_of(Parameters, "finger")]
-    plain: list[Any] = [tuple(channel) if len(channel) > 1 else channel[0] for channel in channels]
-    return Parameters(*plain)
-
-
 def thinned(sweeps: Sweeps, every: int) -> Sweeps:
     """One in so many rows."""
     return sweeps.rows(np.arange(0, len(sweeps), every))
@@ -89,6 +78,7 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
     from exodrake.estimator.gp import condition, learn
+    from exodrake.grasping.inverse import parameters_of
     from exodrake.identification.stiffness import linear
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import log_of, record
@@ -111,6 +101,7 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
     """The same sweeps and the same split without friction and creep."""
+    from exodrake.grasping.inverse import parameters_of
     from exodrake.simulation.simulate import simulate
 
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)

@@ -1,1 +1,1 @@
-"""Four real machines, diagnosed: what `docs/real.md` says is measured here (`python -m studies.real_machines`)."""
+"""Diagnosis of recordings of four real machines: the results of `docs/real.md`."""

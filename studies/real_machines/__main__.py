@@ -29,7 +29,7 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
     from exodrake.core.files import write_text
     from exodrake.machines.robot_file import write_robot
     from studies.real_machines.page import page, table, verdict
-    from studies.real_machines.sets import available
+    from studies.real_machines.recordings import available
     from studies.real_machines.study import study
 
     names = [name for name in available(data) if not only or name in only]
@@ -48,8 +48,8 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
             for title, rows in result.tables.items():
                 click.echo(f"{title}\n{table(rows)}\n")
         return
-    words = yaml.safe_load((files("studies.real_machines") / "words.yaml").read_text())
-    write_text(out / "real.md", page(results, words))
+    texts = yaml.safe_load((files("studies.real_machines") / "texts.yaml").read_text())
+    write_text(out / "real.md", page(results, texts))
     click.echo(f"written {out / 'real.md'}")
 
 

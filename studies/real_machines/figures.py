@@ -1,68 +1,68 @@
-"""Drawings of the hardware page: measured, nominal and improved over time, and hysteresis loops."""
+"""Figures of the page: measured, nominal and improved over time, and hysteresis loops."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-MEASURED, BEFORE, AFTER = "#1f2933", "#d9822b", "#1d4ed8"
+from exodrake.data.plot import STYLE, new_figure, save_png
+from exodrake.report.svg import AFTER, BEFORE, MEASURED
+
+DPI = 110
 
 
 def over_time(path: Path, time: np.ndarray, panels: Sequence[tuple], errors: bool = True) -> None:
-    """Panels over time [s]: label, measured, before, after (n,) each, with the error after below each where wanted."""
-    import matplotlib.pyplot as plt
+    """Draws panels over time, one above the other.
 
-    rows = len(panels) * (2 if errors else 1)
-    figure, axes = plt.subplots(
-        rows,
-        1,
-        figsize=(9.0, 1.9 * rows),
-        sharex=True,
-        squeeze=False,
-        height_ratios=[2, 1] * len(panels) if errors else None,
-    )
-    for k, (label, measured, before, after) in enumerate(panels):
-        top = axes[k * (2 if errors else 1), 0]
-        top.plot(time, before, color=BEFORE, lw=1.0, label="nominal")
-        top.plot(time, measured, color=MEASURED, lw=1.4, label="measured")
-        top.plot(time, after, color=AFTER, lw=1.0, ls="--", label="improved")
-        top.set_ylabel(label)
-        if errors:
-            low = axes[2 * k + 1, 0]
-            low.plot(time, measured - after, color=AFTER, lw=0.8)
-            low.axhline(0.0, color=MEASURED, lw=0.5)
-            low.set_ylabel("error left")
-    axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, fontsize=8)
-    axes[-1, 0].set_xlabel("time [s]")
-    save(figure, path)
+    Args:
+        path: PNG to write.
+        time: (n,) [s].
+        panels: label, measured, nominal, improved (n,) each.
+        errors: whether the error of the improved robot is drawn below each panel.
+    """
+    import matplotlib
+
+    step = 2 if errors else 1
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(9.0, 1.9 * step * len(panels) * (0.75 if errors else 1.0) + 0.5)
+        heights = [2, 1] * len(panels) if errors else None
+        axes = figure.subplots(step * len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+        for k, (label, measured, nominal, improved) in enumerate(panels):
+            draw_signals(axes[step * k], time, measured, nominal, improved)
+            axes[step * k].set_ylabel(label)
+            if errors:
+                axes[step * k + 1].plot(time, measured - improved, color=AFTER, lw=0.8)
+                axes[step * k + 1].axhline(0.0, color=MEASURED, lw=0.5)
+                axes[step * k + 1].set_ylabel("error left")
+        axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+        axes[-1].set_xlabel("time [s]")
+        axes[-1].set_xlim(time[0], time[-1])
+        figure.align_ylabels()
+        save_png(figure, path, DPI)
+
+
+def draw_signals(axes: Any, time: np.ndarray, measured: np.ndarray, nominal: np.ndarray, improved: np.ndarray) -> None:
+    """Draws a measured signal (n,) with two simulated ones."""
+    axes.plot(time, nominal, color=BEFORE, lw=1.0, label="nominal")
+    axes.plot(time, measured, color=MEASURED, lw=1.4, label="measured")
+    axes.plot(time, improved, color=AFTER, lw=1.0, ls="--", label="improved")
 
 
 def loops(path: Path, panels: Sequence[tuple]) -> None:
-    """Side by side: title, command, measured and improved angle (n,) [deg]."""
-    import matplotlib.pyplot as plt
+    """Draws hysteresis loops side by side: title; command, measured and predicted angle (n,) [deg]."""
+    import matplotlib
 
-    figure, axes = plt.subplots(
-        1, len(panels), figsize=(2.6 * len(panels), 2.9), sharex=True, sharey=True, squeeze=False
-    )
-    for axis, (title, command, measured, after) in zip(axes[0], panels, strict=True):
-        axis.plot(command, measured, color=MEASURED, lw=1.4, label="measured")
-        axis.plot(command, after, color=AFTER, lw=1.0, ls="--", label="predicted")
-        axis.set_title(title, fontsize=9)
-        axis.set_xlabel("command [°]")
-    axes[0, 0].set_ylabel("angle [°]")
-    axes[0, 0].legend(frameon=False, fontsize=8)
-    save(figure, path)
-
-
-def save(figure, path: Path) -> None:
-    """Writes a figure and closes it."""
-    import matplotlib.pyplot as plt
-
-    for axis in figure.axes:
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.align_ylabels()
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(2.6 * len(panels), 2.9)
+        axes = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+        for axis, (title, command, measured, predicted) in zip(axes, panels, strict=True):
+            axis.plot(command, measured, color=MEASURED, lw=1.4, label="measured")
+            axis.plot(command, predicted, color=AFTER, lw=1.0, ls="--", label="predicted")
+            axis.set_title(title)
+            axis.set_xlabel("command [°]")
+        axes[0].set_ylabel("angle [°]")
+        axes[0].legend()
+        save_png(figure, path, DPI)

@@ -1,14 +1,11 @@
-"""Figures of merit as papers state them."""
+"""Error measures as papers state them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-CUT, ORDER, DECIMATION = (
-    20.0,
-    4,
-    25,
-)  # Hz, order and factor of the decimating filter for EMPS forces: assumed, the paper's are not stated
+# Hz, order and factor of the decimating filter for EMPS forces: assumed, since the paper does not state its own
+CUT, ORDER, DECIMATION = 20.0, 4, 25
 FRICTION_RATE = 1e3  # Hz, at which EMPS was recorded
 
 
@@ -32,8 +29,11 @@ def rms_degrees(residual: np.ndarray) -> float:
 def inverse_dynamics(place: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, float]:
     """Mass [kg], viscous [N s/m] and Coulomb [N] friction and offset [N] by regression, and the relative error left.
 
-    The method by which EMPS figures are published; signals are filtered both ways and thinned out. place (n,) [m],
-    force (n,) [N].
+    The method of the published EMPS results; signals are filtered both ways and subsampled.
+
+    Args:
+        place: (n,) positions [m].
+        force: (n,) forces [N].
     """
     from scipy.signal import butter, filtfilt
 

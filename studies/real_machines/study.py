@@ -1,4 +1,4 @@
-"""Diagnoses the four sets, climbs their ladders and draws: all that `docs/real.md` states."""
+"""Diagnosis of the four sets, fits of growing models, and figures: the results of `docs/real.md`."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from exodrake.diagnosis.result import Diagnosis
 from exodrake.machines.recordings import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines import figures
-from studies.real_machines.ladder import ladder, predicted
+from studies.real_machines.growing_models import growing_models, predicted
 from studies.real_machines.measures import decimated, inverse_dynamics, relative_error, rms_degrees
-from studies.real_machines.sets import FOLDERS, LADDERS
+from studies.real_machines.recordings import FOLDERS, MODELS
 
-Say = Callable[[str], None]
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What was found on a set: the diagnosis, fitted robots, tables (title -> rows, the first a header), figures."""
+    """Results on a set: the diagnosis, fitted robots, tables (title -> rows, the first a header), figures."""
 
     name: str
     diagnosis: Diagnosis
@@ -34,11 +34,11 @@ class Result:
     figures: tuple[str, ...] = ()
 
 
-def study(name: str, data: Path, out: Path, say: Say) -> Result:
+def study(name: str, data: Path, out: Path, progress: Progress) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
     case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
-    found = diagnose(case, robot, lambda step: say(f"{name}: {step}"))
-    say(f"{name}: ladder")
+    found = diagnose(case, robot, lambda step: progress(f"{name}: {step}"))
+    progress(f"{name}: growing models")
     return STUDIES[name](found, case, robot, data, out)
 
 
@@ -48,25 +48,27 @@ def emps(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> R
     force, trial = problem.columns.index("force_carriage"), problem.holdout[0]
     measured = trial.measured[:, force]
     before, after = (predicted(problem, found.robots[k], [trial])[0][:, force] for k in ("nominal", "improved"))
-    rungs = ladder(problem, LADDERS["emps"])
+    models = growing_models(problem, MODELS["emps"])
     rows: list[tuple[str, ...]] = [("model", "force error", "decimated", "published")]
-    for item, published in zip(rungs, ("69 %", "17 %", "", "4.08 %", "4.08 %", "3.11 %"), strict=True):
+    for item, published in zip(models, ("69 %", "17 %", "", "4.08 %", "4.08 %", "3.11 %"), strict=True):
         rows.append((item.name, *force_errors(measured, item.held[0][:, force]), published))
     rows.append(("**what the diagnosis named**", *force_errors(measured, measured - after), ""))
-    every = ladder(replace(problem, fit=(*problem.fit, *problem.holdout)), LADDERS["emps"][:5])[-1]
+    every = growing_models(replace(problem, fit=(*problem.fit, *problem.holdout)), MODELS["emps"][:5])[-1]
     parameters = [
         ("", "M kg", "Fv N s/m", "Fc N", "offset N", "force error"),
         ("published", "95.11", "203.5", "20.39", "-3.16", "4.08 %"),
         ("regression of inverse dynamics, repeated here", *regressed(case)),
-        ("closed loop, first half fitted", *emps_numbers(rungs[3].robot), rows[4][2]),
-        ("the same, with friction that builds up", *emps_numbers(rungs[4].robot), rows[5][2]),
+        ("closed loop, first half fitted", *emps_numbers(models[3].robot), rows[4][2]),
+        ("the same, with friction that builds up", *emps_numbers(models[4].robot), rows[5][2]),
         ("that, all cycles fitted", *emps_numbers(every.robot), ""),
     ]
     span = slice(0, 6240)
     panels = [("force [N]", measured[span], before[span], after[span])]
     figures.over_time(out / "emps.png", case.logs[1].log.time[span], panels)
-    kept = {"emps_direction": rungs[5].robot, "emps_offset": rungs[4].robot}
-    return Result("emps", found, kept, {"Force error on held-out cycles": rows, "Numbers": parameters}, ("emps.png",))
+    kept = {"emps_direction": models[5].robot, "emps_offset": models[4].robot}
+    return Result(
+        "emps", found, kept, {"Force error on held-out cycles": rows, "Parameters": parameters}, ("emps.png",)
+    )
 
 
 def force_errors(measured: np.ndarray, error: np.ndarray) -> tuple[str, str]:
@@ -95,18 +97,18 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
         reader("tendon_sheath"),
         sorted((data / FOLDERS["tendon_sheath"]).glob("*.txt"), key=lambda f: float(f.stem)),
     )
-    plain, rounded = LADDERS["tendon_sheath"], LADDERS["sheath_alone"]
+    plain, rounded = MODELS["tendon_sheath"], MODELS["sheath_alone"]
     alone: list[tuple[str, ...]] = [("bend", *(name for name, _ in (*plain, rounded[-1])))]
     for file in files:
         problem = make_problem(read(file), robot)
-        rungs = (*ladder(problem, plain), ladder(problem, rounded)[-1])
-        alone.append((f"{file.stem}°", *(f"{rms_degrees(r.held[0]):.2f}°" for r in rungs)))
+        models = (*growing_models(problem, plain), growing_models(problem, rounded)[-1])
+        alone.append((f"{file.stem}°", *(f"{rms_degrees(r.held[0]):.2f}°" for r in models)))
     law: list[tuple[str, ...]] = [("configuration held out", "predicted from the others")]
     panels = []
     for held in case.logs:
         logs = tuple(replace(i, role="holdout" if i is held else "fit") for i in case.logs)
         problem = make_problem(replace(case, logs=logs), robot)
-        top = ladder(problem, LADDERS["sheath_law"])[-1]
+        top = growing_models(problem, MODELS["sheath_law"])[-1]
         bend = held.protocol.removeprefix("bend_") + "°"
         law.append((bend, f"{rms_degrees(top.held[0]):.2f}°"))
         trial = problem.holdout[0]
@@ -116,19 +118,19 @@ def tendon_sheath(found: Diagnosis, case: Case, robot: Robot, data: Path, out: P
     tables = {"Each configuration alone, second half held out": alone, "Capstan law over configurations": law}
     problem = make_problem(replace(case, logs=tuple(replace(i, role="fit") for i in case.logs)), robot)
     every = replace(problem, fit=(*problem.fit, *problem.holdout))
-    kept = {"tendon_sheath_law": ladder(every, LADDERS["sheath_law"])[-1].robot}
+    kept = {"tendon_sheath_law": growing_models(every, MODELS["sheath_law"])[-1].robot}
     return Result("tendon_sheath", found, kept, tables, ("tendon_sheath.png",))
 
 
 def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> Result:
     """RMS error joint by joint with each further effect, and the cause that matters most in each joint."""
     problem = make_problem(case, robot)
-    rungs = ladder(problem, LADDERS["so101"])
+    models = growing_models(problem, MODELS["so101"])
     joints = robot.machine.axes.joints
-    rows: list[tuple[str, ...]] = [("joint", *(r.name for r in rungs), "most of it")]
+    rows: list[tuple[str, ...]] = [("joint", *(r.name for r in models), "most of it")]
     for i, joint in enumerate(joints):
-        leaders = dominant(problem, rungs[-1].robot, i)
-        rows.append((joint, *(f"{np.degrees(r.rms[i]):.2f}°" for r in rungs), leaders))
+        leaders = dominant(problem, models[-1].robot, i)
+        rows.append((joint, *(f"{np.degrees(r.rms[i]):.2f}°" for r in models), leaders))
     trial = problem.holdout[-1]
     before, after = (predicted(problem, found.robots[k], [trial])[0] for k in ("nominal", "improved"))
     span = slice(0, 500)
@@ -138,7 +140,7 @@ def so101(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path) -> 
     ]
     figures.over_time(out / "so101.png", time, panels, errors=False)
     return Result(
-        "so101", found, {"so101_all": rungs[-1].robot}, {"RMS error on the second halves": rows}, ("so101.png",)
+        "so101", found, {"so101_all": models[-1].robot}, {"RMS error on the second halves": rows}, ("so101.png",)
     )
 
 
@@ -165,22 +167,24 @@ def dvrk_wrist(found: Diagnosis, case: Case, robot: Robot, data: Path, out: Path
         logs = tuple(item for item in case.logs if item.protocol == run)
         problem = make_problem(replace(case, logs=logs), robot)
         moved = int(np.argmax(problem.fit[0].reference[:, : len(joints)].std(axis=0)))
-        rungs = ladder(problem, LADDERS["dvrk_wrist"][:3])
-        alone.append((run, joints[moved], *(f"{np.degrees(r.rms[moved]):.2f}°" for r in rungs[1:])))
+        models = growing_models(problem, MODELS["dvrk_wrist"][:3])
+        alone.append((run, joints[moved], *(f"{np.degrees(r.rms[moved]):.2f}°" for r in models[1:])))
     problem = make_problem(case, robot)
-    rungs = ladder(problem, LADDERS["dvrk_wrist"])
+    models = growing_models(problem, MODELS["dvrk_wrist"])
     together: list[tuple[str, ...]] = [
         ("model", *(f"{t.name.split('_')[0]} {j}" for t in problem.holdout for j in joints))
     ]
-    together += [(r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))) for r in rungs]
+    together += [
+        (r.name, *(f"{rms_degrees(h[:, i]):.2f}°" for h in r.held for i in range(len(joints)))) for r in models
+    ]
     trial = problem.holdout[-1]
-    before, after = (predicted(problem, r.robot, [trial])[0] for r in (rungs[0], rungs[3]))
+    before, after = (predicted(problem, r.robot, [trial])[0] for r in (models[0], models[3]))
     panels = [
         (f"{j} [°]", *(np.degrees(a[:, i]) for a in (trial.measured, before, after))) for i, j in enumerate(joints)
     ]
     figures.over_time(out / "dvrk_wrist.png", np.arange(len(trial.measured), dtype=float), panels, errors=False)
     tables = {"Each run alone, the moved joint": alone, "One robot for all runs": together}
-    return Result("dvrk_wrist", found, {"dvrk_wrist_drag": rungs[3].robot}, tables, ("dvrk_wrist.png",))
+    return Result("dvrk_wrist", found, {"dvrk_wrist_drag": models[3].robot}, tables, ("dvrk_wrist.png",))
 
 
 STUDIES = {"emps": emps, "tendon_sheath": tendon_sheath, "so101": so101, "dvrk_wrist": dvrk_wrist}

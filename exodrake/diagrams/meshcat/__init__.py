@@ -2,7 +2,7 @@
 
     html = recording_html(log, robot)
 
-Wires are coloured by their tension; `#t=1.5` in the address stops the film there.
+Tendons are coloured by their tension; `#t=1.5` in the address stops the recording at that time.
 """
 
 from __future__ import annotations
@@ -23,13 +23,19 @@ from exodrake.diagrams.meshcat.shapes import HAND_END, Skeleton, along, skeleton
 
 FRAMES = 500  # at most, so that the page stays below 5 MB
 RATE = 25.0  # frames per second of a short recording
-BONE, WIRE, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity
+BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity
 GROUND, CELL, CELLS = -0.085, 0.01, 12  # height [m], width [m] and half the number of squares
 
 
 @dataclass(frozen=True)
 class Thing:
-    """An object at the finger: a sphere, or a cylinder across it (axis y). radius, length [m]; centre (x, z) [m]."""
+    """An object at the finger.
+
+    Attributes:
+        centre: (x, z) [m].
+        radius: [m].
+        length: of a cylinder across the finger [m]; None for a sphere.
+    """
 
     centre: tuple[float, float]
     radius: float
@@ -37,12 +43,23 @@ class Thing:
 
 
 def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None = None, angles: str = "angle") -> str:
-    """The page. `angles`: kind of the columns drawn, "angle" or "angle_est". InputError for a log without them."""
-    time, angle, tension, top = frames_of(log, robot, angles)
+    """A page with the moving finger.
+
+    Args:
+        log: with angles and tensions.
+        robot: whose geometry is drawn.
+        title: of the page; the log's label by default.
+        thing: an object at the finger.
+        angles: kind of the columns drawn, `angle` or `angle_est`.
+
+    Raises:
+        InputError: the log lacks these columns, or the robot has no finger.
+    """
     bones = skeleton(robot)
-    with quiet_meshcat() as meshcat:
+    time, angle, tension, top = frames_of(log, robot, angles)
+    with silent_meshcat() as meshcat:
         draw_scene(meshcat, bones, thing)
-        draw_wires(meshcat, bones, angle[0])
+        draw_tendons(meshcat, bones, angle[0])
         step = float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
         meshcat.StartRecording(frames_per_second=1.0 / step, set_visualizations_while_recording=False)
         for k in range(len(time)):
@@ -61,7 +78,11 @@ def recording_html(log: Log, robot: Robot, title: str = "", thing: Thing | None 
 
 
 def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Time (k,) [s], angles (k, joints) [rad], tensions (k, wires) [N], at most `FRAMES`; F_max (wires,) [N]."""
+    """Means of a log over the frames of the recording, at most `FRAMES`.
+
+    Returns:
+        Time (k,) [s], angles (k, joints) [rad], tensions (k, tendons) [N], and F_max (tendons,) [N].
+    """
     axes = robot.machine.axes
     found = np.column_stack([log.time, log.array(angles, axes.joints), log.array("tension", axes.tendons)])
     for i in range(1, found.shape[1]):
@@ -74,13 +95,13 @@ def frames_of(log: Log, robot: Robot, angles: str) -> tuple[np.ndarray, np.ndarr
     means = found[: count * stride].reshape(count, -1, found.shape[1]).mean(axis=1)
     cut = 1 + len(axes.joints)
     ceiling = robot.limits.get("F_max", {})
-    top = np.array([ceiling.get(w, max(1.0, found[:, cut + j].max())) for j, w in enumerate(axes.tendons)])
+    top = np.array([ceiling.get(name, max(1.0, found[:, cut + j].max())) for j, name in enumerate(axes.tendons)])
     return means[:, 0], means[:, 1:cut], means[:, cut:], top
 
 
 @contextmanager
-def quiet_meshcat() -> Iterator[Any]:
-    """A Meshcat server that says nothing about its port, closed afterwards."""
+def silent_meshcat() -> Iterator[Any]:
+    """A Meshcat server without log messages, closed afterwards."""
     from pydrake.geometry import Meshcat, MeshcatParams
 
     logger = logging.getLogger("drake")
@@ -107,7 +128,7 @@ def pose(position: np.ndarray | list[float], rotation: np.ndarray | None = None)
 
 
 def draw_scene(meshcat: Any, bones: Skeleton, thing: Thing | None) -> None:
-    """All that does not change: hand, bones, skin, joints, routers, ground, object, light and camera."""
+    """Draws what does not move: hand, bones, skin, joints, routers, ground, object and camera."""
     from pydrake.geometry import Box, Capsule, Cylinder, Rgba, Sphere
 
     lying = turn(np.pi / 2)
@@ -136,7 +157,7 @@ def draw_scene(meshcat: Any, bones: Skeleton, thing: Thing | None) -> None:
 
 
 def draw_ground(meshcat: Any) -> None:
-    """White background, a pale grid of 1 cm squares, and the camera at the side of the thumb."""
+    """Draws a white background, a pale grid of 1 cm squares, and sets the camera at the side of the thumb."""
     from pydrake.geometry import Rgba
 
     for end in ("top_color", "bottom_color"):
@@ -151,38 +172,38 @@ def draw_ground(meshcat: Any) -> None:
     meshcat.SetCameraPose([0.040, -0.148, 0.022], [0.008, 0.0, -0.020])
 
 
-def draw_wires(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:
-    """Pieces of wire at the first posture: those over a joint have unit length and are scaled."""
+def draw_tendons(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:
+    """Draws the pieces of the tendons at the first posture; those over a joint have unit length and are scaled."""
     from pydrake.geometry import Cylinder, Rgba
 
     for piece in bones.pieces:
-        path = wire_path(bones, piece)
+        path = tendon_path(bones, piece)
         middle, rotation, length = along(*span(bones, piece, angle))
         fixed = piece.first == piece.last
-        meshcat.SetObject(path, Cylinder(WIRE, length if fixed else 1.0), Rgba(0.55, 0.60, 0.67, 1.0))
+        meshcat.SetObject(path, Cylinder(TENDON, length if fixed else 1.0), Rgba(0.55, 0.60, 0.67, 1.0))
         meshcat.SetTransform(path, pose(middle, rotation))
         if not fixed:
             meshcat.SetProperty(path, "scale", [1.0, 1.0, length])
 
 
-def wire_path(bones: Skeleton, piece: Any) -> str:
-    """Meshcat path of a piece of wire."""
-    return f"{segment_path(bones, piece.first)}/{piece.wire}_{piece.name}"
+def tendon_path(bones: Skeleton, piece: Any) -> str:
+    """Meshcat path of a piece of a tendon."""
+    return f"{segment_path(bones, piece.first)}/{piece.tendon}_{piece.name}"
 
 
 def animate(meshcat: Any, bones: Skeleton, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
-    """One frame: joints turn, pieces over joints follow, wires take the colour of their tension (wires, 3)."""
+    """Adds a frame: angles (joints,) [rad] of the joints, and colours (tendons, 3) of the tendons."""
     for i in range(len(bones.joints)):
         start = [bones.lengths[i - 1] if i else 0.0, 0.0, 0.0]
         meshcat.SetTransform(segment_path(bones, i + 1), pose(start, turn(angle[i])), time)
-    wires = list(dict.fromkeys(piece.wire for piece in bones.pieces))
+    tendons = list(dict.fromkeys(piece.tendon for piece in bones.pieces))
     for piece in bones.pieces:
-        path = wire_path(bones, piece)
+        path = tendon_path(bones, piece)
         if piece.first != piece.last:
             middle, rotation, length = along(*span(bones, piece, angle))
             meshcat.SetTransform(path, pose(middle, rotation), time)
             meshcat.SetProperty(path, "scale", [1.0, 1.0, length], time)
-        meshcat.SetProperty(f"{path}/<object>", "material.color", colour[wires.index(piece.wire)].tolist(), time)
+        meshcat.SetProperty(f"{path}/<object>", "material.color", colour[tendons.index(piece.tendon)].tolist(), time)
 
 
 def repeat(meshcat: Any) -> None:

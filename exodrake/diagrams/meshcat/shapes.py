@@ -1,4 +1,4 @@
-"""What the viewer draws, without Meshcat: bones, routers and pieces of wire, and where they are at a given posture.
+"""Geometry of the drawing: bones, routers and pieces of tendons, and where they are at a posture.
 
 World: x along the straight finger, z up on the dorsal side, the MCP joint in the origin; flexion turns about +y, so the
 tip sinks. Frames are named by the segment they ride on: 0 the hand, i the phalanx distal to joint i.
@@ -14,20 +14,20 @@ from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 
 PALMAR, DORSAL = -1.0, 1.0
-# wire -> (router numbers' suffix, side, lateral place [m], joints it runs over; None: all)
+# tendon -> (suffix of its router parameters, side, lateral position [m], joints that it passes; None: all)
 ROUTES = {
     "AF": ("f", PALMAR, 0.0016, None),
     "MF": ("f", PALMAR, -0.0016, 1),
     "AE": ("e", DORSAL, 0.0, None),
 }
-HAND_END = -0.055  # [m] where the wires leave the hand
+HAND_END = -0.055  # [m] where the tendons leave the hand
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A straight piece of wire from `start` on segment `first` to `end` on segment `last`; points (3,) [m]."""
+    """A straight piece of a tendon from `start` on segment `first` to `end` on segment `last`; points (3,) [m]."""
 
-    wire: str
+    tendon: str
     first: int
     start: np.ndarray
     last: int
@@ -35,13 +35,13 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """Name of the piece among those of its wire."""
+        """Name of the piece among those of its tendon."""
         return f"on_{self.first}" if self.first == self.last else f"over_{self.last}"
 
 
 @dataclass(frozen=True)
 class Skeleton:
-    """lengths, radii (joints,) [m]; pieces of all wires; routers: (segment, point (3,) [m]) each."""
+    """lengths, radii (joints,) [m]; pieces of all tendons; routers: (segment, point (3,) [m]) each."""
 
     joints: tuple[str, ...]
     lengths: np.ndarray
@@ -50,9 +50,9 @@ class Skeleton:
     routers: tuple[tuple[int, np.ndarray], ...]
 
 
-def route(robot: Robot, wire: str) -> list[tuple[int, np.ndarray]]:
-    """Routers of a wire from the hand to its end: (segment, point (3,) [m]) each."""
-    suffix, side, lateral, count = ROUTES[wire]
+def route(robot: Robot, tendon: str) -> list[tuple[int, np.ndarray]]:
+    """Routers of a tendon from the hand to its end: (segment, point (3,) [m]) each."""
+    suffix, side, lateral, count = ROUTES[tendon]
     a, b, m, n = (robot.channels(f"router.{letter}_{suffix}") for letter in "abmn")
     lengths = np.concatenate([[0.0], robot.channels("finger.length")])
     points = []
@@ -63,19 +63,26 @@ def route(robot: Robot, wire: str) -> list[tuple[int, np.ndarray]]:
 
 
 def skeleton(robot: Robot) -> Skeleton:
-    """Bones, routers and wires of a robot by its numbers. InputError for a phalanx without length or radius."""
+    """Bones, routers and tendons of a robot. InputError for a robot without finger, or a phalanx without size."""
+    if not set(ROUTES) >= set(robot.machine.axes.tendons) or "finger.length" not in names_of(robot):
+        raise InputError(f"{robot.machine.name}: no tendon-driven finger to draw")
     for name in ("finger.length", "finger.radius"):
         if not (np.isfinite(robot.channels(name)) & (robot.channels(name) > 0)).all():
             raise InputError(f"{robot.source}: a {name} is not above 0, so there is no finger to draw")
     pieces, routers = [], []
-    for wire in robot.machine.axes.tendons:
-        points = route(robot, wire)
+    for tendon in robot.machine.axes.tendons:
+        points = route(robot, tendon)
         routers += points
         parameter = np.array([HAND_END, *points[0][1][1:]])
         for (first, start), (last, end) in zip([(0, parameter), *points], points, strict=False):
-            pieces.append(Piece(wire, first, start, last, end))
+            pieces.append(Piece(tendon, first, start, last, end))
     lengths, radii = robot.channels("finger.length"), robot.channels("finger.radius")
     return Skeleton(robot.machine.axes.joints, lengths, radii, tuple(pieces), tuple(routers))
+
+
+def names_of(robot: Robot) -> set[str]:
+    """Names of the robot's parameters, without channels."""
+    return {parameter.name.rsplit(".", 1)[0] for parameter in robot.machine.parameters}
 
 
 def turn(angle: float) -> np.ndarray:

@@ -1,11 +1,11 @@
-"""The four sets: where their recordings lie, and the models that papers compare on them."""
+"""The four sets: folders of their recordings, and the models that papers compare on them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 FOLDERS = {"emps": "emps", "tendon_sheath": "tendon_sheath", "so101": "sage_so101", "dvrk_wrist": "dvrk_wrist"}
-LADDERS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
+MODELS: dict[str, list[tuple[str, tuple[str, ...]]]] = {
     "emps": [
         ("frictionless inertia", ()),
         ("viscous friction", ("carriage.viscous_friction",)),

@@ -1,4 +1,4 @@
-"""Models of growing size fitted to the same logs: what each further effect is worth on held-out ones."""
+"""Models of growing size fitted to the same logs, and the error of each on held-out logs."""
 
 from __future__ import annotations
 
@@ -11,13 +11,19 @@ from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.problem import Problem
 
-ROUNDS, STEPS = 4, 8  # of fitting, with responses taken anew in each
-STARTS = (1.0, -1.0, 0.3)  # times the typical value, from which a new effect is fitted
+ROUNDS, STEPS = 4, 8  # of fitting, with a new Jacobian in each; steps within a round
+STARTS = (1.0, -1.0, 0.3)  # times the initial value, from which a new effect is fitted
 
 
 @dataclass(frozen=True, eq=False)
-class Rung:
-    """A fitted model: what it is called, its robot, and its residuals on held-out logs (n, columns) [SI] each."""
+class FittedModel:
+    """A fitted model.
+
+    Attributes:
+        name: of the model.
+        robot: fitted.
+        held: residuals (n, columns) [SI] on each held-out log.
+    """
 
     name: str
     robot: Robot
@@ -29,10 +35,15 @@ class Rung:
         return np.sqrt(np.nanmean(np.concatenate(self.held) ** 2, axis=0))
 
 
-def ladder(problem: Problem, steps: list[tuple[str, tuple[str, ...]]], retune: bool = True) -> list[Rung]:
-    """Rungs from the bottom up; each step is its name and the effects that it adds to the one below.
+def growing_models(
+    problem: Problem, steps: list[tuple[str, tuple[str, ...]]], retune: bool = True
+) -> list[FittedModel]:
+    """Fits models of growing size.
 
-    retune: whether the nominal numbers that scatter are fitted, too.
+    Args:
+        problem: logs to fit and to hold out.
+        steps: name of each model, and the effects that it adds to the one before.
+        retune: whether the nominal parameters are fitted, too.
     """
     fitter = Fitter(problem)
     if not retune:
@@ -42,12 +53,12 @@ def ladder(problem: Problem, steps: list[tuple[str, tuple[str, ...]]], retune: b
     for name, effects in steps:
         for identity in effects:
             machine = problem.robot.machine
-            point = climbed(fitter, point, hypothesis(machine, machine.effect(identity)))
-        found.append(rung(problem, fitter, point, name))
+            point = extended(fitter, point, hypothesis(machine, machine.effect(identity)))
+        found.append(model(problem, fitter, point, name))
     return found
 
 
-def climbed(fitter: Fitter, point: Point, extra: Hypothesis) -> Point:
+def extended(fitter: Fitter, point: Point, extra: Hypothesis) -> Point:
     """The best fit with one more effect, from several starts."""
     both = point.hypothesis.joined(extra)
     first = np.array([knob.first for knob in extra.knobs])
@@ -55,14 +66,14 @@ def climbed(fitter: Fitter, point: Point, extra: Hypothesis) -> Point:
     for factor in STARTS:
         u = np.where(first, factor * extra.start, extra.start)
         start = fitter.at(both, np.clip(np.concatenate([point.u, u]), *both.bounds.T), point.x)
-        fitted = settled(fitter, start)
+        fitted = converged(fitter, start)
         best = fitted if best is None or fitted.cost < best.cost else best
     assert best is not None
     return best
 
 
-def settled(fitter: Fitter, point: Point) -> Point:
-    """A fit whose responses to the nominal numbers are taken anew until it gains no more."""
+def converged(fitter: Fitter, point: Point) -> Point:
+    """A fit with new Jacobians of the nominal parameters until it gains no more."""
     for _ in range(ROUNDS):
         better = fitter.fit(point, fitter.responses(point), steps=STEPS)
         if better.cost > 0.999 * point.cost:
@@ -71,7 +82,7 @@ def settled(fitter: Fitter, point: Point) -> Point:
     return point
 
 
-def rung(problem: Problem, fitter: Fitter, point: Point, name: str) -> Rung:
+def model(problem: Problem, fitter: Fitter, point: Point, name: str) -> FittedModel:
     """A fitted point with its robot and held-out residuals."""
     values = fitter.values(point.hypothesis, point.u, point.x)
     noisy = [problem.robot.machine.index[n] for n in (*problem.robot.machine.noise, *problem.robot.machine.resolution)]
@@ -83,7 +94,7 @@ def rung(problem: Problem, fitter: Fitter, point: Point, name: str) -> Rung:
     }
     robot = Robot(nominal.machine, kept, {**nominal.sources, **fitted}, nominal.ranges, source=f"fitted: {name}")
     held = tuple(t.measured - problem.predict(values[None], t)[0] for t in problem.holdout)
-    return Rung(name, robot, held)
+    return FittedModel(name, robot, held)
 
 
 def predicted(problem: Problem, robot: Robot, trials) -> tuple[np.ndarray, ...]:
