@@ -41,7 +41,7 @@ gap = np.sqrt(np.mean(problem.residual(rows, problem.holdout) ** 2))
 print(f"gap of the nominal robot on held-out motion: {gap:.1f} noise floors")
 
 # 2. the diagnosis: where, which, how far (about a minute)
-found = exo.diagnose(case, nominal, progress=lambda step: print("  ", step))
+found = exo.diagnose(case, nominal, progress=lambda stage, detail: print("  ", stage.text, detail))
 print_summary(found)
 
 # 3. the page, and the robot file with the effect in it

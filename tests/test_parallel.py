@@ -56,7 +56,7 @@ def test_a_task_that_raises_says_why_and_ends_nothing(jobs):
 def test_only_the_task_that_kills_its_process_is_given_up():
     outcomes = {item.number: item for item in each(deadly, ((number,) for number in range(6)), 2)}
     assert {n: item.value for n, item in outcomes.items()} == {n: None if n == 2 else n for n in range(6)}
-    assert "died" in outcomes[2].reason
+    assert "crashed" in outcomes[2].reason
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -81,6 +81,6 @@ def test_tasks_are_read_as_there_is_room(jobs):
 
 def test_absent_scheduler_is_named(monkeypatch):
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    monkeypatch.setattr(parallel, "PATIENCE", "1s")
+    monkeypatch.setattr(parallel, "TIMEOUT", "1s")
     with pytest.raises(InputError, match=r"127\.0\.0\.1:9.*no Dask scheduler answers"):
         next(each(square, [(1,)], cluster="127.0.0.1:9"))

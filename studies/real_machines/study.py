@@ -37,7 +37,7 @@ class Result:
 def study(name: str, data: Path, out: Path, say: Say) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
     case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
-    found = diagnose(case, robot, lambda step: say(f"{name}: {step}"))
+    found = diagnose(case, robot, lambda stage, detail: say(f"{name}: {stage.text} {detail}"))
     say(f"{name}: ladder")
     return STUDIES[name](found, case, robot, data, out)
 
