@@ -16,10 +16,11 @@ from estimator_sweeps import (
 )  # fmt: skip
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.compare import compare
 from exodrake.identification import stiffness
 from exodrake.systems import finger_statics as statics
 from exodrake.systems.tendon_finger import Parameters
+from studies.paper import printed_equations
+from studies.paper.comparison import compare
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)
@@ -48,10 +49,12 @@ def test_corrected_equation_22_inverts_corrected_equation_21(seed):
 def test_the_printed_equations_are_not_inverse_of_anything_here():
     r, kappa = stiffness.router_arms(np.array([0.5, 1.0, 0.5]), N), np.array([0.08, 0.06, 0.035])
     np.testing.assert_allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map(r, kappa), np.eye(3), atol=1e-12)
-    assert not np.allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
-    printed = stiffness.compliance_as_printed(r, kappa)
+    assert not np.allclose(
+        stiffness.compliance(r, kappa) @ printed_equations.tension_map_as_printed(r, kappa), np.eye(3)
+    )
+    printed = printed_equations.compliance_as_printed(r, kappa)
     assert printed[1, 0] == pytest.approx(r[1, 0] / 0.08) and printed[1, 2] == pytest.approx(-r[1, 2] / 0.06)
-    assert not np.allclose(printed @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
+    assert not np.allclose(printed @ printed_equations.tension_map_as_printed(r, kappa), np.eye(3))
 
 
 @pytest.mark.parametrize("angles", [(0.6, 0.3), (1.0, 0.5), (1.56, 0.07), (0.4, 0.4)])

@@ -14,7 +14,6 @@ from exodrake.identification.kinematics.screws import (
     apply,
     exponential,
     g_inverse,
-    g_inverse_as_printed,
     g_matrix,
     hat,
     inverse,
@@ -24,6 +23,7 @@ from exodrake.identification.kinematics.screws import (
     rotation_vector,
     screw_angle_and_centre,
 )
+from studies.paper.printed_equations import g_inverse_as_printed
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0
 
