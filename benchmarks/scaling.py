@@ -95,7 +95,7 @@ def cost(case: Case, library: int | None = None) -> Cost:
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
 
-def cost_on_one_thread(*task: Any) -> Cost:
+def cost_on_one_thread(*task) -> Cost:
     """Measure a cost with one thread."""
     with one_thread():
         return cost(*task)

@@ -1,0 +1,1 @@
+"""Studies outside the package: the paper reproduced and questioned, and real machines."""

@@ -36,7 +36,7 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda *_: None):
+        def ready(case, robot=None, progress=lambda *_: None, tried=None):
             for stage in Stage:
                 progress(stage, "")
             return diagnosis(verdict)

@@ -47,7 +47,7 @@ class Robot:
         return float(self.values[self.places(name)[0]])
 
     def channels(self, name: str) -> np.ndarray:
-        """A number of all channels, e.g. `finger.kappa` -> (3,)."""
+        """Values of a parameter for all channels (channels,) [SI], e.g. `finger.kappa`."""
         return self.values[self.places(name)]
 
     def places(self, name: str) -> list[int]:

@@ -59,7 +59,7 @@ class Sweeps:
         return np.ascontiguousarray(self.inputs[:, len(self.wires) :])
 
     def rows(self, which: np.ndarray) -> "Sweeps":
-        """Select rows by a mask (n,) or indices."""
+        """Select rows by a mask (n,) [-] or indices."""
         part = (self.inputs[which], self.angle[which], self.sweep[which], self.time[which])
         return replace(self, inputs=part[0], angle=part[1], sweep=part[2], time=part[3])
 

@@ -18,7 +18,7 @@ Predictor = Callable[[Sweeps], tuple[np.ndarray, np.ndarray]]
 
 
 def fit_ridge(sweeps: Sweeps) -> Predictor:
-    """Fit a quadratic ridge; penalty and standard deviation per joint by cross-validation over whole sweeps."""
+    """Fit a quadratic ridge; penalty and standard deviation by cross-validation; predicts (n, joints) [rad]."""
     from sklearn.model_selection import GroupKFold, cross_val_predict
 
     folds = GroupKFold(min(FOLDS, sweeps.count))
@@ -32,7 +32,7 @@ def fit_ridge(sweeps: Sweeps) -> Predictor:
 
 
 def fit_nearest(sweeps: Sweeps) -> Predictor:
-    """Fit a nearest-neighbour look-up in standardised inputs, without standard deviation (NaN)."""
+    """Fit a nearest-neighbour look-up without standard deviation (NaN); predicts (n, joints) [rad]."""
     from sklearn.neighbors import KNeighborsRegressor
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler

@@ -79,12 +79,12 @@ def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.nd
 
 
 def random_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold (n,) of each row, random over rows: an optimistic split."""
+    """Fold (n,) [-] of each row, random over rows: an optimistic split."""
     return np.random.default_rng(seed).permutation(len(sweeps)) % FOLDS
 
 
 def sweep_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold (n,) of each row, random over sweeps."""
+    """Fold (n,) [-] of each row, random over sweeps."""
     labels, row = np.unique(sweeps.sweep, return_inverse=True)
     folds = np.random.default_rng(seed).permutation(len(labels)) % min(FOLDS, len(labels))
     return folds[row]

@@ -1,0 +1,1 @@
+"""Built-in machines, a folder each, and robot files."""

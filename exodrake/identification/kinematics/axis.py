@@ -46,7 +46,7 @@ class Axis:
 
 
 def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Component of vectors (..., 3) normal to a unit direction (3,): the observable part of a centre."""
+    """Component of vectors (..., 3) [m] normal to a unit direction (3,) [-]: the observable part of a centre."""
     return vector - np.asarray(vector @ direction)[..., None] * direction
 
 

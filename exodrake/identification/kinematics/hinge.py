@@ -15,7 +15,7 @@ from exodrake.identification.kinematics.screws import vee
 
 
 def mean_axis(turns: np.ndarray) -> np.ndarray:
-    """Estimate the unit direction (3,) of the common axis of rotations (frames, 3, 3) from the reference posture.
+    """Estimate the unit direction (3,) [-] of the common axis of rotations (frames, 3, 3) from the reference posture.
 
     It is the principal direction of w sin theta, so small angles have little weight; positive towards the larger
     excursion (flexion).

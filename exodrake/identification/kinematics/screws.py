@@ -18,14 +18,14 @@ SERIES = 1e-2  # rad; below this angle quotients are summed as series, whose nex
 
 
 def hat(w: np.ndarray) -> np.ndarray:
-    """Matrix [w] of the cross product w x (Eq. 11): (..., 3) to (..., 3, 3)."""
+    """Matrix [w] of the cross product w x (Eq. 11): (..., 3) [-] to (..., 3, 3) [-]."""
     matrix = np.zeros((*np.shape(w), 3))
     matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = w[..., 0], w[..., 1], w[..., 2]
     return matrix - np.swapaxes(matrix, -1, -2)
 
 
 def vee(matrix: np.ndarray) -> np.ndarray:
-    """Vector of the antisymmetric part (M - M^T) / 2: (..., 3, 3) to (..., 3)."""
+    """Vector of the antisymmetric part (M - M^T) / 2: (..., 3, 3) [-] to (..., 3) [-]."""
     part = (matrix - np.swapaxes(matrix, -1, -2)) / 2
     return np.stack([part[..., 2, 1], part[..., 0, 2], part[..., 1, 0]], axis=-1)
 
