@@ -102,7 +102,7 @@ class Log:
         return name in self.signals or bool(self.names(name))
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Wires or joints that have this kind of column, in file order: names("tension") -> ("AF", "MF", "AE")."""
+        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`."""
         return tuple(column[len(kind) + 1 :] for column in self.signals if _is_of_kind(column, kind))
 
     def array(self, kind: str, names: Sequence[str] | None = None) -> np.ndarray:

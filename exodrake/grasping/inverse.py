@@ -97,7 +97,8 @@ def holdable(
     Args:
         angles: (k, 3) postures [rad].
         cost: (k,) of the postures.
-        low, high: (3,) tension limits [N].
+        low: (3,) lower tension limits [N].
+        high: (3,) upper tension limits [N].
         n: parameters of the finger.
         confirm: whether tensions do lead to a posture.
 
