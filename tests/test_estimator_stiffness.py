@@ -1,4 +1,4 @@
-"""The model-based map: the corrected equations are each other's inverse, planted stiffness comes back."""
+"""Stiffness models: the corrected equations are inverse to each other, and the true stiffness is recovered."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_linear_model_solves_equation_21_at_its_own_posture():
     np.testing.assert_allclose(angle - REST, map_21 @ tension, atol=1e-10)
 
 
-def test_planted_stiffness_is_recovered_within_its_errors():
+def test_true_stiffness_is_recovered_within_its_errors():
     rng = np.random.default_rng(2)
     kappa, rest = KAPPA * np.array([1.3, 0.8, 1.15]), REST + np.array([0.05, -0.1, 0.04])
     tension = np.concatenate(

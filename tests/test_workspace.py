@@ -22,15 +22,15 @@ from studies.paper.table_2 import table_2
 MM2 = 1e-6
 
 
-def test_fingertip_area_of_the_paper_s_numbers():
+def test_fingertip_area_of_the_paper_s_lengths_and_ranges():
     assert reach(LENGTHS, SPONTANEOUS).area == pytest.approx(4297 * MM2, rel=0.001)
 
 
-def test_distal_phalanx_area_of_the_paper_s_numbers():
+def test_distal_phalanx_area_of_the_paper_s_lengths_and_ranges():
     assert reach(LENGTHS, SPONTANEOUS, DISTAL, steps=30).area == pytest.approx(5041 * MM2, rel=0.002)
 
 
-def test_area_is_settled_in_the_steps():
+def test_area_converges_in_the_steps():
     coarse, fine = (reach(LENGTHS, SPONTANEOUS, steps=steps).area for steps in (30, 120))
     assert coarse == pytest.approx(fine, rel=1e-4)
 
