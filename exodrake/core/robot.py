@@ -47,7 +47,7 @@ class Robot:
         return float(self.values[self.places(name)[0]])
 
     def channels(self, name: str) -> np.ndarray:
-        """Values of a parameter for all channels (channels,) [SI], e.g. `finger.kappa`."""
+        """A parameter of all channels by its name without channel: (channels,) array [SI]."""
         return self.values[self.places(name)]
 
     def places(self, name: str) -> list[int]:

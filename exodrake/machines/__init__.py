@@ -1,1 +1,0 @@
-"""Built-in machines, a folder each, and robot files."""
