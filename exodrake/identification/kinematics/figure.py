@@ -44,19 +44,10 @@ def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None
     used = np.abs(np.nan_to_num(joint.angle)) >= joint.smallest_angle
     span = np.linspace(*joint.range, 60)
     middle, half = 1e3 * joint.line.at(span)[:, number], 1e3 * joint.line.band(span)[:, number]
-    panel.plot(
-        joint.angle[used],
-        1e3 * joint.centre[used, number],
-        ".",
-        ms=3,
-        color=colour,
-        alpha=0.3,
-        mec="none",
-        label="a frame",
-    )
-    panel.fill_between(
-        span, middle - half, middle + half, color="0.15", alpha=0.25, lw=0, label="95 % band of the line"
-    )
+    dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
+    panel.plot(joint.angle[used], 1e3 * joint.centre[used, number], ".", **dots)
+    band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
+    panel.fill_between(span, middle - half, middle + half, **band)
     panel.plot(span, middle, color="0.15", lw=1.4, label="weighted line")
     edge = joint.smallest_angle
     panel.axvspan(max(joint.range[0], -edge), edge, color="0.93", lw=0, zorder=0, label="angle too small, left out")
@@ -64,14 +55,7 @@ def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None
     line = joint.line
     gradient, intercept, rmse = (1e3 * values[number] for values in (line.gradient, line.intercept, line.rmse))
     equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
-    panel.text(
-        0.03,
-        0.97,
-        equation,
-        transform=panel.transAxes,
-        va="top",
-        fontsize=8,
-        bbox={"fc": "white", "ec": "none", "pad": 1.5},
-    )
+    box = {"fc": "white", "ec": "none", "pad": 1.5}
+    panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
     panel.grid(color="0.88", lw=0.6)
     panel.set_axisbelow(True)

@@ -11,14 +11,11 @@ from exodrake.identification.kinematics.identify import Joint, Kinematics
 from exodrake.identification.kinematics.layout import SEGMENTS
 
 HEAD = (
-    "joint",
-    "axis",
-    "gradient [mm/rad]",
-    "gradient half width",
-    "intercept [mm]",
-    "intercept half width",
-    "RMSE [mm]",
-)
+    "joint", "axis", "gradient [mm/rad]", "gradient half width", "intercept [mm]", "intercept half width", "RMSE [mm]",
+)  # fmt: skip
+JOINT_HEAD = (
+    "joint", "flexion range [rad]", "frames used", "3-D RMSE [mm]", "phalanx", "length [mm]", "half width [mm]",
+)  # fmt: skip
 LENGTHS = ("proximal", "middle", "distal")
 
 
@@ -59,35 +56,10 @@ def table_markdown(found: Kinematics) -> str:
         "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
         "",
     ]
-    lines += [
-        _row(
-            (
-                "joint",
-                "flexion range [rad]",
-                "frames used",
-                "3-D RMSE [mm]",
-                "phalanx",
-                "length [mm]",
-                "half width [mm]",
-            )
-        )
-    ]
-    lines += [_row(["---"] * 7)]
+    lines += [_row(JOINT_HEAD), _row(["---"] * len(JOINT_HEAD))]
     for joint, (_, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
-        low, high = joint.range
-        lines.append(
-            _row(
-                (
-                    joint.name,
-                    f"{low:.3f} .. {high:.3f}",
-                    joint.line.frames,
-                    f"{1e3 * joint.line.rmse_3d:.2f}",
-                    bone,
-                    length,
-                    half,
-                )
-            )
-        )
+        span = "{:.3f} .. {:.3f}".format(*joint.range)
+        lines.append(_row((joint.name, span, joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", bone, length, half)))
     lines += ["", *(f"* {note}" for note in notes(found))]
     return "\n".join(lines) + "\n"
 
