@@ -1,5 +1,4 @@
-"""How fast the estimator trains and runs on this machine, one thread, on a smooth made-up map (speed does not depend
-on the data)."""
+"""Speed of the estimator's training and prediction on one thread, on a smooth synthetic map."""
 
 from time import perf_counter
 
@@ -13,9 +12,8 @@ SAMPLES = 20_000
 
 
 def rows() -> list[tuple[str, float, str]]:
-    """(name, value, unit): training at 500 points, and one sample's mean and standard deviation, median and 99th
-    percentile."""
-    sweeps = _made_up(np.random.default_rng(0))
+    """Measure training and the prediction of one sample (median, 99th percentile) as (name, value, unit)."""
+    sweeps = _synthetic(np.random.default_rng(0))
     began = perf_counter()
     estimator = fit(sweeps)
     trained = perf_counter() - began
@@ -35,8 +33,8 @@ def rows() -> list[tuple[str, float, str]]:
     ]
 
 
-def _made_up(rng: np.random.Generator, sweeps: int = 24, length: int = 100) -> Sweeps:
-    """Tensions that ramp up and down, strokes and angles smooth in them, an offset per sweep and a little noise."""
+def _synthetic(rng: np.random.Generator, sweeps: int = 24, length: int = 100) -> Sweeps:
+    """Draw tensions that ramp up and down, strokes and angles smooth in them, an offset per sweep and noise."""
     sweep = np.repeat(np.arange(sweeps), length)
     ramp = np.tile(1 - np.abs(np.linspace(-1, 1, length)), sweeps)
     tension = 8 * rng.uniform(size=(sweeps, 3))[sweep]

@@ -1,12 +1,12 @@
-"""What a diagnosis costs, and how it grows: with the length of the logs, kind of case, effects tried, number of cases.
+"""Cost of a diagnosis over the length of the logs, the kind of case, the number of effects tried and of cases.
 
     python -m benchmarks.scaling            # some minutes; Markdown tables, as in docs/howto/cluster.md
     python -m benchmarks.scaling number     # one of them
 
-Processor seconds of one thread rather than seconds on the clock, so that other work on the machine tells less. Each
-figure comes from a process of its own, which simulates a moment first so that nothing is compiled or loaded in
-what is measured; its peak memory is that of the whole process, Drake and numba included. Cases are from the second
-reality, their logs cut to length.
+Costs are processor seconds of one thread: other work on the machine disturbs them less than seconds on the clock. Each
+figure comes from a process of its own, which simulates a moment first so that nothing is compiled or loaded in the
+measured part; its peak memory is that of the whole process, Drake and numba included. Cases are from the reference
+simulator, with logs cut to length.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import platform
 import resource
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from time import process_time
 
 import click
@@ -24,7 +26,7 @@ import numpy as np
 
 from exodrake.blind.case_mix import CasePlan
 from exodrake.blind.make import case_and_label
-from exodrake.core.parallel import LocalPool, each, through
+from exodrake.core.parallel import each, one_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 
@@ -38,7 +40,7 @@ KINDS = {
 SEED = 4711
 LENGTHS = (10.0, 20.0, 40.0, 60.0)  # s, of each log at most
 SHORT = 15.0  # s, for what does not need whole logs
-SHELVES = (5, 10, 20, 37)
+LIBRARIES = (5, 10, 20, 37)
 MANY = (4, 16)
 MOMENT = 3.0  # s
 MEGABYTE = 2**20 if sys.platform == "darwin" else 2**10  # of what getrusage counts in
@@ -54,12 +56,12 @@ class Cost:
 
 
 def drawn(kind: tuple[str, tuple[str, ...]]) -> Case:
-    """A case of the second reality."""
+    """Draw a case of the reference simulator."""
     return case_and_label(CasePlan("case", (SEED, 1), *kind, False))[0]
 
 
 def faultless() -> Case:
-    """A case of the model itself with its nominal numbers, which is diagnosed at once."""
+    """Simulate a case of the nominal model itself, whose diagnosis is short."""
     from exodrake.compiled.inputs import Reference
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.protocols import random_motion
@@ -73,18 +75,18 @@ def faultless() -> Case:
 
 
 def cut(case: Case, seconds: float) -> Case:
-    """The case with every log ended early."""
+    """Cut every log of a case to a duration [s]."""
     return replace(case, logs=tuple(replace(item, log=shortened(item.log, seconds)) for item in case.logs))
 
 
 def shortened(log: Log, seconds: float) -> Log:
-    """The first seconds of a log."""
+    """Cut a log to a duration [s]."""
     kept = log.time <= log.time[0] + seconds
     return replace(log, time=log.time[kept], signals={name: values[kept] for name, values in log.signals.items()})
 
 
 def cost(case: Case, library: int | None = None) -> Cost:
-    """Cost of one diagnosis; `effect library`: how many effects it may try, all of the effect library for None."""
+    """Measure one diagnosis that may try `library` effects, all of them for None."""
     from exodrake.diagnosis import diagnose
 
     load_everything(case)
@@ -93,8 +95,14 @@ def cost(case: Case, library: int | None = None) -> Cost:
     return Cost(verdict, process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE)
 
 
+def cost_on_one_thread(*task) -> Cost:
+    """Measure a cost with one thread."""
+    with one_thread():
+        return cost(*task)
+
+
 def load_everything(case: Case) -> None:
-    """Has the compiled code and Drake loaded by a moment's simulation."""
+    """Load the compiled code and Drake by a simulation of some seconds."""
     from exodrake.diagnosis.closure import measure
     from exodrake.diagnosis.problem import make_problem
     from exodrake.machines.robot_file import load_robot
@@ -106,34 +114,31 @@ def load_everything(case: Case) -> None:
 
 
 def trying(library: int | None) -> frozenset[str]:
-    """Ids of the effects to try, the true one among them; all for None."""
+    """Choose the ids of the effects to try, the true one among them; all for None."""
     return frozenset(sorted(common(), key=lambda identity: identity not in FRICTION[1])[:library])
 
 
 def common() -> list[str]:
-    """Ids of the effects that a diagnosis tries."""
+    """List the ids of the effects that a diagnosis tries."""
     from exodrake.machines.robot_file import load_robot
 
     return [effect.id for effect in load_robot().machine.effects if not effect.not_tried]
 
 
 def costs(tasks: list[tuple]) -> Iterator[Cost]:
-    """Costs, each in a process of its own."""
-    for task in tasks:
-        (found,) = through(LocalPool(1), cost, [task])
-        if found.reason is not None:
-            raise RuntimeError(found.trace)
-        yield found.value
+    """Measure costs, each in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+        yield from pool.map(cost_on_one_thread, *zip(*tasks))
 
 
 def spent() -> float:
-    """Processor time of this process and of those it has ended [s]."""
+    """Sum the processor time of this process and of its ended children [s]."""
     whole = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(one.ru_utime + one.ru_stime for one in whole)
 
 
 def throughput(case: Case, many: int, jobs: int) -> float:
-    """Processor seconds for one case many times, the start of the processes included."""
+    """Measure the processor time of one case diagnosed many times [s], the start of the processes included."""
     begun = spent()
     for item in each(verdict_of, ((case,) for _ in range(many)), jobs):
         assert item.reason is None, item.reason
@@ -141,29 +146,29 @@ def throughput(case: Case, many: int, jobs: int) -> float:
 
 
 def verdict_of(case: Case) -> str:
-    """A diagnosis where it is run."""
+    """Diagnose a case on a worker."""
     from exodrake.diagnosis import diagnose
 
     return diagnose(case).verdict
 
 
 def row(*cells: object) -> None:
-    """Prints one line of a table."""
+    """Print one line of a table."""
     click.echo("| " + " | ".join(f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells) + " |")
 
 
 def table(*heads: str) -> None:
-    """Prints the head of a table."""
+    """Print the head of a table."""
     click.echo("\n| " + " | ".join(heads) + " |\n|" + "---|" * len(heads))
 
 
 def growth(x: list[float], y: list[float]) -> float:
-    """Exponent of a power law through points: 1 for proportional."""
+    """Fit the exponent of a power law: 1 for proportional."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def by_length(friction: Case) -> None:
-    """Cost over the length of the logs."""
+    """Print the cost over the length of the logs."""
     table("logs of at most [s]", "frames fitted", "verdict", "processor seconds", "peak memory [MB]")
     frames, seconds = [], []
     for length, found in zip(LENGTHS, costs([(cut(friction, length),) for length in LENGTHS])):
@@ -175,21 +180,21 @@ def by_length(friction: Case) -> None:
 
 
 def by_kind(_: Case) -> None:
-    """Cost over the kind of case."""
+    """Print the cost over the kind of case."""
     table(f"case, logs of {SHORT:g} s", "verdict", "processor seconds", "peak memory [MB]")
     for name, found in zip(KINDS, costs([(cut(drawn(kind), SHORT),) for kind in KINDS.values()])):
         row(name, found.verdict, found.seconds, round(found.memory))
 
 
 def by_library(friction: Case) -> None:
-    """Cost over the number of effects that may be tried."""
+    """Print the cost over the number of effects that may be tried."""
     table(f"effects tried, logs of {SHORT:g} s", "verdict", "processor seconds")
-    for many, found in zip(SHELVES, costs([(cut(friction, SHORT), many) for many in SHELVES])):
+    for many, found in zip(LIBRARIES, costs([(cut(friction, SHORT), many) for many in LIBRARIES])):
         row(many, found.verdict, found.seconds)
 
 
 def by_number(_: Case) -> None:
-    """Cost over the number of cases, in one process and in two."""
+    """Print the cost over the number of cases, in one process and in two."""
     moment = cut(faultless(), MOMENT)
     table(f"faultless cases of {MOMENT:g} s", "processor seconds in one process", "in two", "each, in one")
     throughput(moment, 1, 1)  # so that neither loads what the other does not

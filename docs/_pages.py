@@ -1,4 +1,4 @@
-"""Pages that are made from the package when the site is built: commands, effects, Python reference, thresholds."""
+"""Pages generated from the package when the site is built: commands, effects, Python reference, thresholds."""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -13,11 +13,11 @@ from exodrake.cli.main import COMMANDS, cli
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
-# heading -> names of the Python page, in order; what is in none of them comes last
+# heading -> names on the Python page, in order; names in no group come last
 GROUPS = {
     "Robots": ("load_robot", "write_robot", "Robot"),
     "Simulation": ("simulate", "record", "Reference", "Recording", "build_diagram"),
-    "What a robot is asked": (
+    "References": (
         *("grasp", "sweeps", "short_sweeps", "chirp", "holds", "steps", "multisine", "random_motion"),
         *("protocol", "from_log", "plan_grasp"),
     ),
@@ -32,7 +32,7 @@ GROUPS = {
 
 
 def on_config(config):
-    """Fills the nav's lists of generated pages."""
+    """Fill the lists of generated pages in the navigation."""
     for section in config.nav:
         for title, entries in section.items():
             if title == "Reference":
@@ -42,19 +42,19 @@ def on_config(config):
 
 
 def on_files(files: Files, config):
-    """Adds the generated pages."""
+    """Add the generated pages."""
     for path, text in pages():
         files.append(File.generated(config, path, content=text))
     return files
 
 
 def on_page_markdown(markdown: str, page, config, files):
-    """Puts the thresholds where a page asks for them."""
+    """Insert the thresholds where a page has the placeholder."""
     return markdown.replace("<!-- thresholds -->", thresholds())
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """(path, Markdown) of every generated page."""
+    """Generate (path, Markdown) of every page."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
     lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
@@ -66,7 +66,7 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 def command_page(command: click.Command, name: str, parent: click.Context, level: int = 1) -> str:
-    """A command's help as it prints it, sub-commands below."""
+    """Format the help of a command, followed by its sub-commands."""
     context = click.Context(command, info_name=name, parent=parent, max_content_width=100, terminal_width=100)
     text = f"{'#' * level} `{context.command_path}`\n\n```text\n{command.get_help(context).strip()}\n```\n"
     for below in getattr(command, "commands", {}).values():
@@ -75,11 +75,11 @@ def command_page(command: click.Command, name: str, parent: click.Context, level
 
 
 def effects_page() -> str:
-    """All effect libraries: what each effect is, its equation, parameters, signature and source."""
+    """Format the effect libraries: summary, equation, parameters, signature and source of each effect."""
     text = (
-        "# The effects\n\nWhat the nominal models leave out, made from the effect libraries when this site was built;"
-        " `exodrake effects` prints the same.\nAn effect is absent, bit for bit, where its first parameter has the"
-        " value under *absent at*. Keys such as [S:Stillsuit]\nare listed with"
+        "# The effects\n\nPhysics that the nominal models leave out, generated from the effect libraries;"
+        " `exodrake effects` prints the same.\nAn effect is absent, bit for bit, where its first parameter has its"
+        " null value. Keys such as [S:Stillsuit]\nare listed with"
         " [the physics](../explain/physics.md#sources).\n"
     )
     for name in machine_names():
@@ -91,7 +91,7 @@ def effects_page() -> str:
 
 
 def effect_entry(page: dict, effect, machine: str) -> str:
-    """One effect."""
+    """Format one effect."""
     anchor = effect.id if machine == "exo_index" else f"{machine}.{effect.id}"
     title, _, rest = page["equation"].partition("\n\n")
     if not title.lower().startswith(page["summary"].lower()):
@@ -99,17 +99,17 @@ def effect_entry(page: dict, effect, machine: str) -> str:
     title = " ".join(title.split())
     lines = [f"\n### `{effect.id}` {{ #{anchor.replace('.', '-')} }}", "", title[:1].upper() + title[1:], ""]
     lines += ["```{.text .wrap}", rest, "```", ""] if rest else []
-    lines += ["| parameter | plausible | usual | absent at | one per |", "|---|---|---|---|---|"]
+    lines += ["| parameter | range | initial | null value | one per |", "|---|---|---|---|---|"]
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
         lines.append(f"| `{number.name}` | {reach(number)} | {number.initial:.4g} | {absent} | {per} |")
-    lines += ["", f"*Shows as* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
+    lines += ["", f"*Signature* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
     return "\n".join(lines)
 
 
 def python_page() -> str:
-    """The public names, from their docstrings."""
+    """List the public names by group."""
     named = {name for group in GROUPS.values() for name in group}
     groups = GROUPS | {"Others": tuple(name for name in PUBLIC if name not in named)}
     text = "# Python\n\n`import exodrake as exo`; a module is imported when one of its names is first used.\n"
@@ -119,12 +119,12 @@ def python_page() -> str:
 
 
 def where(name: str) -> str:
-    """Full name of a public name, at the module that defines it."""
+    """Find the full name of a public name in the module that defines it."""
     found = getattr(import_module(PUBLIC[name]), name)
     return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
 
 
 def thresholds() -> str:
-    """The thresholds as they are used, comments included."""
+    """Format the thresholds, with comments."""
     text = (files("exodrake.diagnosis") / "thresholds.yaml").read_text()
     return f"```yaml\n{text.strip()}\n```"

@@ -1,4 +1,4 @@
-"""Caging: the nominal robot and one with sheath friction close round an object.
+"""Caging grasp of an object, by the nominal robot and by one with sheath friction.
 
 Run: python examples/caging.py [FOLDER]
 """

@@ -38,10 +38,10 @@ print(f"{case.name}: {', '.join(item.file for item in case.logs)}")
 problem = make_problem(case, nominal)
 rows = problem.silent()[None]
 gap = np.sqrt(np.mean(problem.residual(rows, problem.holdout) ** 2))
-print(f"gap of the nominal robot on held-out motion: {gap:.1f} noise floors")
+print(f"gap of the nominal robot on held-out motion: {gap:.1f} noise standard deviations")
 
 # 2. the diagnosis: where, which, how far (about a minute)
-found = exo.diagnose(case, nominal, progress=lambda step: print("  ", step))
+found = exo.diagnose(case, nominal, progress=lambda stage, detail: print("  ", stage.text, detail))
 print_summary(found)
 
 # 3. the page, and the robot file with the effect in it

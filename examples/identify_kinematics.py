@@ -1,6 +1,6 @@
-"""Find a finger in a marker recording, and compare with the truth that was planted in it.
+"""Identify the kinematics of a finger from a synthetic marker recording, and compare them with the truth.
 
-The recording is synthetic: nobody was measured. Run: python examples/identify_kinematics.py
+Run: python examples/identify_kinematics.py
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Narrow pinch by both engines: the Drake Diagram and its compiled simulator write the same log, to the last bit.
+"""Narrow pinch by both engines: the Drake Diagram and the compiled simulator give the same log, to the last bit.
 
 Run: python examples/narrow_pinch.py [FOLDER]
 """

@@ -1,4 +1,4 @@
-"""Plan grasps of several objects: tensions for those the wires can hold, and what is missing for the others.
+"""Plan grasps of several objects: tensions for those within reach of the wires, and the reason for the others.
 
 Run: python examples/plan_grasp.py [FOLDER]
 """

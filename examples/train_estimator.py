@@ -1,6 +1,6 @@
-"""Train the joint-angle estimator on simulated sweeps and ask it about a grasp: the split decides what an error means.
+"""Train the joint-angle estimator on simulated sweeps, validate it under two splits, and apply it to a grasp.
 
-The robot and its wearer are simulated and the same in every sweep, so the errors here are smaller than a real wearer's.
+The simulated wearer is the same in every sweep, so the errors are smaller than those of a real wearer.
 """
 
 import exodrake as exo

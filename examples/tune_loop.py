@@ -1,4 +1,4 @@
-"""Choose the tension loop's gains: the fastest loop that keeps a gain margin of 2 on every wire and forgives 40 ms.
+"""Choose the gains of the tension loop: the fastest with a gain margin of 2 and a delay margin of 40 ms on every wire.
 
     python tune_loop.py [folder]
 

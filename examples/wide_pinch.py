@@ -1,4 +1,4 @@
-"""Wide pinch: flexor against extensor bends the PIP alone, until the extensor gives way and the DIP snaps into flexion.
+"""Wide pinch: flexor against extensor bends the PIP alone, until the DIP snaps into flexion.
 
 The flexors' moment arms grow with flexion and the extensor's shrinks, so pulling both against each other softens the
 DIP, whose own spring is the weakest. Run: python examples/wide_pinch.py [FOLDER]

@@ -1,1 +1,1 @@
-"""Studies with exodrake: programs that write documentation pages."""
+"""Studies outside the package: the paper reproduced and questioned, and real machines."""

@@ -1,4 +1,4 @@
-"""Quasi-static sweeps of a worn nominal robot: the planted truth of the estimator's tests (synthetic, seeded).
+"""Quasi-static sweeps of a worn nominal robot: the known truth of the estimator's tests (synthetic, seeded).
 
 Written apart from the package on purpose: statics P(q)' T_d = tau_p(q) and s = l(q) + T_c / k of the nominal model,
 solved by Newton steps. Each sweep is worn a little differently (`Wearer`): passive stiffness, rest posture, wire zero,

@@ -112,7 +112,7 @@ def test_answers_of_another_configuration_are_refused_or_redone(tmp_path):
 
 def test_a_worker_with_another_configuration_gives_no_answer(tmp_path):
     write_set(tmp_path / "set", healthy=1)
-    with pytest.raises(RuntimeError, match=r"asked for is version of tomorrow"):
+    with pytest.raises(RuntimeError, match=r"the run uses version of tomorrow"):
         diagnose_one(read_case(tmp_path / "set" / "case_00"), "", {"version": "of tomorrow"})
 
 

@@ -99,8 +99,8 @@ def test_a_set_made_there_is_the_set_made_here(cluster, tmp_path):
     assert committed[0] == committed[1]
 
 
-def test_a_scheduler_that_goes_away_is_said_and_what_is_done_is_kept(monkeypatch):
-    monkeypatch.setattr(parallel, "PATIENCE", "2s")
+def test_a_lost_scheduler_is_an_input_error_and_outcomes_are_kept(monkeypatch):
+    monkeypatch.setattr(parallel, "TIMEOUT", "2s")
     cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50)
     outcomes = each(slowly, ((number,) for number in range(1000)), cluster=cluster.scheduler_address)
     assert next(outcomes).reason is None

@@ -8,8 +8,9 @@ from click.testing import CliRunner
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
-from exodrake.cli.diagnose import STEPS, advance, robot_text
+from exodrake.cli.diagnose import robot_text
 from exodrake.cli.main import cli
+from exodrake.core.progress import Stage, fraction
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
@@ -35,9 +36,9 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda _: None, tried=None):
-            for step in STEPS:
-                progress(step)
+        def ready(case, robot=None, progress=lambda *_: None, tried=None):
+            for stage in Stage:
+                progress(stage, "")
             return diagnosis(verdict)
 
         monkeypatch.setattr(pipeline, "diagnose", ready)
@@ -112,8 +113,8 @@ def test_an_error_in_the_report_loses_no_answer(case, answered, tmp_path, monkey
 
 def test_bar_only_goes_forward():
     done, seen = 0.0, []
-    for step in [*STEPS, *("candidate",) * 30]:
-        done = advance(done, step)
+    for stage in [*Stage, *(Stage.FIT,) * 30]:
+        done = fraction(done, stage)
         seen.append(done)
     assert seen == sorted(seen) and seen[-1] < 100
 

@@ -85,7 +85,7 @@ def test_the_most_promising_start_is_fitted_to_the_end():
         return at(point.hypothesis.name, after[point.hypothesis.name][steps > 2])
 
     ranking = Ranking.__new__(Ranking)
-    ranking.progress, ranking.quick, ranking.begun = (lambda _: None), SimpleNamespace(fit=fit), lambda start: start
+    ranking.progress, ranking.quick, ranking.begun = (lambda *_: None), SimpleNamespace(fit=fit), lambda start: start
     found = ranking.race([at(name, 1e3) for name in after], np.zeros((10, 0)), np.zeros((0, 0)), survivors=1)
     assert [(p.hypothesis.name, round(p.chi2, 9)) for p in found] == [
         ("promising", 1.0), ("b", 8.0), ("c", 10.0), ("d", 11.0),

@@ -1,4 +1,4 @@
-"""The model-based map: the corrected equations are each other's inverse, planted stiffness comes back."""
+"""Stiffness models: the corrected equations are inverse to each other, and the true stiffness is recovered."""
 
 import numpy as np
 import pytest
@@ -16,10 +16,11 @@ from estimator_sweeps import (
 )  # fmt: skip
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.compare import compare
 from exodrake.identification import stiffness
 from exodrake.systems import finger_statics as statics
 from exodrake.systems.tendon_finger import Parameters
+from studies.paper import printed_equations
+from studies.paper.comparison import compare
 
 EXACT = Wearer(stiffness=0.0, rest=0.0, zero=0.0, drift=0.0, friction=0.0)
 TRIPLE = (5e-3, 5e-3, 5e-3)
@@ -48,10 +49,12 @@ def test_corrected_equation_22_inverts_corrected_equation_21(seed):
 def test_the_printed_equations_are_not_inverse_of_anything_here():
     r, kappa = stiffness.router_arms(np.array([0.5, 1.0, 0.5]), N), np.array([0.08, 0.06, 0.035])
     np.testing.assert_allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map(r, kappa), np.eye(3), atol=1e-12)
-    assert not np.allclose(stiffness.compliance(r, kappa) @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
-    printed = stiffness.compliance_as_printed(r, kappa)
+    assert not np.allclose(
+        stiffness.compliance(r, kappa) @ printed_equations.tension_map_as_printed(r, kappa), np.eye(3)
+    )
+    printed = printed_equations.compliance_as_printed(r, kappa)
     assert printed[1, 0] == pytest.approx(r[1, 0] / 0.08) and printed[1, 2] == pytest.approx(-r[1, 2] / 0.06)
-    assert not np.allclose(printed @ stiffness.tension_map_as_printed(r, kappa), np.eye(3))
+    assert not np.allclose(printed @ printed_equations.tension_map_as_printed(r, kappa), np.eye(3))
 
 
 @pytest.mark.parametrize("angles", [(0.6, 0.3), (1.0, 0.5), (1.56, 0.07), (0.4, 0.4)])
@@ -97,7 +100,7 @@ def test_linear_model_solves_equation_21_at_its_own_posture():
     np.testing.assert_allclose(angle - REST, map_21 @ tension, atol=1e-10)
 
 
-def test_planted_stiffness_is_recovered_within_its_errors():
+def test_true_stiffness_is_recovered_within_its_errors():
     rng = np.random.default_rng(2)
     kappa, rest = KAPPA * np.array([1.3, 0.8, 1.15]), REST + np.array([0.05, -0.1, 0.04])
     tension = np.concatenate(

@@ -1,4 +1,4 @@
-"""The identification on recordings with a planted truth: noise-free to rounding, with 0.3 mm noise within bounds."""
+"""The identification on recordings with known truth: noise-free to rounding, with 0.3 mm noise within bounds."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,7 @@ def test_mcp_angles_are_within_half_a_degree(noisy):
 
 
 def test_skin_that_slides_shows_as_bias_beyond_the_intervals():
-    """The intervals count noise only, and the report says so: planted artefact of 1 mm/rad moves a length by more."""
+    """The intervals count noise only, and the report says so: an artefact of 1 mm/rad moves a length by more."""
     recording, truth = synthesise(Hand(), Faults(noise=NOISE, artefact=1e-3), 20.0, 100.0, 0)
     found = identify(recording)
     off = np.abs(np.subtract(found.lengths, truth.lengths))

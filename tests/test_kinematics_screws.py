@@ -14,7 +14,6 @@ from exodrake.identification.kinematics.screws import (
     apply,
     exponential,
     g_inverse,
-    g_inverse_as_printed,
     g_matrix,
     hat,
     inverse,
@@ -24,6 +23,7 @@ from exodrake.identification.kinematics.screws import (
     rotation_vector,
     screw_angle_and_centre,
 )
+from studies.paper.printed_equations import g_inverse_as_printed
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0
 
@@ -165,7 +165,7 @@ def test_frame_change_of_eq_4_and_6():
     np.testing.assert_allclose(apply(inverse(pose), point), (point - pose[:3, 3]) @ pose[:3, :3], atol=1e-15)
 
 
-def test_kabsch_recovers_the_pose_and_reports_the_misfit():
+def test_kabsch_recovers_the_pose_and_reports_the_residual():
     shape = np.array([[0.0, 0, 0], [0.02, 0, 0], [0.005, 0.012, 0]])
     pose = motion(rotation(TILTED, 2.2), np.array([0.3, -0.1, 0.2]))
     found, left = kabsch(shape, apply(pose, shape)[None])

@@ -1,4 +1,4 @@
-"""Loops in several processes: the same outcomes, and no task lost to another's fault."""
+"""Loops in worker processes: equal outcomes, and no task lost to the crash of another."""
 
 import os
 import signal
@@ -47,16 +47,16 @@ def test_outcomes_do_not_depend_on_the_number_of_processes(jobs):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_a_task_that_raises_says_why_and_ends_nothing(jobs):
+def test_a_task_that_raises_returns_its_reason_and_others_continue(jobs):
     outcomes = {item.number: item for item in each(picky, ((number,) for number in range(4)), jobs)}
     assert outcomes[1].reason == "ValueError: one is not wanted" and "in picky" in outcomes[1].trace
     assert [outcomes[number].value for number in (0, 2, 3)] == [0, 2, 3]
 
 
-def test_only_the_task_that_kills_its_process_is_given_up():
+def test_a_crash_gives_up_only_the_task_that_caused_it():
     outcomes = {item.number: item for item in each(deadly, ((number,) for number in range(6)), 2)}
     assert {n: item.value for n, item in outcomes.items()} == {n: None if n == 2 else n for n in range(6)}
-    assert "died" in outcomes[2].reason
+    assert "crashed" in outcomes[2].reason
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -65,7 +65,7 @@ def test_every_task_has_one_thread(jobs):
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_tasks_are_read_as_there_is_room(jobs):
+def test_tasks_are_read_only_as_workers_become_free(jobs):
     read = []
 
     def tasks():
@@ -79,8 +79,8 @@ def test_tasks_are_read_as_there_is_room(jobs):
     assert len(read) <= 2 * jobs
 
 
-def test_absent_scheduler_is_named(monkeypatch):
+def test_absent_scheduler_is_an_input_error(monkeypatch):
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    monkeypatch.setattr(parallel, "PATIENCE", "1s")
+    monkeypatch.setattr(parallel, "TIMEOUT", "1s")
     with pytest.raises(InputError, match=r"127\.0\.0\.1:9.*no Dask scheduler answers"):
         next(each(square, [(1,)], cluster="127.0.0.1:9"))

@@ -13,24 +13,24 @@ from exodrake.identification.workspace import (
     assisted,
     monte_carlo,
     reach,
-    table_2,
     tip,
     traced,
 )
-from exodrake.identification.workspace.printed import LENGTHS, SPONTANEOUS
+from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
+from studies.paper.table_2 import table_2
 
 MM2 = 1e-6
 
 
-def test_fingertip_area_of_the_paper_s_numbers():
+def test_fingertip_area_of_the_paper_s_lengths_and_ranges():
     assert reach(LENGTHS, SPONTANEOUS).area == pytest.approx(4297 * MM2, rel=0.001)
 
 
-def test_distal_phalanx_area_of_the_paper_s_numbers():
+def test_distal_phalanx_area_of_the_paper_s_lengths_and_ranges():
     assert reach(LENGTHS, SPONTANEOUS, DISTAL, steps=30).area == pytest.approx(5041 * MM2, rel=0.002)
 
 
-def test_area_is_settled_in_the_steps():
+def test_area_converges_in_the_steps():
     coarse, fine = (reach(LENGTHS, SPONTANEOUS, steps=steps).area for steps in (30, 120))
     assert coarse == pytest.approx(fine, rel=1e-4)
 
@@ -123,6 +123,6 @@ def test_assisted_postures_balance_and_stay_near_the_range_of_motion():
 def test_command_writes_areas_table_and_figure(tmp_path):
     result = CliRunner().invoke(cli, ["workspace", "--out", str(tmp_path / "w"), "--samples", "500", "--steps", "5"])
     assert result.exit_code == 0, result.output
-    assert {file.name for file in (tmp_path / "w").iterdir()} == {"workspace.csv", "table_2.md", "workspace.png"}
+    assert {file.name for file in (tmp_path / "w").iterdir()} == {"workspace.csv", "workspace.png"}
     refused = CliRunner().invoke(cli, ["workspace", "--out", str(tmp_path / "v"), "--samples", "5"])
     assert refused.exit_code == 2 and not (tmp_path / "v").exists()

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +16,10 @@ from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
+from exodrake.core.progress import Count, no_progress
 from exodrake.data.case import FILE, Case, CaseLog
 from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
-
-Progress = Callable[[int, int, int], None]
 
 NOISE_STD = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
 DECIMALS = {
@@ -184,7 +182,7 @@ def make(
     jobs=1,
     mix=None,
     cluster=None,
-    progress: Progress = lambda done, failed, total: None,
+    progress: Count = no_progress,
 ):
     """Make a set: `folder`/case_xx, the commitment, and the labels file outside the folder; returns the labels' path.
 

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.many import ANSWER, FAILED, Progress, diagnose_all
+from exodrake.core.progress import Count, no_progress
+from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
 
 __all__ = ["ANSWER", "FAILED", "cases_of", "run"]
 
@@ -23,7 +24,7 @@ def run(
     folder: str | Path,
     jobs: int = 1,
     cluster: str | None = None,
-    progress: Progress = lambda done, failed, total: None,
+    progress: Count = no_progress,
     redo: bool = False,
 ) -> dict[str, str]:
     """Diagnose the unfinished cases of a set; {case: reason} for those that failed. Arguments and errors as `cases_of`

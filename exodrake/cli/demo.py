@@ -105,15 +105,16 @@ def case_plan(seed: int) -> Any:
 
 def diagnose(out: Path) -> Diagnosis:
     """Diagnoses the case, prints the summary and writes report, answer and robot."""
-    from exodrake.cli.diagnose import contents_of, progress_bar, report_of, write_all
+    from exodrake.cli.diagnose import contents_of, report_of, write_all
+    from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.machines.robot_file import load_robot
     from exodrake.report import print_summary
 
     case, nominal = read_case(out / CASE), load_robot()
-    with progress_bar() as say:
-        found = diagnose(case, nominal, progress=say)
+    with stages() as progress:
+        found = diagnose(case, nominal, progress=progress)
     print_summary(found)
     write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
     write_all({out / "report.html": report_of(found, case, nominal)})

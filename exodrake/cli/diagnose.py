@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,12 +16,6 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.result import Diagnosis
 
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
-# how far a diagnosis is when a step begins [%], by the step's first words; other steps are candidates
-STEPS = {
-    "measuring the gap": 2, "retuning": 8, "screening": 15, "refining": 60, "a second effect": 70,
-    "measuring how far": 90, "where": 95,
-}  # fmt: skip
-CANDIDATE = 3  # % for each candidate
 
 
 @click.command()
@@ -70,6 +61,7 @@ def diagnose_case(
     choice: tuple[str, str] = ("", ""),
 ) -> None:  # fmt: skip
     """One case: summary and files."""
+    from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
@@ -81,10 +73,10 @@ def diagnose_case(
     nominal = load_robot(robot) if robot else load_robot()
     tried = tried_of(nominal.machine, *choice)
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
-    with progress_bar() as say:
+    with stages() as progress:
         from exodrake.diagnosis.pipeline import diagnose
 
-        found = diagnose(read, nominal, say, tried)
+        found = diagnose(read, nominal, progress, tried)
     print_summary(found)
     write_all(contents_of(found, json_file, out_robot))
     if report is not None:
@@ -114,31 +106,6 @@ def limit_cores(jobs: int | None) -> None:
 
     numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
     threadpool_limits(jobs)
-
-
-@contextmanager
-def progress_bar() -> Iterator[Callable[[str], None]]:
-    """A bar on standard error with what is being done; yields the function that is told each step."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task("reading", total=100)
-        done = 0.0
-
-        def say(step: str) -> None:
-            nonlocal done
-            done = advance(done, step)
-            bar.update(task, completed=done, description=step)
-
-        yield say
-
-
-def advance(done: float, step: str) -> float:
-    """Per cent done when a step begins: as its first words say, else a candidate's worth further; never back."""
-    known = next((at for words, at in STEPS.items() if step.startswith(words)), None)
-    return max(done, float(known)) if known is not None and known > done else max(done, min(done + CANDIDATE, 97.0))
 
 
 def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:

@@ -15,7 +15,7 @@ def diagnose_many(
     cases: tuple[str, ...], out: Path | None, robot: str, jobs: int, cluster: str | None, redo: bool,
     choice: tuple[str, str],
 ) -> None:  # fmt: skip
-    """Diagnoses cases side by side. Exit status 1 if some fail; UsageError or InputError before the work starts."""
+    """Diagnose cases in parallel. Exit status 1 if some fail; UsageError or InputError before the work starts."""
     from rich.console import Console
 
     from exodrake.core.progress import counted
@@ -36,7 +36,7 @@ def diagnose_many(
 
 
 def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
-    """Case -> folder for its answer. InputError for a case that is not there, and for two of one name."""
+    """Map each case to the folder for its answer. InputError for a missing case, and for two of one name."""
     from exodrake.data.formats import stem
 
     places: dict[Path, Path] = {}
@@ -45,15 +45,15 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
         if not case.exists():
             raise InputError(f"{name}: no such folder")
         place = out / (case.resolve().name if case.is_dir() else stem(name))
-        simulator = next((other for other, taken in places.items() if taken == place), None)
-        if simulator is not None:
-            raise InputError(f"{name}: has the same name as {simulator}, and so would its answer")
+        namesake = next((other for other, taken in places.items() if taken == place), None)
+        if namesake is not None:
+            raise InputError(f"{name}: has the same name as {namesake}, and so would its answer")
         places[case] = place
     return places
 
 
 def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
-    """Table of case, verdict, effects and closure."""
+    """Tabulate case, verdict, effects and closure."""
     from rich.table import Table
 
     table = Table("case", "verdict", "effects", "closure")

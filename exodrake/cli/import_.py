@@ -38,7 +38,7 @@ def command(recording: Path, map_file: Path | None, known: str | None, out: Path
       "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}    # ROS 2
     period: 0.02       # optional: frames of this length [s]
     separator: ";"     # optional; likewise decimal, skip, heading, hold, stamp
-    """
+    """  # noqa: D301  click reads the character \b
     if (map_file is None) == (known is None):
         raise InputError("import wants either --map FILE or --from SET")
     if map_file is not None:

@@ -1,4 +1,4 @@
-"""`exodrake train`: the joint-angle estimator from logs, judged under both splits."""
+"""`exodrake train`: fit the joint-angle estimator to logs and validate it under both splits."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,8 +26,7 @@ def command(
 ) -> None:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
-    Prints its error on random rows beside that on whole held-out sweeps: only the second says what a new sweep will
-    see.
+    Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
     """
     from dataclasses import replace
 
@@ -51,7 +50,7 @@ def command(
 
 
 def table(scores: "tuple[Score, ...]", joints: tuple[str, ...]) -> "Table":
-    """RMSE [rad] and 95 % coverage by method: the random split beside the held-out sweeps."""
+    """Tabulate RMSE [rad] and 95 % coverage by method and split."""
     from rich.table import Table
 
     splits = list(dict.fromkeys(score.split for score in scores))

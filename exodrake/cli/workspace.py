@@ -1,4 +1,4 @@
-"""`exodrake workspace`: what the finger can reach, and the paper's Table 2 beside ours."""
+"""`exodrake workspace`: areas within reach of the fingertip."""
 
 from pathlib import Path
 
@@ -20,26 +20,24 @@ from exodrake.cli.options import robot_option
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per wire in the assisted workspace.")
 @click.option("--seed", type=int, default=0, show_default=True)
 def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
-    """Fingertip and distal-phalanx workspaces, exactly and by Monte Carlo, and what of the paper's Table 2 follows.
+    """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
-    Writes workspace.csv, table_2.md and workspace.png.
+    Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
-    from exodrake.identification.kinematics.report import write_all
-    from exodrake.identification.workspace import assisted, table_2
+    from exodrake.core.files import write_folder
+    from exodrake.identification.workspace import SPONTANEOUS, assisted
     from exodrake.identification.workspace.figure import workspace_figure
-    from exodrake.identification.workspace.printed import SPONTANEOUS
-    from exodrake.identification.workspace.report import areas, areas_csv, print_report, table_2_markdown
+    from exodrake.identification.workspace.report import areas, areas_csv, print_report
     from exodrake.machines.robot_file import load_robot
 
     loaded = load_robot(robot)
     lengths = tuple(loaded.channels("finger.length").tolist())
     wired = assisted(loaded, steps)
-    rows, claims = areas(lengths, SPONTANEOUS, wired, samples, seed), table_2(wired)
+    rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
     contents = {
         "workspace.csv": areas_csv(rows).encode(),
-        "table_2.md": table_2_markdown(claims).encode(),
         "workspace.png": workspace_figure(lengths, SPONTANEOUS, wired),
     }
-    files = write_all(out, contents)
-    print_report(rows, claims)
+    files = write_folder(out, contents)
+    print_report(rows)
     click.echo("wrote " + ", ".join(str(name) for name in files))

@@ -66,7 +66,7 @@ def reference_width(machine: Machine) -> int:
 
 
 def input_rows(machine: Machine, asked: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
-    """The wires that come from outside, (frames, channels) each, in the table's order.
+    """Signals from outside, (frames, channels) [SI] each, in the order of the table.
 
     asked: (frames, references) in the order of `machine.asked`. Others are named `noise_...` (standard normal) or
     `packet_arrival` (uniform).
@@ -85,7 +85,7 @@ def input_rows(machine: Machine, asked: np.ndarray, noise_inputs: NoiseInputs) -
 
 
 def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
-    """The flat numbers of a run, with the resolutions at 0 if unquantised."""
+    """Parameter values (parameters,) [SI] of a run, with the resolutions at 0 if unquantised."""
     values = robot.values.copy()
     if np.isnan(values).any():
         missing = robot.machine.parameters[int(np.isnan(values).argmax())].name

@@ -54,6 +54,18 @@ def write_text(path: str | Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
+    """Write files into a folder, made if absent, by `write_bytes`. InputError if it cannot be made or written."""
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{target}: cannot make this folder ({error.strerror})") from None
+    for name, data in contents.items():
+        write_bytes(target / name, data)
+    return [target / name for name in contents]
+
+
 def _write_and_rename(target: Path, data: bytes) -> None:
     temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:

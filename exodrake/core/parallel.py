@@ -1,15 +1,10 @@
-"""One function for many tasks: in this process, in several, or on a Dask cluster. What every loop goes through.
+"""Loops over tasks: in this process, in worker processes (joblib's loky), or on a Dask cluster.
 
     for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
-        ...                                         # as they finish, in any order
+        ...                                         # as tasks finish, in any order
 
-The answers are the same wherever a task runs: it gets its inputs by value and nothing else, and one thread. Two threads
-of linear algebra not only fight for the cores (a 40 µs prediction then takes 15 ms), they also add up in another order.
-
-A task that raises gives an outcome with the reason. A process that dies (memory, a crash) takes its task with it: those
-that were running when it died are run again, one at a time, so that only the one to blame is given up. On a cluster
-Dask does this, as often as its `distributed.scheduler.allowed-failures` says (3). Only a few more tasks than there are
-workers are read at a time, so that a hundred thousand of them need no memory.
+A task has one thread wherever it runs: two threads of linear algebra compete for the cores (a 40 us prediction then
+takes 15 ms) and add in another order, which changes the last digits of an answer.
 """
 
 from __future__ import annotations
@@ -18,24 +13,25 @@ import logging
 import signal
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from threading import Lock
+from threading import RLock
 from typing import Any
 
 from exodrake.core.errors import InputError
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
-ONE_AT_A_TIME = Lock()  # numba's own thread pool ends a process in which two threads enter it at once
-PATIENCE = "10s"  # for a scheduler to answer
-AHEAD = 2  # tasks sent to a cluster per worker, so that none waits for the next
+ONE_TASK = RLock()  # numba's thread pool ends a process in which two threads enter it at once
+TIMEOUT = "10s"  # for a scheduler to answer
+QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
+CRASHED = "the worker process crashed (out of memory?)"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of task `number` (its place in the order given): its value, or why there is none, with traceback."""
+    """Result of task `number` (counted from 0 in the order given): its value, or the reason of its failure."""
 
     number: int
     value: Any = None
@@ -46,64 +42,90 @@ class Outcome:
 def each(
     function: Callable[..., Any], tasks: Iterable[tuple], jobs: int = 1, cluster: str | None = None
 ) -> Generator[Outcome]:
-    """Outcomes of function(*task), as they finish; closing the generator ends what is under way.
+    """Run function(*task) for each task and yield the outcomes as they finish.
+
+    A task that raises yields an outcome with the reason. A worker that crashes costs each task in flight one retry,
+    alone on the workers, so that only the task to blame is given up; a Dask scheduler retries as its
+    `distributed.scheduler.allowed-failures` says. Tasks are read only as workers become free. Closing the generator
+    ends the tasks in flight.
 
     Args:
-        function: importable by name where it runs. tasks: read one by one as there is room.
-        jobs: processes; -1 for one a core. cluster: address of a Dask scheduler, in place of `jobs`.
+        function: Function that a worker can import by name.
+        tasks: Arguments of each call, sent by value.
+        jobs: Number of worker processes; -1 for one per core, 1 for this process alone.
+        cluster: Address of a Dask scheduler, in place of `jobs`.
+
     Raises:
-        InputError: if no scheduler answers, or it goes away; outcomes given until then stand.
+        InputError: If no scheduler answers, or it goes away; the outcomes yielded until then stand.
     """
-    if cluster:
-        yield from through(DaskPool(cluster), function, tasks)
-    elif jobs == 1:
-        with one_thread():
-            yield from (Outcome(number, *attempt(function, task)) for number, task in enumerate(tasks))
-    else:
-        yield from through(LocalPool(cores() if jobs < 1 else jobs), function, tasks)
+    if jobs == 1 and not cluster:
+        for number, task in enumerate(tasks):
+            yield Outcome(number, *attempt(function, task))
+        return
+    workers = DaskWorkers(cluster) if cluster else LokyWorkers(jobs if jobs > 0 else cores())
+    in_flight: dict[Future, tuple[int, tuple]] = {}
+    retries: list[tuple[int, tuple]] = []
+    try:
+        for number, task, future in finished(workers, function, enumerate(tasks), in_flight):
+            if crashed(future):
+                retries.append((number, task))
+            else:
+                yield outcome_of(number, future)
+        for retry in retries:
+            for number, _, future in finished(workers, function, iter([retry]), in_flight):
+                yield outcome_of(number, future)
+    except CancelledError:  # a cluster cancels what it can no longer run
+        raise workers.lost() from None
+    finally:
+        workers.close()
 
 
-def cores() -> int:
-    """Processor cores that this process may use."""
-    from joblib import cpu_count
+def finished(
+    workers: LokyWorkers | DaskWorkers,
+    function: Callable[..., Any],
+    waiting: Iterator[tuple[int, tuple]],
+    in_flight: dict[Future, tuple[int, tuple]],
+) -> Iterator[tuple[int, tuple, Future]]:
+    """Yield (number, task, finished future), with at most `workers.capacity()` tasks in flight."""
+    while True:
+        for number, task in islice(waiting, max(0, workers.capacity() - len(in_flight))):
+            in_flight[workers.submit(attempt, function, task)] = number, task
+        if not in_flight:
+            return
+        for future in wait(in_flight, return_when=FIRST_COMPLETED).done:
+            yield *in_flight.pop(future), future
 
-    return cpu_count()
+
+def crashed(future: Future) -> bool:
+    """Tell whether a finished future's worker process on this machine crashed."""
+    return not future.cancelled() and isinstance(future.exception(), BrokenExecutor)
+
+
+def outcome_of(number: int, future: Future) -> Outcome:
+    """Read a finished future. CancelledError if the cluster cancelled it."""
+    if crashed(future):
+        return Outcome(number, reason=CRASHED)
+    if (error := future.exception()) is not None:  # Dask's KilledWorker, or arguments that cannot be sent
+        return Outcome(number, reason=f"{type(error).__name__}: {error}")
+    return Outcome(number, *future.result())
 
 
 def attempt(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None, str]:
-    """Value, None and nothing; or None, the reason why there is none, and the traceback."""
-    try:
-        return function(*task), None, ""
-    except Exception as error:  # one bad task must not end a night's run
-        return None, f"{type(error).__name__}: {error}", traceback.format_exc()
-
-
-def alone(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None, str]:
-    """`attempt` on a worker: one thread, one task at a time."""
-    with ONE_AT_A_TIME, one_thread():
-        return attempt(function, task)
-
-
-def one_blas_thread() -> AbstractContextManager:
-    """Holds linear algebra to one thread: in small products a second one only waits, at a core's cost."""
-    return one_each("blas")
-
-
-def one_each(kind: str | None = None) -> AbstractContextManager:
-    """Holds the thread pools of that kind ("blas", "openmp"; all by default) to one thread."""
-    import scipy.linalg  # noqa: F401  brings its own BLAS, which can only be held once it is there
-    from threadpoolctl import threadpool_limits
-
-    return threadpool_limits(1, user_api=kind)
+    """Call on one thread: (value, None, "") or (None, reason, traceback)."""
+    with ONE_TASK, one_thread():
+        try:
+            return function(*task), None, ""
+        except Exception as error:  # one bad task must not end a long run
+            return None, f"{type(error).__name__}: {error}", traceback.format_exc()
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Holds linear algebra and compiled loops to one thread."""
+    """Limit linear algebra and compiled loops to one thread."""
     import numba
 
     before = numba.get_num_threads()
-    with one_each():
+    with thread_limit():
         numba.set_num_threads(1)
         try:
             yield
@@ -111,47 +133,65 @@ def one_thread() -> Iterator[None]:
             numba.set_num_threads(before)
 
 
-class LocalPool:
-    """Processes on this machine. A new pool takes the place of one that a dying process has broken."""
+def one_blas_thread() -> Any:
+    """Limit linear algebra to one thread, as a context: a second thread does not speed up small products."""
+    return thread_limit("blas")
+
+
+def thread_limit(api: str | None = None) -> Any:
+    """Limit the thread pools of an API ("blas", "openmp"; all of them by default) to one thread, as a context."""
+    import scipy.linalg  # noqa: F401  loads its own BLAS, which can be limited only once it is loaded
+    from threadpoolctl import threadpool_limits
+
+    return threadpool_limits(1, user_api=api)
+
+
+def cores() -> int:
+    """Number of processor cores that this process may use."""
+    from joblib import cpu_count
+
+    return cpu_count()
+
+
+class LokyWorkers:
+    """Processes on this machine; loky starts new ones in place of those that a crash has ended."""
 
     def __init__(self, jobs: int) -> None:
-        self.jobs, self.executor = jobs, None
+        self.jobs = jobs
 
-    def width(self) -> int:
-        """Tasks to have under way: one a process, so that a death leaves no doubt but among those."""
-        return self.jobs
+    def capacity(self) -> int:
+        """Number of tasks to have in flight."""
+        return self.jobs  # not more, so that a crash costs no task beyond those that were running
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""
-        if self.executor is None:
-            from joblib.externals.loky import ProcessPoolExecutor
-
-            self.executor = ProcessPoolExecutor(self.jobs, env=ONE_THREAD, initializer=leave_interrupts_to_the_parent)
         try:
-            return self.executor.submit(*call)
-        except BrokenExecutor as error:  # broken by a process that died idle: as if it had died on this call
-            future: Future = Future()
-            future.set_exception(error)
-            return future
+            return self._executor().submit(*call)
+        except BrokenExecutor:  # a worker crashed between the two calls
+            return self._executor().submit(*call)
 
-    def gone(self) -> InputError:
-        """What to raise when it no longer takes tasks."""
-        return InputError("the processes were ended; what was done until then is kept")
+    def lost(self) -> InputError:
+        """Error to raise when no more tasks are taken."""
+        return InputError("the worker processes were ended; what was done until then is kept")
 
     def close(self) -> None:
-        """End the processes, whatever they do."""
-        if self.executor is not None:
-            self.executor.shutdown(wait=True, kill_workers=True)
-            self.executor = None
+        """End the tasks in flight and release the workers."""
+        self._executor().shutdown(wait=True, kill_workers=True)
+
+    def _executor(self) -> Any:
+        """The executor of this process: a new one if there is none, or a crash has broken it."""
+        from joblib.externals.loky import get_reusable_executor
+
+        return get_reusable_executor(self.jobs, env=ONE_THREAD, initializer=ignore_interrupts)
 
 
-def leave_interrupts_to_the_parent() -> None:
-    """Ctrl-C reaches every process of a terminal; the parent ends its workers."""
+def ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; the parent process ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-class DaskPool:
-    """An existing Dask cluster; workers may come and go. InputError if Dask is absent or nobody answers."""
+class DaskWorkers:
+    """An existing Dask cluster; workers may come and go. InputError if Dask is absent or no scheduler answers."""
 
     def __init__(self, address: str) -> None:
         try:
@@ -159,89 +199,30 @@ class DaskPool:
         except ImportError:
             raise InputError("--cluster: Dask is not installed; install exodrake[cluster]") from None
         try:
-            self.client = Client(address, timeout=PATIENCE, set_as_default=False)
+            self.client = Client(address, timeout=TIMEOUT, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(f"--cluster {address}: no Dask scheduler answers ({error})") from None
-        logging.getLogger("distributed.client").setLevel(
-            logging.CRITICAL
-        )  # its traceback of what `gone` says in a line
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # `lost` says it in one line
         self.address = address
-        self.executor: Executor = self.client.get_executor(pure=False)
+        self.executor = self.client.get_executor(pure=False)
 
-    def width(self) -> int:
-        """Tasks to have under way."""
+    def capacity(self) -> int:
+        """Number of tasks to have in flight."""
         try:
             workers: Any = self.client.nthreads()
-            return AHEAD * max(1, len(workers))
         except OSError:
-            raise self.gone() from None
-
-    def gone(self) -> InputError:
-        """What to raise when the scheduler no longer answers."""
-        return InputError(f"--cluster {self.address}: the scheduler has gone; what was done until then is kept")
+            raise self.lost() from None
+        return QUEUED * max(1, len(workers))
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""
         return self.executor.submit(*call)
 
+    def lost(self) -> InputError:
+        """Error to raise when no more tasks are taken."""
+        return InputError(f"--cluster {self.address}: the scheduler has gone; what was done until then is kept")
+
     def close(self) -> None:
-        """Cancel what is under way and leave the cluster to others."""
+        """End the tasks in flight and release the workers."""
         self.executor.shutdown(wait=False)
-        self.client.close(timeout=PATIENCE)
-
-
-def through(pool: LocalPool | DaskPool, function: Callable[..., Any], tasks: Iterable[tuple]) -> Iterator[Outcome]:
-    """Outcomes by way of a pool; at the end those whose process died with others beside it, each alone."""
-    suspects: list[tuple[int, tuple]] = []
-    try:
-        for number, task, future in finished(pool, function, enumerate(tasks), pool.width):
-            if died(future):
-                suspects.append((number, task))
-                pool.close()
-            else:
-                yield settled(number, future)
-        for number, _, future in finished(pool, function, iter(suspects), lambda: 1):
-            if died(future):
-                pool.close()
-            yield settled(number, future)
-    except CancelledError:  # nobody here cancels
-        raise pool.gone() from None
-    finally:
-        pool.close()
-
-
-def finished(
-    pool: LocalPool | DaskPool,
-    function: Callable[..., Any],
-    waiting: Iterator[tuple[int, tuple]],
-    width: Callable[[], int],
-) -> Iterator[tuple[int, tuple, Future]]:
-    """(number, task, done future) as they finish, with about `width` under way."""
-    running: dict[Future, tuple[int, tuple]] = {}
-    while True:
-        for number, task in islice(waiting, max(0, width() - len(running))):
-            running[pool.submit(alone, function, task)] = number, task
-        if not running:
-            return
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        if any(died(future) for future in done):
-            done, _ = wait(running)  # the others of a broken pool end at once, too
-        for future in done:
-            yield *running.pop(future), future
-
-
-def died(future: Future) -> bool:
-    """Whether a done future's process died in a pool on this machine."""
-    return not future.cancelled() and isinstance(future.exception(), BrokenExecutor)
-
-
-def settled(number: int, future: Future) -> Outcome:
-    """The outcome of a done future. CancelledError if the cluster gave it up."""
-    try:
-        return Outcome(number, *future.result())
-    except BrokenExecutor:
-        return Outcome(number, reason="the process that worked on it died (out of memory?)")
-    except CancelledError:
-        raise
-    except Exception as error:  # Dask's word on a task whose workers died, or inputs that cannot be sent
-        return Outcome(number, reason=f"{type(error).__name__}: {error}")
+        self.client.close(timeout=TIMEOUT)

@@ -1,4 +1,4 @@
-"""What commands that loop share: --jobs and --cluster, a bar that counts, and a clean end on Ctrl-C or SIGTERM."""
+"""Progress of a long command: stages of a diagnosis, counted loops, and a clean end on Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -6,16 +6,65 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from enum import Enum
 from typing import Any
 
 import click
 
-Count = Callable[[int, int, int], None]
 INTERRUPTED = 130  # exit status, as shells have it for Ctrl-C
+STEP = 3.0  # % of a bar for a further step of the same stage
+
+
+class Stage(Enum):
+    """Stage of a diagnosis: what it does, and the part of the work that lies before it [%]."""
+
+    CHECK = "measuring the gap", 2
+    RETUNE = "retuning the nominal parameters", 8
+    SCREEN = "screening effects", 15
+    FIT = "fitting", 20
+    REFINE = "refining", 60
+    SECOND = "second effects", 70
+    REPEAT = "searching again", 75
+    CLOSURE = "measuring closure", 90
+    LOCALISE = "localising the gap", 95
+
+    def __init__(self, text: str, begins: float) -> None:
+        self.text, self.begins = text, begins
+
+
+StageProgress = Callable[[Stage, str], None]  # stage, and what it works on ("" if there is nothing to add)
+Count = Callable[[int, int, int], None]  # done, failed, total
+
+
+def no_progress(*_: Any) -> None:
+    """Report nothing."""
+
+
+def fraction(done: float, stage: Stage) -> float:
+    """Part of a diagnosis that is done [%] when a step of a stage begins; never less than before."""
+    return stage.begins if stage.begins > done else max(done, min(done + STEP, 97.0))
+
+
+@contextmanager
+def stages() -> Iterator[StageProgress]:
+    """Show a bar on standard error; yields the function that is called at each step of a diagnosis."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), BarColumn(bar_width=28), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+        task, done = bar.add_task("reading", total=100), 0.0
+
+        def report(stage: Stage, detail: str = "") -> None:
+            nonlocal done
+            done = fraction(done, stage)
+            bar.update(task, completed=done, description=f"{stage.text} {detail}".strip())
+
+        yield report
 
 
 def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Adds --jobs and --cluster to a command."""
+    """Add --jobs and --cluster to a command."""
     jobs = click.option(
         "--jobs", default=1, show_default=True, type=click.IntRange(min=-1), help="Processes; -1 for one a core."
     )
@@ -24,10 +73,10 @@ def where_to_run(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @contextmanager
-def counted(title: str, again: str = "the same command goes on from there") -> Iterator[Count]:
-    """A bar on standard error; yields the function that is told (done, failed, total).
+def counted(title: str, resume: str = "the same command resumes the run") -> Iterator[Count]:
+    """Show a bar on standard error; yields the function that is called with (done, failed, total).
 
-    Ctrl-C and SIGTERM end the command with status 130 and a line that says how far it came and what to do `again`.
+    Ctrl-C and SIGTERM end the command with status 130 and a line that says how much is done and how to `resume`.
     """
     from rich.console import Console
     from rich.progress import (
@@ -44,7 +93,7 @@ def counted(title: str, again: str = "the same command goes on from there") -> I
         TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
     reached = ""
-    with asked_to_end():
+    with sigterm_as_interrupt():
         try:
             with Progress(*columns, console=Console(stderr=True), disable=not sys.stderr.isatty()) as bar:
                 task = bar.add_task(title, total=None, failed="")
@@ -56,13 +105,13 @@ def counted(title: str, again: str = "the same command goes on from there") -> I
 
                 yield count
         except KeyboardInterrupt:
-            click.echo("; ".join(["interrupted", *([reached] if reached else []), again]), err=True)
+            click.echo("; ".join(["interrupted", *([reached] if reached else []), resume]), err=True)
             raise SystemExit(INTERRUPTED) from None
 
 
 @contextmanager
-def asked_to_end() -> Iterator[None]:
-    """SIGTERM is taken as Ctrl-C is."""
+def sigterm_as_interrupt() -> Iterator[None]:
+    """Raise KeyboardInterrupt on SIGTERM, as Ctrl-C does."""
 
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt

@@ -1,0 +1,1 @@
+"""Logs and cases: files, units, clock and checks."""

@@ -103,11 +103,11 @@ class Log:
         return name in self.signals or bool(self.names(name))
 
     def names(self, kind: str) -> tuple[str, ...]:
-        """Wires or joints that have this kind of column, in file order: names("tension") -> ("AF", "MF", "AE")."""
+        """Channels with this kind of column, in file order, such as `AF`, `MF`, `AE` for `tension`."""
         return tuple(column[len(kind) + 1 :] for column in self.signals if _is_of_kind(column, kind))
 
     def array(self, kind: str, names: Sequence[str] | None = None) -> np.ndarray:
-        """Columns of one kind side by side, (n, len(names)); all of them in file order if no names are given.
+        """Columns of one kind (n, len(names)) [SI]; all of them in file order if no names are given.
 
         InputError naming the column that is missing.
         """
@@ -117,7 +117,7 @@ class Log:
         return np.column_stack([self[f"{kind}_{name}"] for name in chosen])
 
     def rows(self, which: slice | np.ndarray) -> "Log":
-        """The log of some rows: a slice, a mask (n,) or indices."""
+        """Select rows by a slice, a mask (n,) [-] or indices."""
         picked = {name: values[which] for name, values in self.signals.items()}
         return replace(self, time=self.time[which], signals=picked)
 
@@ -136,7 +136,7 @@ class Log:
         return replace(self, signals=self.signals | added, units=self.units | dict(units or {}))
 
     def with_array(self, kind: str, names: Sequence[str], values: np.ndarray) -> "Log":
-        """A new log with columns `kind_name` from values (n, len(names)): the inverse of `array`."""
+        """Add columns `kind_name` from values (n, len(names)) [SI]: the inverse of `array`."""
         if np.shape(values) != (len(self), len(names)):
             raise InputError(f"{kind}: array of shape {np.shape(values)}, wanted {(len(self), len(names))}")
         return self.with_signals({f"{kind}_{name}": values[:, i] for i, name in enumerate(names)})

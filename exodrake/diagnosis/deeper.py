@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.core.progress import Stage
 from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.search import Fitted, Ranking
@@ -64,7 +65,7 @@ def pruned(problem: Problem, ranking: Ranking, best: Fitted) -> list[Fitted]:
 def without(ranking: Ranking, fitted: Fitted, identity: str) -> Fitted:
     """A set of effects fitted anew without one of them."""
     point, fitter = fitted.point, ranking.full
-    ranking.progress(f"without {identity}")
+    ranking.progress(Stage.FIT, f"without {identity}")
     keep = [i for i, knob in enumerate(point.hypothesis.knobs) if knob.effect != identity]
     index = ranking.full.problem.robot.machine.index
     held = tuple((place, v) for place, v in point.hypothesis.held if place not in own_places(index, identity))

@@ -1,33 +1,33 @@
-"""Diagnosing many cases, resumably.
+"""Diagnosis of many cases, resumable.
 
-Each answer is written as soon as it is there; a case with a whole diagnosis.json is done, any other is not. A case that
-fails leaves failed.json with the reason, does not end the run, and is tried again by the next. Every answer carries the
-configuration it was made with: a set answered by two of them would be no test of either.
+Each answer is written as soon as it is known. A folder with a whole diagnosis.json is done. A case that fails leaves
+failed.json with the reason, does not end the run, and is tried again by the next run. Every answer carries the
+configuration it was made with: a set answered by two configurations would test neither.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
-from exodrake.core.parallel import each
+from exodrake.core.parallel import Outcome, each
+from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
-Progress = Callable[[int, int, int], None]
 
 
 def stored(folder: Path) -> dict[str, Any] | None:
-    """The answer that lies in a folder; None if there is none that can be read."""
+    """Read the answer in a folder; None if there is none that can be read."""
     try:
         answer = json.loads((folder / ANSWER).read_text())
         return answer if "verdict" in answer else None
@@ -36,9 +36,7 @@ def stored(folder: Path) -> dict[str, Any] | None:
 
 
 def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
-    """The configuration, with a digest of the nominal robot's numbers if it is another than the built-in one, and the
-    effects tried if they are chosen.
-    """
+    """Return the configuration, with a digest of a nominal robot that is not built in and the effects if chosen."""
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
     if not robot:
         return configuration() | choice
@@ -46,20 +44,18 @@ def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str
 
 
 def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:
-    """A case's answer as plain data. RuntimeError where another configuration is installed than was asked for."""
+    """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed."""
     from exodrake.diagnosis.pipeline import diagnose
 
-    here = configured(robot, tried)
-    if here != wanted:
-        raise RuntimeError(f"this worker has {described(here)}; asked for is {described(wanted)}")
+    installed = configured(robot, tried)
+    if installed != wanted:
+        raise RuntimeError(f"this worker has {described(installed)}; the run uses {described(wanted)}")
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
     return found.to_json() | {"configuration": wanted}
 
 
 def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) -> list[Path]:
-    """Cases still to be diagnosed. InputError if some were answered with another configuration, unless they are to be
-    redone.
-    """
+    """List the cases still to be diagnosed; with `redo`, those of another configuration as well, else InputError."""
     answers = {case: stored(place) for case, place in places.items()}
     foreign = [case for case, answer in answers.items() if answer and answer.get("configuration") != wanted]
     if foreign and not redo:
@@ -71,82 +67,82 @@ def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) 
     return [case for case in places if answers[case] is None or case in foreign]
 
 
-class Book:
-    """Writes down what becomes of the cases, each as soon as it is known, and counts."""
+class ResultStore:
+    """Files of a run: an answer or the reason of a failure per case, written at once; it counts both.
 
-    def __init__(self, places: Mapping[Path, Path], waiting: list[Path], progress: Progress) -> None:
+    Args:
+        places: Folder for the answer of each case.
+        waiting: Cases still to be diagnosed.
+        progress: Called with the numbers of answered, failed and all cases.
+    """
+
+    def __init__(self, places: Mapping[Path, Path], waiting: list[Path], progress: Count) -> None:
         self.places, self.answered, self.progress = places, len(places) - len(waiting), progress
         self.failed: dict[str, str] = {}
-        self.tell()
+        self.progress(self.answered, 0, len(places))
 
-    def tell(self) -> None:
-        """Says how far it is."""
+    def add(self, case: Path, outcome: Outcome) -> None:
+        """Write the answer of a case, or why there is none; the file of an earlier run with the other result goes."""
+        place = self.places[case]
+        place.mkdir(parents=True, exist_ok=True)
+        if outcome.reason is None:
+            write_text(place / ANSWER, json.dumps(outcome.value, indent=1, allow_nan=False) + "\n")
+            (place / FAILED).unlink(missing_ok=True)
+            self.answered += 1
+        else:
+            failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
+            write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
+            (place / ANSWER).unlink(missing_ok=True)
+            self.failed[place.name] = outcome.reason
         self.progress(self.answered, len(self.failed), len(self.places))
-
-    def keep(self, case: Path, answer: dict[str, Any]) -> None:
-        """An answer; what an earlier run failed at is settled."""
-        place = self.places[case]
-        place.mkdir(parents=True, exist_ok=True)
-        write_text(place / ANSWER, json.dumps(answer, indent=1, allow_nan=False) + "\n")
-        (place / FAILED).unlink(missing_ok=True)
-        self.answered += 1
-        self.tell()
-
-    def fail(self, case: Path, reason: str, trace: str = "") -> None:
-        """Why there is no answer; half an answer, or one of another configuration, goes."""
-        place = self.places[case]
-        place.mkdir(parents=True, exist_ok=True)
-        write_text(place / FAILED, json.dumps({"reason": reason, "traceback": trace.splitlines()}, indent=1) + "\n")
-        (place / ANSWER).unlink(missing_ok=True)
-        self.failed[place.name] = reason
-        self.tell()
 
 
 def diagnose_all(
     places: Mapping[Path, Path],
     jobs: int = 1,
     cluster: str | None = None,
-    progress: Progress = lambda done, failed, total: None,
+    progress: Count = no_progress,
     redo: bool = False,
     robot: str = "",
     tried: frozenset[str] | None = None,
 ) -> dict[str, str]:
-    """Diagnose the unfinished of many cases; an interruption loses nothing that was done.
+    """Diagnose the unfinished of many cases; an interruption loses no answer.
 
     Args:
-        places: case -> folder for its answer. jobs, cluster: as in `parallel.each`. robot: nominal robot, a name or a
-        file
-            (which each worker reads itself); the built-in one if empty.
-        progress: called with how many are answered, have failed, and are there.
-        redo: answer anew what was answered with another configuration.
-        tried: ids of the effects to try; None: the default ones.
+        places: Folder for the answer of each case.
+        jobs: As in `parallel.each`.
+        cluster: As in `parallel.each`.
+        progress: Called with the numbers of answered, failed and all cases.
+        redo: Answer anew the cases of another configuration.
+        robot: Nominal robot, a name or a file that each worker reads itself; the built-in robot if empty.
+        tried: Ids of the effects to try; None for the default ones.
+
     Returns:
-        {name of the answer's folder: reason} for those that failed; they stay unfinished.
+        {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
+
     Raises:
-        InputError: as `unanswered` and `parallel.each`, and where nothing can be written.
+        InputError: As `unanswered` and `parallel.each`, and where nothing can be written.
     """
+    wanted = configured(robot, tried)
+    waiting = unanswered(places, wanted, redo)
+    store, sent = ResultStore(places, waiting, progress), []
+    tasks = ((case, robot, wanted, tried) for case in readable(waiting, robot, store, sent))
+    with closing(each(diagnose_one, tasks, jobs, cluster)) as outcomes:
+        for outcome in outcomes:
+            store.add(sent[outcome.number], outcome)
+    return store.failed
+
+
+def readable(waiting: list[Path], robot: str, store: ResultStore, sent: list[Path]) -> Iterator[Case]:
+    """Read cases one by one; a case that cannot be read goes into the store as failed, the others into `sent`."""
     from exodrake.diagnosis.problem import required_of
 
     machine = (load_robot(robot) if robot else load_robot()).machine
-    required, wanted = required_of(machine), configured(robot, tried)
-    waiting = unanswered(places, wanted, redo)
-    book, sent = Book(places, waiting, progress), []
-
-    def readable() -> Iterator[tuple[Case, str, dict[str, str], frozenset[str] | None]]:
-        for case in waiting:
-            try:
-                read = read_case(case, required, machine.frame)
-            except Exception as error:  # as for a diagnosis that fails
-                book.fail(case, f"{type(error).__name__}: {error}")
-                continue
-            sent.append(case)
-            yield read, robot, wanted, tried
-
-    with closing(each(diagnose_one, readable(), jobs, cluster)) as outcomes:
-        for outcome in outcomes:
-            case = sent[outcome.number]
-            if outcome.reason is None:
-                book.keep(case, outcome.value)
-            else:
-                book.fail(case, outcome.reason, outcome.trace)
-    return book.failed
+    for path in waiting:
+        try:
+            case = read_case(path, required_of(machine), machine.frame)
+        except Exception as error:  # as a diagnosis that fails
+            store.add(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
+            continue
+        sent.append(path)
+        yield case

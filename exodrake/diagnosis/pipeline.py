@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.parallel import one_blas_thread
+from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
@@ -26,13 +26,11 @@ from exodrake.diagnosis.verdict import Decision, chi2, left_over, thresholds
 from exodrake.diagnosis.views import View, looked
 from exodrake.machines.robot_file import load_robot
 
-Progress = Callable[[str], None]
-
 
 def diagnose(
     case: Case | str | Path,
     robot: Robot | None = None,
-    progress: Progress = lambda _: None,
+    progress: StageProgress = no_progress,
     tried: frozenset[str] | None = None,
 ) -> Diagnosis:
     """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
@@ -40,7 +38,7 @@ def diagnose(
     Args:
         case: a case, or its folder.
         robot: the nominal robot; the built-in one if None.
-        progress: called with what is being done.
+        progress: called with the stage and what it works on, such as the name of an effect.
         tried: ids of the effects to try (`screen.chosen`); by default all that are not `not_tried`.
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
@@ -49,11 +47,11 @@ def diagnose(
     robot = robot or load_robot()
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     problem = make_problem(case, robot, tried)
-    progress("measuring the gap")
+    progress(Stage.CHECK, "")
     with one_blas_thread():
         closed, chosen = looked(problem, thresholds(), progress)
         chosen = chosen.polished()
-        progress("measuring how far")
+        progress(Stage.CLOSURE, "")
         return answer(case, problem.robot, closed, chosen, begun, progress)
 
 
@@ -124,7 +122,7 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float, progress: Progress) -> Diagnosis:
+def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float, progress: StageProgress) -> Diagnosis:
     """The diagnosis, with everything measured that it states: gaps in closed loop, causes in the chosen view."""
     problem, search, ranking, decision = closed.problem, closed.search, closed.ranking, chosen.decision
     robots = {
@@ -141,7 +139,7 @@ def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float,
 
         rows = np.array([ranking.full.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
         experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
-    progress("where it lies")
+    progress(Stage.LOCALISE, "")
     where = place(problem, ranking.full, search, chosen, effects)
     return Diagnosis(
         case=case.name,

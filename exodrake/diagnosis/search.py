@@ -4,19 +4,17 @@ pairs by forward search.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.retune import CLOSE, Retuned, leapt, retuned
 from exodrake.diagnosis.screen import Start, screened
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +75,9 @@ HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's aft
 class Ranking:
     """The course of a search: what is fitted, refined and paired."""
 
-    def __init__(self, problem: Problem, progress: Progress = lambda _: None, start: np.ndarray | None = None) -> None:
+    def __init__(
+        self, problem: Problem, progress: StageProgress = no_progress, start: np.ndarray | None = None
+    ) -> None:
         self.full, self.quick = Fitter(problem), Fitter(problem.shortened(SHARE))
         self.progress = progress
         self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
@@ -97,7 +97,7 @@ class Ranking:
     @cached_property
     def tuned(self) -> Retuned:
         """The course of retuning."""
-        self.progress("retuning the nominal numbers")
+        self.progress(Stage.RETUNE, "")
         return retuned(self.full, self.begin)
 
     def retuned(self) -> Fitted:
@@ -118,7 +118,7 @@ class Ranking:
         `FEW`.
         """
         tuned = self.tuned
-        self.progress("screening effects")
+        self.progress(Stage.SCREEN, "")
         kept, base = self.kept_rows(tuned.responses), self.quick.at(NOTHING, np.zeros(0), tuned.base.x)
         gram = kept.T @ kept
         starts = screened(self.quick, base, kept, gram)
@@ -132,7 +132,7 @@ class Ranking:
         screened.
         """
         alone, u = self.second_of(pair)
-        self.progress(f"{alone.name} alone")
+        self.progress(Stage.FIT, alone.name)
         start = self.full.at(alone, u, pair.point.x)
         return self.complete(self.full.fit(start, self.tuned.responses, steps=8))
 
@@ -140,7 +140,7 @@ class Ranking:
         """The second effect of a pair beside another first one."""
         alone, u = self.second_of(pair)
         both = other.point.hypothesis.joined(alone)
-        self.progress(both.name)
+        self.progress(Stage.FIT, both.name)
         start = self.full.at(both, np.concatenate([other.point.u, u]), pair.point.x)
         responses = self.own.get(pair.name, self.tuned.responses)
         return self.complete(self.full.fit(start, responses, steps=8))
@@ -161,7 +161,7 @@ class Ranking:
         point, machine = fitted.point, self.full.problem.robot.machine
         lost = hypothesis(machine, machine.effect(LOSING))
         both = point.hypothesis.joined(lost)
-        self.progress(both.name)
+        self.progress(Stage.FIT, both.name)
         start = self.full.at(both, np.concatenate([point.u, lost.start]), point.x)
         return self.complete(self.full.fit(start, self.own.get(fitted.name, self.tuned.responses), steps=4))
 
@@ -172,7 +172,7 @@ class Ranking:
     def settled(self, point: Point, central: bool) -> Point:
         """A point fitted until its cost stands still; its responses are kept."""
         name = point.hypothesis.name
-        self.progress(f"settling {name}")
+        self.progress(Stage.REFINE, name)
         point, self.own[name] = self.full.settled(point, central)
         self.still |= {point} if central else set()
         return point
@@ -191,7 +191,7 @@ class Ranking:
         """
         fitter, points = self.quick, []
         for start in starts:
-            self.progress(start.hypothesis.name)
+            self.progress(Stage.FIT, start.hypothesis.name)
             points.append(fitter.fit(self.begun(start), responses, steps=2, gram=gram))
         promising, ranked = points[:1], sorted(points, key=lambda p: p.cost)
         hopeful = [p for p in ranked[:survivors] if p.chi2 < HOPELESS * ranked[0].chi2]
@@ -221,7 +221,7 @@ class Ranking:
         for k, p in enumerate(points):
             start = fitter.at(p.hypothesis, p.u, p.x)
             if k < count:
-                self.progress(f"refining {p.hypothesis.name}")
+                self.progress(Stage.REFINE, p.hypothesis.name)
                 start = fitter.fit(start, responses, steps=8)
             found.append(start)
         found.sort(key=lambda p: p.cost)
@@ -233,7 +233,7 @@ class Ranking:
 
     def pairs(self, first: Fitted) -> list[Fitted]:
         """Second effects beside a fitted first one: screened at its point, raced, the best refined."""
-        self.progress(f"a second effect beside {first.name}")
+        self.progress(Stage.SECOND, f"beside {first.name}")
         point = self.quick.at(first.point.hypothesis, first.point.u, first.point.x)
         whole = self.own[first.name] if first.name in self.own else self.full.responses(first.point)
         responses = self.kept_rows(whole)

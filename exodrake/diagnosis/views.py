@@ -14,12 +14,13 @@ from functools import cached_property
 
 import numpy as np
 
+from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.deeper import deeper
 from exodrake.diagnosis.drops import lossy
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LOSING, STRAINED, Progress, Ranking, Search
+from exodrake.diagnosis.search import LOSING, STRAINED, Ranking, Search
 from exodrake.diagnosis.seconds import by_far, seconds, with_losses
 from exodrake.diagnosis.verdict import Decision, Thresholds, chi2, decide, is_quiet, left_over
 
@@ -55,7 +56,7 @@ class View:
         return replace(self, decision=replace(self.decision, best=self.ranking.polished(best)))
 
 
-def looked(problem: Problem, limits: Thresholds, progress: Progress = lambda _: None) -> tuple[View, View]:
+def looked(problem: Problem, limits: Thresholds, progress: StageProgress = no_progress) -> tuple[View, View]:
     """The closed view, and the one whose decision counts: the steered one where it names what leaves less."""
     closed = closed_view(problem, limits, progress)
     if settles(closed, limits):
@@ -73,7 +74,7 @@ def settles(view: View, limits: Thresholds) -> bool:
     return chi2(view.problem, view.decision.best) <= limits.near or view.left <= limits.form
 
 
-def closed_view(problem: Problem, limits: Thresholds, progress: Progress) -> View:
+def closed_view(problem: Problem, limits: Thresholds, progress: StageProgress) -> View:
     """Nominal, retuned, then effects and pairs as far as the gap asks for them; beside a tremor, if one is seen."""
     ranking = Ranking(problem, progress)
     search = tuned_search(problem, ranking, limits)
@@ -105,11 +106,11 @@ def tuned_search(problem: Problem, ranking: Ranking, limits: Thresholds) -> Sear
     return Search(nominal, retuned)
 
 
-def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, progress: Progress) -> View:
+def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, progress: StageProgress) -> View:
     """The view without the band of a tremor, which is named with whatever else is. The tremor is in all runs: it keeps
     friction moving.
     """
-    progress(f"once more, without the line at {line.frequency:.1f} Hz")
+    progress(Stage.REPEAT, f"without the spectral peak at {line.frequency:.1f} Hz")
     found = tremor(problem, start.values, line)
     robot = replace(problem.robot, values=found.hypothesis.apply(problem.robot.values, found.u))
     whole, problem = problem, replace(problem, robot=robot).without(line.bands(0.5 / robot.machine.frame))
@@ -127,12 +128,12 @@ def shaken_view(problem: Problem, line: Line, start: View, limits: Thresholds, p
     return replace(view, decision=replace(decision, reasons=(*decision.reasons, why)), tremor=found)
 
 
-def steered_view(closed: View, limits: Thresholds, progress: Progress) -> View | None:
+def steered_view(closed: View, limits: Thresholds, progress: StageProgress) -> View | None:
     """The search with runs that follow the logs; None where the machine cannot, or where nothing is left to explain."""
     problem = closed.problem.steered()
     if problem is None:
         return None
-    progress("once more, steered by the logs")
+    progress(Stage.REPEAT, "with output injection from the logs")
     ranking = Ranking(problem, progress, closed.search.retuned.point.x)
     nominal, retuned = ranking.nominal(), ranking.retuned()
     if chi2(problem, retuned) <= limits.near:

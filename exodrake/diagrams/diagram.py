@@ -63,7 +63,7 @@ def build_diagram(
 def run_diagram(
     robot: Robot, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, substeps: int, fused: bool = True
 ) -> np.ndarray:
-    """All wires (frames, wires) at each frame's end; to the last bit those of the compiled simulator."""
+    """All signals (frames, signals) [SI] at the end of each frame, equal to the compiled simulator to the last bit."""
     machine = robot.machine
     given = input_rows(machine, reference.tension, noise_inputs)
     fused = fused and plant_machine(machine) is not None
@@ -81,7 +81,7 @@ def assemble(
     fine_log: bool,
     estimator: Weights | None = None,
 ) -> Diagram:
-    """The Diagram of a robot; `given`: rows of the wires from outside, exported as input ports if None."""
+    """Build the Diagram; `given`: rows (frames, channels) [SI] of outside signals, or None to export input ports."""
     machine, builder = robot.machine, DiagramBuilder()
     outputs: dict[str, OutputPort] = {}
     inputs: list[tuple[str, InputPort]] = []
@@ -147,7 +147,7 @@ def join_signals(builder: DiagramBuilder, outputs: dict[str, OutputPort], inputs
 
 
 def source(machine: Machine, builder: DiagramBuilder, name: str, rows: np.ndarray) -> OutputPort:
-    """Rows (frames, channels) as a wire, held for a frame; a quarter slot late, so that a frame's end shows its own."""
+    """Hold rows (frames, channels) [SI] for a frame each, a quarter slot late so that a frame ends with its own row."""
     breaks = machine.frame * np.arange(len(rows) + 1) + 0.25 * machine.slot
     held = PiecewisePolynomial.ZeroOrderHold(breaks, np.vstack([rows, rows[-1:]]).T)  # pyright: ignore
     return builder.AddNamedSystem(name, TrajectorySource(held)).get_output_port()
@@ -178,7 +178,7 @@ def add_logs(
 
 
 def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:
-    """Rows (frames, wires of the table side by side) of a log, one a frame that has ended; `FINE_LOG`: one a slot.
+    """Rows (frames, signals) [SI] of a log, one per completed frame; `FINE_LOG`: one per slot.
 
     Wires from outside are left out if the Diagram was built without a reference.
     """

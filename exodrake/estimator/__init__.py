@@ -1,8 +1,7 @@
-"""The joint-angle estimator: a Gaussian process from tensions and strokes to joint angles, and how far to trust it.
+"""Joint-angle estimator: a Gaussian process from tensions and strokes to joint angles with standard deviations.
 
     logs -> `dataset.sweeps_from_logs` -> `gp.fit` -> `file.save`, `file.load` -> `gp.Estimator.predict`
-    `validate.validate` judges it, with the quadratic `ridge` and the nearest neighbour, on random rows and on whole
-    held-out sweeps
 
-Every figure names its split: neighbours in time are nearly equal, so a random split rewards looking the answer up.
+`validate.validate` compares it with a quadratic `ridge` and the nearest neighbour, on random rows and on whole held-out
+sweeps. Every error names its split: neighbouring rows are nearly equal, so a random split rewards a look-up.
 """

@@ -1,7 +1,7 @@
-"""Training data: rows of logs, labelled by the sweep they belong to.
+"""Training data: rows of logs, each with the label of its sweep.
 
-A sweep is one excursion of the tension references: from the end of the previous one, up, and down again. Rows of a
-sweep share what the wearer does differently each time, so a sweep is held out whole or not at all.
+A sweep is one excursion of the tension references: from the end of the previous sweep, up, and down again. The wearer's
+variation from sweep to sweep is common to all rows of a sweep, so a sweep is held out whole or not at all.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.log import Log
 
-MIN_SWEEPS = 4  # fewer say nothing about how one sweep differs from the next
+MIN_SWEEPS = 4  # fewer do not show the variation between sweeps
 MIN_RAMP = 0.3  # s, a shorter rise or fall of a reference is a step between sweeps
 MAX_STEP = 0.05  # of a reference's range in one frame: more is a jump, not a ramp
 MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
@@ -22,8 +22,14 @@ MIN_STEP = 1e-4  # of a reference's range in one frame: less is a hold
 class Sweeps:
     """Rows of several sweeps.
 
-    inputs: (n, 2 x wires), tensions [N] then strokes [m]. angle: (n, joints) rad. sweep: (n,) int label. time: (n,) s,
-    compared within a sweep only. logs: names of the logs, for the record.
+    Attributes:
+        inputs: (n, 2 x wires) tensions [N], then strokes [m].
+        angle: (n, joints) joint angles [rad].
+        sweep: (n,) label of the sweep.
+        time: (n,) time [s], compared within a sweep only.
+        wires: Names of the wires.
+        joints: Names of the joints.
+        logs: Names of the logs.
     """
 
     inputs: np.ndarray
@@ -44,31 +50,36 @@ class Sweeps:
 
     @property
     def tension(self) -> np.ndarray:
-        """(n, wires) N."""
+        """Tensions (n, wires) [N]."""
         return np.ascontiguousarray(self.inputs[:, : len(self.wires)])
 
     @property
     def stroke(self) -> np.ndarray:
-        """(n, wires) m."""
+        """Strokes (n, wires) [m]."""
         return np.ascontiguousarray(self.inputs[:, len(self.wires) :])
 
     def rows(self, which: np.ndarray) -> "Sweeps":
-        """The sweeps restricted to some rows (mask or indices)."""
+        """Select rows by a mask (n,) [-] or indices."""
         part = (self.inputs[which], self.angle[which], self.sweep[which], self.time[which])
         return replace(self, inputs=part[0], angle=part[1], sweep=part[2], time=part[3])
 
     def equispaced(self, count: int) -> "Sweeps":
-        """At most `count` rows, equally spaced in time."""
+        """Select at most `count` rows, equally spaced."""
         if len(self) <= count:
             return self
         return self.rows(np.linspace(0, len(self) - 1, count).round().astype(int))
 
 
 def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sweeps:
-    """Cut logs into sweeps and join them. Logs whose label is in `one_per_log` stay whole.
+    """Cut logs into sweeps and join them.
 
-    InputError for no logs, logs of other wires or joints than the first, logs without angles, missing samples (NaN)
-    and fewer than `MIN_SWEEPS` sweeps.
+    Args:
+        logs: Logs with tension, stroke and angle.
+        one_per_log: Labels of logs that are one sweep each.
+
+    Raises:
+        InputError: For no logs, logs of other wires or joints than the first, logs without angles, missing samples
+            (NaN), and fewer than `MIN_SWEEPS` sweeps.
     """
     if not logs:
         raise InputError("no logs to train the estimator on")
@@ -90,7 +101,7 @@ def sweeps_from_logs(logs: Sequence[Log], one_per_log: Sequence[str] = ()) -> Sw
 
 
 def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
-    """Tensions [N] and strokes [m] side by side, (n, 2 x wires). InputError for other wires or missing samples."""
+    """Tensions [N] and strokes [m] (n, 2 x wires) of a log. InputError for other wires or missing samples."""
     found = log.names("tension")
     if not wires or set(found) != set(wires):
         raise InputError(f"{log.label}: tensions of wires {_names(found)}, the estimator needs {_names(wires)}")
@@ -99,10 +110,10 @@ def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
 
 
 def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
-    """Measured joint angles, (n, joints) rad. InputError for none, other joints or missing samples."""
+    """Measured joint angles (n, joints) [rad] of a log. InputError for none, other joints or missing samples."""
     found = log.names("angle")
     if not found:
-        raise InputError(f"{log.label}: no joint angles, without which nothing can be trained (columns angle_...)")
+        raise InputError(f"{log.label}: no joint angles, which training needs (columns angle_...)")
     if set(found) != set(joints):
         raise InputError(f"{log.label}: angles of joints {_names(found)}, the estimator needs {_names(joints)}")
     _complete(log, [f"angle_{joint}" for joint in joints])
@@ -110,11 +121,18 @@ def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
 
 
 def cut(reference: np.ndarray, dt: float) -> np.ndarray:
-    """Sweep labels 0, 1, .. of each row, (n,), from the tension references (n, wires) [N] sampled every dt [s].
+    """Label the rows of a log by sweep.
 
-    A ramp is a run of at least `MIN_RAMP` in which some reference moves one way, less than a jump per frame. A sweep
-    ends with the last ramp before a new rise that follows a fall, belongs to another wire, or starts lower than the
-    last rise ended; the dwell in between goes to the new sweep. A log without ramps (holds, steps) is one sweep.
+    A ramp lasts at least `MIN_RAMP` with a monotonic reference and no jump. A sweep ends with the last ramp before a
+    new rise that follows a fall, belongs to another wire, or starts lower than the last rise ended; the dwell between
+    them belongs to the new sweep. A log without ramps (holds, steps) is one sweep.
+
+    Args:
+        reference: (n, wires) tension references [N].
+        dt: Sampling interval [s].
+
+    Returns:
+        Labels (n,) from 0.
     """
     label = np.zeros(len(reference), int)
     span = np.ptp(reference, axis=0)
@@ -136,7 +154,7 @@ def cut(reference: np.ndarray, dt: float) -> np.ndarray:
 
 
 def _runs(step: np.ndarray, way: int, dt: float) -> list[tuple[int, int, int]]:
-    """(first row, last row, way) of each ramp that goes `way` (+1 up, -1 down)."""
+    """List (first row, last row, direction) of the ramps of one direction (+1 up, -1 down)."""
     jump = np.any(np.abs(step) > MAX_STEP, axis=1)
     moving = np.any(way * step > MIN_STEP, axis=1) & ~jump
     edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))

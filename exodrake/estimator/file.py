@@ -1,7 +1,7 @@
-"""An estimator as a file: arrays and one JSON record in an .npz, no pickle, written whole or not at all.
+"""Estimator files: arrays and one JSON record in an .npz, without pickle, written whole or not at all.
 
-The record names wires, joints, units, training logs and the robot; an estimator of another robot is refused when it
-meets a log (other wires or joints) or a robot file (another signature).
+The record names wires, joints, units, training logs and the robot. An estimator is refused for a log of other wires or
+joints, and for a robot file of another signature.
 """
 
 import hashlib
@@ -23,13 +23,18 @@ UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
 
 
 def signature(robot_file: str | Path) -> str:
-    """SHA-256 of a robot file's bytes, hexadecimal. InputError if it cannot be read."""
+    """SHA-256 of a robot file, hexadecimal. InputError if it cannot be read."""
     return hashlib.sha256(read_bytes(robot_file)).hexdigest()
 
 
 def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:
-    """Write an estimator (.npz); notes: more for the record, such as validation figures. InputError if it may not be
-    written."""
+    """Write an estimator (.npz). InputError if it cannot be written.
+
+    Args:
+        estimator: The estimator.
+        path: File to write.
+        notes: Additions to the record, such as validation errors.
+    """
     from exodrake import __version__
 
     record = {
@@ -51,10 +56,15 @@ def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = 
 
 
 def load(path: str | Path, robot: str | None = None) -> Estimator:
-    """Read an estimator; robot: signature it must carry, or None for any.
+    """Read an estimator.
 
-    InputError naming the file if it is no estimator, is damaged, has units this version does not know, or is another
-    robot's.
+    Args:
+        path: File to read.
+        robot: Signature that the file must carry, or None for any.
+
+    Raises:
+        InputError: Naming the file, if it is not an estimator, is damaged, has unknown units, or belongs to another
+            robot.
     """
     record, arrays = _read(path)
     if record.get("units") != UNITS:
@@ -82,7 +92,7 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
 
 
 def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Record and arrays of the file."""
+    """Read record and arrays."""
     data = read_bytes(path)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
@@ -96,7 +106,7 @@ def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _check_shapes(estimator: Estimator, path: str | Path) -> None:
-    """InputError unless the arrays fit each other, since the kernel does not look."""
+    """Raise InputError unless the shapes of the arrays agree, which compiled code does not check."""
     inputs, joints = 2 * len(estimator.wires), len(estimator.joints)
     points = estimator.weights.alpha.shape[0]
     wanted: dict[str, tuple[int, ...]] = {

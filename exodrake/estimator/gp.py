@@ -1,17 +1,16 @@
-"""Training the estimator: a Gaussian process over sweeps, its closed-form leave-one-sweep-out, and the flat arrays
-that run it.
+"""Gaussian process over sweeps: training, closed-form leave-one-sweep-out, and the flat arrays for prediction.
 
-`learn` finds the covariance's parameters with scikit-learn's GaussianProcessRegressor (marginal likelihood summed over
-the joints, which share the covariance up to their scale); `condition` takes the training rows in and calibrates; `fit`
-does both. Inputs are turned to the principal axes of their correlation, since what matters is combinations such as s -
-T / k.
+`learn` fits the hyperparameters with scikit-learn's GaussianProcessRegressor (marginal likelihood summed over the
+joints, which share the covariance up to scale); `condition` conditions on the training rows and calibrates; `fit` does
+both. Inputs are rotated to the principal axes of their correlation, since combinations such as s - T / k carry the
+information.
 
-Leaving sweep B out of K = L L' needs no new fit (Rasmussen and Williams, section 5.4.2, with a block in place of a
-point):
+The prediction of sweep B from the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section
+5.4.2, with a block in place of a point):
 
     y_B - mu_B = [K^-1]_BB^-1 [K^-1 y]_B          Cov(y_B | the other sweeps) = [K^-1]_BB^-1
 
-Its residuals scale the standard deviation of each joint, and its variances set the limit beyond which a sample is
+The residuals scale the standard deviation of each joint, and the variances set the limit beyond which a sample is
 flagged.
 """
 
@@ -31,17 +30,17 @@ from exodrake.systems.gp_estimator import Weights, predict_rows
 
 POINTS = 500
 JITTER = 1e-10  # scikit-learn's default, added to the diagonal
-EVALUATIONS = 60  # of the marginal likelihood; it is flat by then
-# Quantile of the held-out variances that is the limit; fresh sweeps at trained levels pass it about 1 % of the time
+EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
+# Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
 OWN = 0.975
-# The covariance was learnt with the held-out sweep in, so its residuals are too small: measured on fresh sweeps
+# The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
 ALLOWANCE = 1.1
 NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Covariance and scaling: kernel over (z, sweep, time), z = rotation (x - center), angle = offset + gain y."""
+    """Covariance and scaling: kernel over (z, sweep, time) with z = rotation (x - center), angle = offset + gain y."""
 
     kernel: Any
     center: np.ndarray
@@ -50,21 +49,28 @@ class Prior:
     gain: np.ndarray
 
     def rows(self, sweeps: Sweeps) -> np.ndarray:
-        """Input of the kernel, (n, m + 2): z [-], sweep label, time [s]."""
+        """Inputs of the kernel (n, m + 2): z [-], sweep label, time [s]."""
         return np.column_stack([(sweeps.inputs - self.center) @ self.rotation.T, sweeps.sweep, sweeps.time])
 
     def targets(self, sweeps: Sweeps) -> np.ndarray:
-        """Scaled angles, (n, J)."""
+        """Scaled angles (n, joints) [-]."""
         return (sweeps.angle - self.offset) / self.gain
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Estimator:
-    """A trained estimator.
+    """Trained estimator.
 
-    limit: variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps. robot: signature of
-    the robot it belongs to, or "". logs, sweeps: what it was trained on. kernel: the covariance in words.
+    Attributes:
+        wires: Names of the wires.
+        joints: Names of the joints.
+        weights: Arrays of the prediction.
+        limit: Variance ratio (see `predict_into`) beyond which a sample is unlike the training sweeps [-].
+        robot: Signature of the robot file, or "".
+        logs: Names of the training logs.
+        sweeps: Number of training sweeps.
+        kernel: The covariance, as text.
     """
 
     wires: tuple[str, ...]
@@ -82,23 +88,30 @@ class Estimator:
         return len(self.weights.alpha)
 
     def predict(self, tension: np.ndarray, stroke: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Mean (rows, J) [rad], standard deviation (rows, J) [rad] and flag (rows,): unlike the training sweeps.
+        """Predict joint angles.
 
-        tension [N], stroke [m] (rows, wires). The flag catches re-donning (the wire zeros move); contact with an
-        object, which moves tension and stroke along combinations seen in training, it does not.
+        The flag detects re-donning, which shifts the zeros of the wires. It does not detect contact with an object,
+        which changes tension and stroke along combinations seen in training.
+
+        Args:
+            tension: (rows, wires) [N].
+            stroke: (rows, wires) [m].
+
+        Returns:
+            Mean (rows, joints) [rad], standard deviation (rows, joints) [rad], and flag (rows,) of samples unlike the
+            training sweeps.
         """
         mean, std, ratio = predict_rows(np.ascontiguousarray(tension), np.ascontiguousarray(stroke), self.weights)
         return mean, std, ratio > self.limit
 
 
 def fit(sweeps: Sweeps, points: int = POINTS) -> Estimator:
-    """Learn the covariance and condition on at most `points` rows, equispaced in time. Takes seconds at 500."""
+    """Learn the covariance and condition on at most `points` rows, equispaced in time."""
     return condition(learn(sweeps, points), sweeps, points)
 
 
 def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
-    """Scaling and covariance parameters by marginal likelihood, from the start values of `sweep_kernel`: no
-    randomness."""
+    """Fit scaling and hyperparameters by marginal likelihood, from the start values of `sweep_kernel`."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
 
@@ -112,7 +125,7 @@ def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
 
 
 def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
-    """Take at most `points` rows in, with the covariance as it is, and calibrate on sweeps left out in turn."""
+    """Condition on at most `points` rows with a given covariance, and calibrate by leave-one-sweep-out."""
     chosen = sweeps.equispaced(points)
     rows, targets = prior.rows(chosen), prior.targets(chosen)
     with threadpool_limits(1):
@@ -141,8 +154,16 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
 
 
 def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residual (n, J) and variance (n,) of each row predicted from the other sweeps alone; inverse = K^-1 (n, n),
-    targets (n, J)."""
+    """Predict each row from the other sweeps.
+
+    Args:
+        inverse: K^-1 (n, n) [-].
+        targets: (n, joints) scaled angles [-].
+        sweep: (n,) labels.
+
+    Returns:
+        Residual (n, joints) [-] and variance (n,) [-].
+    """
     weighted = inverse @ targets
     residual, variance = np.empty_like(targets), np.empty(len(targets))
     for label in np.unique(sweep):
@@ -154,13 +175,13 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
 
 
 def new_rows(prior: Prior, tension: np.ndarray, stroke: np.ndarray) -> np.ndarray:
-    """Kernel input of samples of a sweep not seen before, (n, m + 2): what scikit-learn would be asked to predict."""
+    """Kernel inputs (n, m + 2) of a new sweep with tensions (n, wires) [N] and strokes (n, wires) [m]."""
     z = (np.hstack([tension, stroke]) - prior.center) @ prior.rotation.T
     return np.column_stack([z, np.full(len(z), NEW), np.zeros(len(z))])
 
 
 def _scaled(sweeps: Sweeps) -> Prior:
-    """Scaling from the rows and the kernel's start values. Constant inputs and angles keep unit scale."""
+    """Scale inputs and angles to unit variance; constant ones keep unit scale."""
     center, width = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0)
     width = np.where(width > 0, width, 1.0)
     unit = (sweeps.inputs - center) / width
@@ -171,7 +192,7 @@ def _scaled(sweeps: Sweeps) -> Prior:
 
 
 def _minimise(objective, start, bounds):
-    """scikit-learn's optimizer hook: L-BFGS-B with a bounded number of evaluations, each of which costs n^3."""
+    """Optimizer of scikit-learn: L-BFGS-B with a bounded number of evaluations, each of which costs n^3."""
     from scipy.optimize import minimize
 
     options = {"maxfun": EVALUATIONS}

@@ -1,11 +1,11 @@
-"""Covariance of the angles: what the inputs explain, and what the rows of one sweep share besides.
+"""Covariance of the angles: a function of the inputs, plus a random offset and drift per sweep, plus noise.
 
     k = v_lin (1 + z . z') + v_rbf exp(-|(z - z') / ell|^2 / 2)
         + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
 
-scikit-learn's kernels compose all of it; the two here let a kernel look at some columns only, and at equal labels.
-Rows are (z (m columns), sweep label, time [s]); a label that no training row has (`NEW`) stands for a new sweep.
-Without the middle terms the length scales absorb what a sweep's rows share, and more data makes a new sweep worse.
+It is a composition of scikit-learn's kernels and two more: a kernel on some columns, and an indicator of equal labels.
+Rows are (z (m columns), sweep label, time [s]); the label `NEW`, which no training row has, marks a new sweep. Without
+the middle terms the length scales absorb the correlated error of a sweep, and more data makes a new sweep worse.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ NEW = -1.0
 
 
 class OnColumns(Kernel):
-    """A kernel that sees some columns of its input only."""
+    """Kernel on some columns of its input."""
 
     def __init__(self, kernel, columns):
         self.kernel = kernel
@@ -37,7 +37,7 @@ class OnColumns(Kernel):
 
     @property
     def hyperparameters(self):
-        """Those of the inner kernel."""
+        """Hyperparameters of the inner kernel."""
         return [
             Hyperparameter(f"kernel__{h.name}", h.value_type, h.bounds, h.n_elements)
             for h in self.kernel.hyperparameters
@@ -45,7 +45,7 @@ class OnColumns(Kernel):
 
     @property
     def theta(self):
-        """Free parameters, as logarithms."""
+        """Logarithms of the hyperparameters."""
         return self.kernel.theta
 
     @theta.setter
@@ -54,45 +54,46 @@ class OnColumns(Kernel):
 
     @property
     def bounds(self):
-        """Bounds of theta, (p, 2)."""
+        """Bounds (p, 2) of theta."""
         return self.kernel.bounds
 
     def __call__(self, X, Y=None, eval_gradient=False):
+        """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
         columns = list(self.columns)
         return self.kernel(X[:, columns], None if Y is None else Y[:, columns], eval_gradient)
 
     def diag(self, X):
-        """Prior variances, (n,)."""
+        """Prior variances (n,)."""
         return self.kernel.diag(X[:, list(self.columns)])
 
     def is_stationary(self):
-        """As the inner kernel."""
+        """Tell whether the inner kernel is stationary."""
         return self.kernel.is_stationary()
 
 
 class SameLabel(Kernel):
-    """1 where a column holds the same label, else 0; no free parameter."""
+    """Kernel that is 1 for equal labels in a column and 0 otherwise."""
 
     def __init__(self, column):
         self.column = column
 
     def __call__(self, X, Y=None, eval_gradient=False):
+        """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
         other = X if Y is None else Y
         value = (X[:, self.column, None] == other[None, :, self.column]).astype(float)
         return (value, np.empty((*value.shape, 0))) if eval_gradient else value
 
     def diag(self, X):
-        """Ones, (n,)."""
+        """Ones (n,)."""
         return np.ones(len(X))
 
     def is_stationary(self):
-        """No."""
+        """Return False."""
         return False
 
 
 def sweep_kernel(inputs: int) -> Sum:
-    """The covariance above for `inputs` columns z of about unit size and angles scaled to unit variance; start values
-    and bounds."""
+    """Build the covariance for `inputs` columns z and angles of unit variance, with start values and bounds."""
     z, sweep, time = tuple(range(inputs)), inputs, (inputs + 1,)
     linear = ConstantKernel(1.0, (1e-3, 1e3)) * OnColumns(DotProduct(1.0, "fixed"), z)
     length = RBF(np.full(inputs, 2.0), (5e-2, 1e2))  # pyright: ignore
@@ -103,7 +104,7 @@ def sweep_kernel(inputs: int) -> Sum:
 
 
 def parts(kernel: Sum) -> tuple[float, float, np.ndarray, float]:
-    """(v_lin, v_rbf, ell (m,), v_rest) of a `sweep_kernel`; v_rest = v_sweep + v_drift + v_noise."""
+    """Read (v_lin, v_rbf, ell (m,), v_sweep + v_drift + v_noise) of a `sweep_kernel` [-]."""
     without_noise, noise = kernel.k1, kernel.k2
     without_drift, drift = without_noise.k1, without_noise.k2
     explained, shared = without_drift.k1, without_drift.k2

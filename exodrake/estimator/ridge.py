@@ -1,8 +1,7 @@
-"""The honest baselines: a quadratic ridge with a standard deviation from held-out sweeps, and the nearest neighbour.
+"""Baselines: a quadratic ridge with a standard deviation from held-out sweeps, and the nearest neighbour.
 
-With wearer variability a Gaussian process that only ties the ridge in RMSE still earns its keep by knowing when it
-does not know. The nearest neighbour is there to expose a random split: it looks answers up and cannot know a new
-sweep.
+With wearer variability the Gaussian process gains over the ridge in its likelihood rather than its RMSE. The nearest
+neighbour exposes a random split: it is good at looking up rows of the same sweep and poor on a new sweep.
 """
 
 from collections.abc import Callable
@@ -15,12 +14,11 @@ PENALTIES = tuple(10.0**power for power in range(-3, 3))
 FOLDS = 5
 
 Predictor = Callable[[Sweeps], tuple[np.ndarray, np.ndarray]]
-"""Mean and standard deviation (n, J) [rad] of the angles of sweeps, from their inputs alone."""
+"""Mean and standard deviation (n, joints) [rad] of the angles of sweeps, from their inputs."""
 
 
 def fit_ridge(sweeps: Sweeps) -> Predictor:
-    """Quadratic ridge on standardised inputs; penalty and standard deviation per joint by cross-validation over whole
-    sweeps."""
+    """Fit a quadratic ridge; penalty and standard deviation by cross-validation; predicts (n, joints) [rad]."""
     from sklearn.model_selection import GroupKFold, cross_val_predict
 
     folds = GroupKFold(min(FOLDS, sweeps.count))
@@ -34,7 +32,7 @@ def fit_ridge(sweeps: Sweeps) -> Predictor:
 
 
 def fit_nearest(sweeps: Sweeps) -> Predictor:
-    """The angles of the nearest training row in standardised inputs; no standard deviation (NaN)."""
+    """Fit a nearest-neighbour look-up without standard deviation (NaN); predicts (n, joints) [rad]."""
     from sklearn.neighbors import KNeighborsRegressor
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler

@@ -1,7 +1,7 @@
-"""Judging an estimator: the same data under a random split of the rows and with whole sweeps held out, side by side.
+"""Validation of an estimator by cross-validation over random rows and over whole sweeps.
 
-The Gaussian process keeps the covariance parameters learnt from all rows while the folds change what it is conditioned
-on (a fit per fold would take minutes; parameters are a dozen numbers for thousands of rows). Folds are seeded.
+The Gaussian process keeps the hyperparameters learnt from all rows and is conditioned anew in each fold: a fit per fold
+would take minutes, and there are a dozen hyperparameters for thousands of rows. Folds are seeded.
 """
 
 from collections.abc import Callable
@@ -22,8 +22,15 @@ RANDOM, HELD_OUT = "random rows", "held-out sweeps"
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """How predictions fare: RMSE (J,) [rad], share of rows within the 95 % interval (J,) (NaN if no interval), mean
-    negative log-likelihood a row and joint [nat]."""
+    """Errors of predictions.
+
+    Attributes:
+        method: Name of the method.
+        split: Name of the split.
+        rmse: (joints,) root mean square error [rad].
+        coverage: (joints,) fraction of rows within the 95 % interval [-], NaN without intervals.
+        loss: Mean negative log-likelihood per row and joint [nat].
+    """
 
     method: str
     split: str
@@ -38,7 +45,7 @@ class Score:
 
 
 def score(method: str, split: str, angle: np.ndarray, mean: np.ndarray, std: np.ndarray) -> Score:
-    """Score of predictions; angle, mean, std (n, J) [rad]."""
+    """Score predictions: angle, mean and std are (n, joints) [rad]."""
     error = mean - angle
     sure = np.isfinite(std).all()
     coverage = np.mean(np.abs(error) <= NORMAL_95 * std, axis=0) if sure else np.full(angle.shape[1], np.nan)
@@ -47,8 +54,7 @@ def score(method: str, split: str, angle: np.ndarray, mean: np.ndarray, std: np.
 
 
 def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) -> tuple[Score, ...]:
-    """Gaussian process, quadratic ridge and nearest neighbour under both splits: six scores, a method's two next to
-    each other."""
+    """Score Gaussian process, quadratic ridge and nearest neighbour under both splits: six scores, by method."""
     methods: dict[str, Callable[[Sweeps], Predictor]] = {
         "Gaussian process": lambda part: _process(prior, part, points),
         "quadratic ridge": fit_ridge,
@@ -64,7 +70,7 @@ def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) 
 
 
 def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation (n, J) [rad] of each row by a model fitted without its fold; folds (n,) int."""
+    """Mean and standard deviation (n, joints) [rad] of each row from a fit without its fold; folds (n,)."""
     mean, std = np.empty_like(sweeps.angle), np.empty_like(sweeps.angle)
     for fold in np.unique(folds):
         inside = folds == fold
@@ -73,12 +79,12 @@ def out_of_fold(fit: Callable[[Sweeps], Predictor], sweeps: Sweeps, folds: np.nd
 
 
 def random_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold of each row, (n,), drawn without regard to sweeps: the split that flatters."""
+    """Fold (n,) [-] of each row, random over rows: an optimistic split."""
     return np.random.default_rng(seed).permutation(len(sweeps)) % FOLDS
 
 
 def sweep_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
-    """Fold of each row, (n,), one for all rows of a sweep; sweeps are dealt out at random."""
+    """Fold (n,) [-] of each row, random over sweeps."""
     labels, row = np.unique(sweeps.sweep, return_inverse=True)
     folds = np.random.default_rng(seed).permutation(len(labels)) % min(FOLDS, len(labels))
     return folds[row]
@@ -90,11 +96,14 @@ def _process(prior: Prior, sweeps: Sweeps, points: int) -> Predictor:
 
 
 def estimate(estimator: Estimator, log: Log) -> tuple[Log, float, Score | None]:
-    """The log with `angle_est` and `angle_std` columns, the share of samples flagged, and the score if it has measured
-    angles.
+    """Estimate the joint angles of a log.
 
-    Rows whose measured angles are missing are not scored. InputError for other wires or joints than the estimator's
-    and for missing tensions or strokes.
+    Returns:
+        The log with `angle_est` and `angle_std` columns, the fraction of flagged samples, and the score over the rows
+        with measured angles, if there are any.
+
+    Raises:
+        InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
     """
     inputs = inputs_of(log, estimator.wires)
     measured = log.names("angle")

@@ -97,8 +97,8 @@ def holdable(
     Args:
         angles: (k, 3) postures [rad].
         cost: (k,) of the postures.
-        low: (3,) least tensions [N].
-        high: (3,) largest tensions [N].
+        low: (3,) lower tension limits [N].
+        high: (3,) upper tension limits [N].
         n: parameters of the finger.
         confirm: whether tensions do lead to a posture.
 

@@ -100,7 +100,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
 
 
 def cost_of(mode: Mode, found: Candidates, n: Parameters) -> np.ndarray:
-    """Cost of each posture (k,): weighted departure from rest, and distance of a caged object to the thumb."""
+    """Cost of each posture (k,) [-]: weighted departure from rest, and distance of a caged object from the thumb."""
     away = (found.angles - np.array(n.q0)) ** 2 @ np.array(mode.weight)
     return away + (np.maximum(found.gap, 0.0) / GAP) ** 2
 
@@ -117,7 +117,7 @@ def nearest_candidate(found: Candidates, allowed: np.ndarray, held: np.ndarray) 
 def words(
     robot: Robot, mode: Mode, size: float, touched: bool, feasible: bool, shortfall: np.ndarray, tension: np.ndarray
 ) -> str:
-    """Why a grasp is feasible or not, in a sentence."""
+    """Say why a grasp is feasible or not; shortfall (3,) [N] and tension (3,) [N]."""
     axes, (low, high) = robot.machine.axes, robot.reference_limits()
     if feasible:
         return "the tendons hold it within F_min .. F_max, and the ramp leads to it"
@@ -140,5 +140,5 @@ def pair(point: complex) -> tuple[float, float]:
 
 
 def values(array: np.ndarray) -> tuple[float, ...]:
-    """An array as plain floats."""
+    """Convert an array (n,) [SI] to floats."""
     return tuple(float(v) for v in array)

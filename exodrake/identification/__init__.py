@@ -1,1 +1,1 @@
-"""What a robot is, from recordings of it: kinematics, workspace, joint stiffness, the joint-angle estimator."""
+"""Identification from recordings: kinematics, workspace and joint stiffness."""

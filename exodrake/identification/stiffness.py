@@ -1,4 +1,4 @@
-"""Stiffness identification with a model: the paper's Eq. 19-22, corrected, and joint stiffness fitted to logs.
+"""Joint stiffness from logs, and the corrected Eq. 19-22 of the paper.
 
 At rest tau_i = sum_j R_ij T_j = kappa_i (q_i - q0_i) (Eq. 19-20), so with arms R > 0 in metres, rows MCP, PIP, DIP,
 columns AF, MF, AE,
@@ -8,10 +8,9 @@ columns AF, MF, AE,
                          [R31/k3,   0,    -R33/k3]]
     T = J^-1 (q - q0)    D = R21 R33 - R23 R31     entry (2,1) of J^-1 is k1 / R12 (Eq. 22; printed k1)
 
-(`physics.md` 1.21; "as printed" means in our copy of the paper.) J depends on q, so angles come from
-`statics.follow`,
-along a log, or `statics.posture`, each row from rest. `linear` takes the end stops out of the numbers: the paper's
-model with constant stiffness.
+(`physics.md` 1.21.) J depends on q, so angles come from `finger_statics.follow` along a log, or from
+`finger_statics.posture` for rows that each start from rest. `linear` removes the end stops from the parameters: the
+paper's model with constant stiffness.
 """
 
 from collections.abc import Callable
@@ -23,18 +22,25 @@ from exodrake.core.errors import InputError
 from exodrake.systems.finger_statics import arms, follow
 from exodrake.systems.tendon_finger import Parameters
 
-ROWS = 400  # rows of a log a fit looks at, equispaced: neighbours 20 ms apart say the same
-MIN_SPAN = 0.05  # rad, a joint that moved less says nothing about its stiffness
+ROWS = 400  # rows of a log in a fit, equispaced: neighbours 20 ms apart carry the same information
+MIN_SPAN = 0.05  # rad, less motion does not determine a stiffness
+ROUTER_SIGNS = np.array([1.0, 1.0, -1.0])  # of AF, MF, AE
 
 Statics = Callable[[np.ndarray, Parameters], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Stiffness:
-    """Fitted joint stiffness and rest posture with standard errors (joints MCP, PIP, DIP), and RMSE [rad] on the rows
-    of the fit.
+    """Fitted joint stiffness and rest posture of MCP, PIP and DIP.
 
-    Standard errors take residuals of neighbouring rows for independent, which wearers are not: lower bounds.
+    Standard errors assume independent residuals in neighbouring rows, so they are lower bounds for a wearer.
+
+    Attributes:
+        kappa: (3,) stiffness [N m/rad].
+        q0: (3,) rest posture [rad].
+        kappa_error: (3,) standard error [N m/rad].
+        q0_error: (3,) standard error [rad].
+        rmse: (3,) root mean square error on the rows of the fit [rad].
     """
 
     kappa: tuple[float, ...]
@@ -44,54 +50,52 @@ class Stiffness:
     rmse: tuple[float, ...]
 
     def parameters(self, n: Parameters) -> Parameters:
-        """The numbers with the fitted stiffness and rest posture in."""
+        """Replace stiffness and rest posture of the parameters by the fitted ones."""
         return n._replace(kappa=self.kappa, q0=self.q0)
 
 
 def linear(n: Parameters) -> Parameters:
-    """The numbers without end stops: constant stiffness, as the paper's model-based estimate has it."""
+    """Remove the end stops from the parameters: constant stiffness, as in the paper's model-based estimate."""
     return n._replace(A=(0.0, 0.0, 0.0))
 
 
 def router_arms(angle: np.ndarray, n: Parameters) -> np.ndarray:
-    """R of Eq. 21 at one posture (3,) rad: (3 joints, 3 wires) m, extensor arms positive while they extend."""
-    return arms(angle[None], n)[0].T * np.array([1.0, 1.0, -1.0])
+    """R of Eq. 21, (3 joints, 3 wires) [m], at one posture (3,) [rad]; extensor arms are positive while they extend."""
+    return arms(angle[None], n)[0].T * ROUTER_SIGNS
 
 
 def determinant(r: np.ndarray) -> float:
-    """D = R21 R33 - R23 R31 [m2]. D > 0: the PIP alone can flex; D < 0: the DIP alone; D = 0 (same routers, q2 = q3):
-    J is singular."""
+    """D = R21 R33 - R23 R31 [m2] of arms r (3, 3) [m]; J is singular for D = 0 (same routers, q2 = q3).
+
+    The PIP alone can flex for D > 0, the DIP alone for D < 0.
+    """
     return float(r[1, 0] * r[2, 2] - r[1, 2] * r[2, 0])
 
 
 def compliance(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """J of the corrected Eq. 21 [rad/N]: row i divided by kappa_i [N m/rad]."""
-    return np.array([1.0, 1.0, -1.0]) * _mf_first(r) / np.asarray(kappa)[:, None]
-
-
-def compliance_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """J of Eq. 21 as printed: column AF is divided by kappa_1 in every row."""
-    divisor = np.tile(np.asarray(kappa, dtype=float)[:, None], 3)
-    divisor[:, 0] = kappa[0]
-    return np.array([1.0, 1.0, -1.0]) * _mf_first(r) / divisor
+    """J (3, 3) [rad/N] of the corrected Eq. 21: row i of arms r (3, 3) [m] over kappa_i (3,) [N m/rad]."""
+    return ROUTER_SIGNS * mf_at_first_joint(r) / np.asarray(kappa)[:, None]
 
 
 def tension_map(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """J^-1 of the corrected Eq. 22 [N/rad]. InputError where it does not exist (D = 0 or R12 = 0)."""
-    return _printed_map(r, kappa, kappa[0] / r[0, 1] if r[0, 1] else np.inf)
-
-
-def tension_map_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """J^-1 of Eq. 22 as printed: entry (2, 1) is kappa_1, in another unit than its neighbours."""
-    return _printed_map(r, kappa, kappa[0])
+    """J^-1 (3, 3) [N/rad] of the corrected Eq. 22. InputError where it does not exist (D = 0 or R12 = 0)."""
+    return tension_map_with(r, kappa, kappa[0] / r[0, 1] if r[0, 1] else np.inf)
 
 
 def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics = follow) -> Stiffness:
-    """Least squares in angle for kappa and q0 of each joint; the rest of `n` (routers, end stops) is taken as known.
+    """Fit stiffness and rest posture of each joint by least squares in angle, from quasi-static rows.
 
-    tension (rows, 3) N, angle (rows, 3) rad, slow enough to be quasi-static. statics: `follow` for rows of a log in
-    order, `posture` for rows that each start from rest. Starts from the line through torque against angle. Rows with
-    missing samples are left out. InputError if fewer than ten rows remain, or a joint hardly moved.
+    Args:
+        tension: (rows, 3) tension of AF, MF, AE [N]; rows with missing samples are left out.
+        angle: (rows, 3) measured angle of MCP, PIP, DIP [rad].
+        n: Parameters of the finger; routers and end stops are taken as known.
+        statics: `follow` for rows of a log in order, `posture` for rows that each start from rest.
+
+    Returns:
+        The fitted stiffness.
+
+    Raises:
+        InputError: If fewer than ten rows are complete, or a joint hardly moves.
     """
     whole = np.isfinite(tension).all(axis=1) & np.isfinite(angle).all(axis=1)
     kept = np.flatnonzero(whole)
@@ -107,8 +111,7 @@ def fit_stiffness(tension: np.ndarray, angle: np.ndarray, n: Parameters, statics
 def _fit_joint(
     joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters, statics: Statics
 ) -> tuple[float, ...]:
-    """kappa, q0, their standard errors and the RMSE of one joint. Fitted in (log kappa, q0): stiffness stays
-    positive."""
+    """Fit (log kappa, q0) of one joint: kappa, q0, their standard errors and the RMSE."""
     from scipy.optimize import least_squares
 
     if np.ptp(angle) < MIN_SPAN:
@@ -123,7 +126,7 @@ def _fit_joint(
         return np.where(np.isfinite(found), found - angle, 1.0)
 
     start = _start(joint, tension, angle, n)
-    # beyond the fold the posture jumps to the end stop; a bounded loss keeps such rows from ruling
+    # beyond the fold the posture jumps to the end stop; a robust loss limits the weight of such rows
     best = least_squares(residual, start, loss="soft_l1", f_scale=0.1)
     error = residual(best.x)
     variance = float(error @ error) / max(len(error) - 2, 1)
@@ -133,7 +136,7 @@ def _fit_joint(
 
 
 def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters) -> np.ndarray:
-    """(log kappa, q0) of the line through torque against angle between the end stops; those of `n` if it falls."""
+    """Start at the line through torque against angle between the end stops; at `n` if that line falls."""
     inside = (angle > n.q_e[joint]) & (angle < n.q_f[joint])
     if inside.sum() >= 10:
         at = np.zeros((int(inside.sum()), 3))
@@ -145,15 +148,15 @@ def _start(joint: int, tension: np.ndarray, angle: np.ndarray, n: Parameters) ->
     return np.array([np.log(n.kappa[joint]), n.q0[joint]])
 
 
-def _mf_first(r: np.ndarray) -> np.ndarray:
-    """R with the MCP flexor at the first joint only."""
+def mf_at_first_joint(r: np.ndarray) -> np.ndarray:
+    """Arms (3, 3) [m] with the MCP flexor at the first joint only."""
     masked = np.array(r, dtype=float)
     masked[1:, 1] = 0.0
     return masked
 
 
-def _printed_map(r: np.ndarray, kappa: np.ndarray, first: float) -> np.ndarray:
-    """Eq. 22 with entry (2, 1) given."""
+def tension_map_with(r: np.ndarray, kappa: np.ndarray, first: float) -> np.ndarray:
+    """J^-1 (3, 3) [N/rad] of Eq. 22 with entry (2, 1) over D given; arms r (3, 3) [m], kappa (3,) [N m/rad]."""
     d, k = determinant(r), kappa
     if d == 0 or r[0, 1] == 0:
         raise InputError(f"no tensions for this posture: D = {d:g} m2, R12 = {r[0, 1]:g} m")

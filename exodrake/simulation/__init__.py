@@ -1,0 +1,1 @@
+"""Simulation of logs: protocols, scenarios and noise inputs."""

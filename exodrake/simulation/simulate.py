@@ -63,7 +63,7 @@ def record(
 def rows_of(
     robot: Robot, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, engine: str, substeps: int
 ) -> np.ndarray:
-    """All wires (frames, wires) at each frame's end, by the engine of that name."""
+    """All signals (frames, signals) [SI] at the end of each frame, by the named engine."""
     if engine == "drake":
         from exodrake.diagrams.diagram import run_diagram
 

@@ -1,0 +1,1 @@
+"""Parts: modules of equations as plain functions."""

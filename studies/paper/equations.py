@@ -55,7 +55,8 @@ def control() -> tuple[Claim, ...]:
 
 def residue(degrees: float, printed: bool) -> float:
     """‖G G⁻¹ − I‖ (Frobenius) about z at an angle [deg]."""
-    from exodrake.identification.kinematics.screws import g_inverse, g_inverse_as_printed, g_matrix
+    from exodrake.identification.kinematics.screws import g_inverse, g_matrix
+    from studies.paper.printed_equations import g_inverse_as_printed
 
     axis, angle = np.array([0.0, 0.0, 1.0]), float(np.deg2rad(degrees))
     undo = g_inverse_as_printed if printed else g_inverse
@@ -64,7 +65,8 @@ def residue(degrees: float, printed: bool) -> float:
 
 def centre_error(degrees: float) -> float:
     """How far off [m] Eq. 9 as printed puts a joint centre after a turn [deg] about z."""
-    from exodrake.identification.kinematics.screws import g_inverse_as_printed, g_matrix
+    from exodrake.identification.kinematics.screws import g_matrix
+    from studies.paper.printed_equations import g_inverse_as_printed
 
     axis, angle = np.array([0.0, 0.0, -1.0]), float(np.deg2rad(degrees))
     shift = g_matrix(axis, angle) @ -np.cross(axis, CENTRE)
@@ -109,13 +111,14 @@ def screws() -> tuple[Claim, ...]:
 def statics(parameters, limits) -> tuple[Claim, ...]:
     """Eq. 21, 22 and the sign rules of the text. limits: largest tension per wire [N]."""
     from exodrake.identification import stiffness
+    from studies.paper import printed_equations
 
     kappa, bent = np.array(parameters.kappa), np.array([0.0, PIP_ONLY, 0.0])
     arms = stiffness.router_arms(bent, parameters)
     inverse = stiffness.compliance(arms, kappa)
     off = [
         float(np.linalg.norm(inverse @ made(arms, kappa) - np.eye(3)))
-        for made in (stiffness.tension_map_as_printed, stiffness.tension_map)
+        for made in (printed_equations.tension_map_as_printed, stiffness.tension_map)
     ]
     return (
         Claim(

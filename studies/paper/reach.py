@@ -10,7 +10,8 @@ SIMPLER = 2e-5  # m, outlines are drawn this exactly
 
 def chapter(robot, tensions: int) -> Chapter:
     """Workspaces of fingertip and distal phalanx, whole and assisted. tensions: per wire."""
-    from exodrake.identification.workspace import assisted, table_2
+    from exodrake.identification.workspace import assisted
+    from studies.paper.table_2 import table_2
 
     wired = assisted(robot, tensions)
     caption = (
@@ -42,7 +43,8 @@ HEAD = (
 def table_rows(wired) -> list[tuple[str, ...]]:
     """Rows under HEAD: ranges and areas as printed, and the areas that the ranges, or the wires, give."""
     from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
-    from exodrake.identification.workspace.printed import AREAS, ASSISTED, LENGTHS, SPONTANEOUS
+    from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
+    from studies.paper.table_2 import AREAS, ASSISTED
 
     kinds = (FINGERTIP, DISTAL)
     whole = [f"{1e6 * reach(LENGTHS, SPONTANEOUS, what).area:.0f}" for what in kinds]
@@ -58,7 +60,7 @@ def table_rows(wired) -> list[tuple[str, ...]]:
 def figure(wired) -> str:
     """Both workspaces as SVG."""
     from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
-    from exodrake.identification.workspace.printed import LENGTHS, SPONTANEOUS
+    from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
     from exodrake.report.svg import RULE, house_style, new_figure, svg_of
 
     with house_style():

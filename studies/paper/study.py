@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.estimator.compare import Comparison, compare
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
 from exodrake.estimator.validate import Score, validate
 from studies.paper.claim import Effort
+from studies.paper.comparison import Comparison, compare
 
 MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
 CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the initial values of the effect library

@@ -37,7 +37,7 @@ class Result:
 def study(name: str, data: Path, out: Path, progress: Progress) -> Result:
     """One set, diagnosed and tabulated; figures are written into `out`."""
     case, robot = reader(name)(data / FOLDERS[name]), load_robot(name)
-    found = diagnose(case, robot, lambda step: progress(f"{name}: {step}"))
+    found = diagnose(case, robot, lambda stage, detail: progress(f"{name}: {stage.text} {detail}"))
     progress(f"{name}: growing models")
     return STUDIES[name](found, case, robot, data, out)
 

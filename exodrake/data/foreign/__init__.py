@@ -1,0 +1,1 @@
+"""Recordings in columns of other people, read by a mapping file."""

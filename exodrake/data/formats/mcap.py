@@ -70,7 +70,7 @@ def write(log: Log) -> bytes:
 
 
 def _places(log: Log) -> dict[str, dict[str, str]]:
-    """topic -> field -> column."""
+    """Map topic and field to a column."""
     places: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}
     for column in log.columns:
         kind = kind_of(column)

@@ -1,7 +1,6 @@
-"""Kinematic identification: joint axes, moving joint centres, angles and phalanx lengths from markers on the skin
-(paper 2.2.1).
+"""Kinematic identification from skin markers: joint axes, centres, angles and phalanx lengths (paper 2.2.1).
 
-`read_markers` reads a recording, `identify` finds the finger in it, `report` writes table, robot file and figure;
-`synthesise` makes recordings with a known truth. The theory is on the pages `screws`, `frames`, `axis`, `hinge`,
-`newton`, `two_axis` and `line`.
+`marker_file.read_markers` reads a recording, `identify.identify` estimates the finger's kinematics, `report` writes
+table, robot file and figure, and `synthetic.synthesise` makes recordings with known truth. The theory is in `screws`,
+`frames`, `axis`, `hinge`, `newton`, `two_axis` and `line`.
 """

@@ -1,7 +1,7 @@
-"""C3D files, the exchange format of motion capture, through ezc3d.
+"""C3D files, the exchange format of motion capture, read and written by ezc3d.
 
-Labels may carry a subject (`Kim:B1` is read as B1). POINT:UNITS gives the unit, POINT:RATE the frame rate; a point
-whose residual is negative was not seen.
+Labels may carry a subject (`Kim:B1` is read as B1). POINT:UNITS gives the unit and POINT:RATE the frame rate. A point
+with a negative residual is missing.
 """
 
 import os
@@ -17,8 +17,7 @@ from exodrake.identification.kinematics.markers import Recording, checked
 
 
 def read_c3d(path: str | Path) -> Recording:
-    """Read the points of a C3D file. InputError naming the file if it is none, or has no points, rate or unit of
-    length."""
+    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length."""
     import ezc3d
 
     read_bytes(path)
@@ -43,7 +42,7 @@ def read_c3d(path: str | Path) -> Recording:
 
 
 def c3d_bytes(recording: Recording) -> bytes:
-    """The recording as a C3D file in mm, single precision as the format has it."""
+    """Encode a recording as a C3D file in mm, in the single precision of the format."""
     import ezc3d
 
     content = ezc3d.c3d()
@@ -62,7 +61,7 @@ def c3d_bytes(recording: Recording) -> bytes:
 
 
 def _unseen(content, points: np.ndarray) -> np.ndarray:
-    """Where the residual is negative (frames, points, 1); ezc3d itself already gives NaN for most of them."""
+    """Mask (frames, points, 1) of negative residuals; ezc3d returns NaN for most of them."""
     residuals = content["data"]["meta_points"]["residuals"]
     if residuals.shape[1:] != points.shape[1::-1]:
         return np.zeros((*points.shape[:2], 1), dtype=bool)

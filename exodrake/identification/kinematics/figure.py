@@ -1,5 +1,4 @@
-"""The figure of joint centres against joint angle (paper Fig. 9 b-d): every frame, the line through them and its 95 %
-band."""
+"""Figure of joint centres over joint angle with regression line and 95 % band (paper Fig. 9 b-d)."""
 
 import io
 
@@ -12,7 +11,7 @@ COLOURS = {"X": "#1f6fb4", "Y": "#d1592b", "Z": "#3a8f4f"}
 
 
 def centre_figure(found: Kinematics) -> bytes:
-    """The figure as PNG: a column per joint, a row per axis of the frame it is seen from, equal heights in mm."""
+    """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -36,7 +35,7 @@ def centre_figure(found: Kinematics) -> bytes:
 
 
 def _height(joint: Joint) -> float:
-    """Millimetres a panel must span to show line and scatter of this joint."""
+    """Height [mm] of a panel that shows line and scatter of a joint."""
     lines = 1e3 * joint.line.at(np.linspace(*joint.range, 2))
     return float(np.max(np.abs(lines[1] - lines[0]) + 8e3 * joint.line.rmse))
 
@@ -45,34 +44,18 @@ def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None
     used = np.abs(np.nan_to_num(joint.angle)) >= joint.smallest_angle
     span = np.linspace(*joint.range, 60)
     middle, half = 1e3 * joint.line.at(span)[:, number], 1e3 * joint.line.band(span)[:, number]
-    panel.plot(
-        joint.angle[used],
-        1e3 * joint.centre[used, number],
-        ".",
-        ms=3,
-        color=colour,
-        alpha=0.3,
-        mec="none",
-        label="a frame",
-    )
-    panel.fill_between(
-        span, middle - half, middle + half, color="0.15", alpha=0.25, lw=0, label="95 % band of the line"
-    )
+    dots = {"ms": 3, "color": colour, "alpha": 0.3, "mec": "none", "label": "a frame"}
+    panel.plot(joint.angle[used], 1e3 * joint.centre[used, number], ".", **dots)
+    band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
+    panel.fill_between(span, middle - half, middle + half, **band)
     panel.plot(span, middle, color="0.15", lw=1.4, label="weighted line")
     edge = joint.smallest_angle
     panel.axvspan(max(joint.range[0], -edge), edge, color="0.93", lw=0, zorder=0, label="angle too small, left out")
     panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)
     line = joint.line
     gradient, intercept, rmse = (1e3 * values[number] for values in (line.gradient, line.intercept, line.rmse))
-    told = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
-    panel.text(
-        0.03,
-        0.97,
-        told,
-        transform=panel.transAxes,
-        va="top",
-        fontsize=8,
-        bbox={"fc": "white", "ec": "none", "pad": 1.5},
-    )
+    equation = f"{gradient:+.2f} θ {intercept:+.2f},  RMSE {rmse:.2f} mm"
+    box = {"fc": "white", "ec": "none", "pad": 1.5}
+    panel.text(0.03, 0.97, equation, transform=panel.transAxes, va="top", fontsize=8, bbox=box)
     panel.grid(color="0.88", lw=0.6)
     panel.set_axisbelow(True)

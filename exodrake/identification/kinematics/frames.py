@@ -1,39 +1,44 @@
-"""Rigid frames from three markers per segment, and what makes a triad unfit for one.
+"""Pose of a segment from its three markers.
 
-The shape of a triad is taken from the recording itself: its three sides are the medians of the marker distances over
-all frames, which neither the hand's motion nor a few swapped frames disturb. Its frame has the origin in the centroid,
-x from the first marker to the second, z normal to the triangle (first to second to third, right-handed). Every frame
-of the recording is then the least-squares placement of that shape on the measured markers (Kabsch); the distance left
-over is its quality.
+The sides of a triad are the medians of the marker distances over all frames, which neither the motion of the hand nor a
+few swapped frames disturb. Its frame has the origin in the centroid, x from the first marker to the second, and z
+normal to the triangle (first to second to third, right-handed). The pose in each frame of the recording is the
+least-squares fit of that shape to the measured markers (Kabsch).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.screws import motion
 
-FLATTEST = 2e-3  # m; a triangle lower than this does not fix the turn about its long side
+FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
 
 
 @dataclass(frozen=True)
 class Triad:
-    """Three markers on one segment: their names and their places in the segment's own frame, shape (3, 3) [m]."""
+    """Three markers on one segment: names, and positions `shape` (3, 3) [m] in the frame of the segment."""
 
     names: tuple[str, str, str]
     shape: np.ndarray
 
     @property
     def sides(self) -> np.ndarray:
-        """Distances 1-2, 2-3, 3-1 [m]."""
+        """Distances 1-2, 2-3, 3-1 (3,) [m]."""
         return np.linalg.norm(self.shape - np.roll(self.shape, -1, axis=0), axis=1)
 
 
 @dataclass(frozen=True)
 class SegmentMotion:
-    """Where a segment was: pose (frames, 4, 4), from the segment's frame to the laboratory's, and residual (frames,),
-    the RMS distance [m] between measured markers and the placed triad. Both NaN where a marker is missing."""
+    """Motion of a segment, NaN where a marker is missing.
+
+    Attributes:
+        triad: The markers.
+        pose: (frames, 4, 4) from the frame of the segment to that of the laboratory [m].
+        residual: (frames,) RMS distance between measured and fitted markers [m].
+    """
 
     triad: Triad
     pose: np.ndarray
@@ -41,8 +46,7 @@ class SegmentMotion:
 
 
 def triad_of(points: np.ndarray, names: tuple[str, str, str], source: str = "recording") -> Triad:
-    """The triad's shape from its markers. points (frames, 3, 3) [m], NaN where missing. InputError for a collinear
-    triad."""
+    """Estimate the shape of a triad from markers (frames, 3, 3) [m] with NaN. InputError if collinear."""
     whole = points[np.isfinite(points).all(axis=(1, 2))]
     if not len(whole):
         raise InputError(f"{source}: markers {', '.join(names)} are never seen together")
@@ -54,14 +58,14 @@ def triad_of(points: np.ndarray, names: tuple[str, str, str], source: str = "rec
     if altitude < FLATTEST:
         low = 1e3 * altitude
         raise InputError(
-            f"{source}: markers {', '.join(names)} lie on a line (triangle {low:.2f} mm high), which fixes no frame"
+            f"{source}: markers {', '.join(names)} lie on a line (height {low:.2f} mm), which determines no frame"
         )
     corners = np.array([[0.0, 0.0, 0.0], [base, 0.0, 0.0], [along, height, 0.0]])
     return Triad(names, corners - corners.mean(axis=0))
 
 
 def place(triad: Triad, points: np.ndarray) -> SegmentMotion:
-    """Least-squares placement of the triad in every frame (Kabsch). points (frames, 3, 3) [m]."""
+    """Fit the pose of a triad to markers (frames, 3, 3) [m] in every frame by least squares (Kabsch)."""
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
     if whole.any():
@@ -70,8 +74,15 @@ def place(triad: Triad, points: np.ndarray) -> SegmentMotion:
 
 
 def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rigid motion that carries shape (k, 3) closest to points (frames, k, 3), and the RMS distance left [m]
-    (frames,)."""
+    """Fit rigid motions of a shape to points by least squares (Kabsch).
+
+    Args:
+        shape: (k, 3) points of the body [m].
+        points: (frames, k, 3) measured points [m].
+
+    Returns:
+        Poses (frames, 4, 4) [m] and RMS residuals (frames,) [m].
+    """
     middle, centre = shape.mean(axis=0), points.mean(axis=1)
     moved, wanted = shape - middle, points - centre[:, None, :]
     u, _, vt = np.linalg.svd(np.einsum("ki,fkj->fij", moved, wanted))
@@ -83,7 +94,5 @@ def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def mean_pose(poses: np.ndarray) -> np.ndarray:
-    """Mean of poses close together: mean place, mean rotation brought back to a rotation. poses (frames, 4, 4) without
-    NaN."""
-    u, _, vt = np.linalg.svd(poses[:, :3, :3].mean(axis=0))
-    return motion(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt, poses[:, :3, 3].mean(axis=0))
+    """Mean (4, 4) of poses (frames, 4, 4) [m] that lie close together and hold no NaN."""
+    return motion(Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix(), poses[:, :3, 3].mean(axis=0))

@@ -1,8 +1,8 @@
-"""From markers to joint axes, centres, angles, lengths and ranges: the kinematic identification of the paper's 2.2.1.
+"""Kinematic identification of the paper's 2.2.1: markers to joint axes, centres, angles, lengths and ranges.
 
-Labels are checked, paths smoothed, triads placed, each segment seen from the one before it, and the turn from the
-posture of the first second taken apart: two axes at the MCP, one at PIP and DIP. Joint i is described in the frame of
-the segment proximal to it.
+Steps: check labels, smooth paths, fit triads, express each segment in the frame of the proximal one, and decompose the
+motion from the posture of the first second into two axes at the MCP and one at PIP and DIP. Joint i is described in the
+frame of the segment proximal to it.
 """
 
 from dataclasses import dataclass, replace
@@ -29,8 +29,15 @@ UNSTEADY = 0.12  # rad RMS about the mean posture of the first second
 
 @dataclass(frozen=True)
 class Settings:
-    """cutoff [Hz] of the smoothing, None for none; longest_gap [s] it fills; rest [s] of stillness at the start;
-    smallest_angle [rad] whose centres enter the regression; block [s] within which errors may be alike."""
+    """Settings of the identification.
+
+    Attributes:
+        cutoff: Cut-off frequency of the smoothing [Hz]; None for none.
+        longest_gap: Longest gap that is filled [s].
+        rest: Duration of rest at the start [s].
+        smallest_angle: Smallest angle whose centres enter the regression [rad].
+        block: Time within which errors may be correlated [s].
+    """
 
     cutoff: float | None = 4.0
     longest_gap: float = 0.2
@@ -41,9 +48,19 @@ class Settings:
 
 @dataclass(frozen=True)
 class Joint:
-    """One joint in the frame of the segment proximal to it: axis (abduction too, MCP only), angle and abduction
-    (frames,) [rad], centre (frames, 3) [m] across the axis, NaN where unseen; reference (4, 4), pose of the distal
-    segment at rest; line through the centres beyond smallest_angle [rad]."""
+    """Joint in the frame of the segment proximal to it; frames without markers hold NaN.
+
+    Attributes:
+        name: MCP, PIP or DIP.
+        axis: Flexion axis.
+        angle: (frames,) flexion [rad].
+        centre: (frames, 3) centre normal to the axis [m].
+        reference: (4, 4) pose of the distal segment at rest [m].
+        line: Line through the centres beyond `smallest_angle`.
+        smallest_angle: Smallest angle of the line [rad].
+        abduction_axis: Abduction axis (MCP only).
+        abduction: (frames,) abduction [rad] (MCP only).
+    """
 
     name: str
     axis: Axis
@@ -57,14 +74,23 @@ class Joint:
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest flexion [rad] in the recording."""
+        """Smallest and largest flexion in the recording [rad]."""
         return float(np.nanmin(self.angle)), float(np.nanmax(self.angle))
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """joints MCP, PIP, DIP; lengths (3,) [m] and their 95 % half widths; residuals (4,) [m], usual misfit of each
-    triad; frames seen per joint; time (frames,) [s]; remarks; source."""
+    """Identified finger.
+
+    Attributes:
+        joints: MCP, PIP, DIP.
+        lengths: (3,) phalanx lengths [m].
+        intervals: (3,) 95 % half widths of the lengths [m].
+        residuals: (4,) median residual of each triad [m].
+        time: (frames,) [s].
+        remarks: Warnings of the label check.
+        source: Name of the recording.
+    """
 
     joints: tuple[Joint, Joint, Joint]
     lengths: tuple[float, float, float]
@@ -76,8 +102,17 @@ class Kinematics:
 
 
 def identify(recording: Recording, layout: Layout | None = None, settings: Settings | None = None) -> Kinematics:
-    """Identify the finger. InputError naming file, marker and frame for missing or swapped markers, collinear triads,
-    too few frames, a restless start, or a joint that hardly turns."""
+    """Identify the kinematics of the finger in a marker recording.
+
+    Args:
+        recording: Marker positions.
+        layout: Marker names of each segment.
+        settings: Settings of the identification.
+
+    Raises:
+        InputError: Naming file, marker and frame, for missing or swapped markers, collinear triads, too few frames,
+            motion at the start, or a joint that hardly moves.
+    """
     layout, settings = layout or Layout(), settings or Settings()
     check = check_labels(recording, layout)
     refuse_swaps(check, recording)
@@ -94,7 +129,7 @@ def identify(recording: Recording, layout: Layout | None = None, settings: Setti
 
 
 def _joint(k: int, segments: list[SegmentMotion], recording: Recording, settings: Settings) -> Joint:
-    """Joint k between segments k and k + 1."""
+    """Identify joint k, between segments k and k + 1."""
     name, time = JOINTS[k], recording.time
     relative = inverse(segments[k].pose) @ segments[k + 1].pose
     seen = np.isfinite(relative).all(axis=(1, 2))
@@ -135,8 +170,7 @@ def _split_hinge(turns: np.ndarray, markers: np.ndarray, metric: np.ndarray):
 
 
 def _split_mcp(turns: np.ndarray, markers: np.ndarray, metric: np.ndarray):
-    """Flexion axis, angle and centre of the two-axis joint once its abduction is taken off, and (abduction axis, its
-    angle)."""
+    """Axis, angle and centre of flexion of the two-axis joint without abduction, and (abduction axis, angle)."""
     abduction, flexion = two_axes(turns, markers, metric)
     angles = joint_angles((abduction, flexion), turns, metric)
     bent = inverse(abduction.pose(angles[:, 0])) @ turns
@@ -147,7 +181,7 @@ def _split_mcp(turns: np.ndarray, markers: np.ndarray, metric: np.ndarray):
 def _reference(
     name: str, relative: np.ndarray, still: np.ndarray, recording: Recording, settings: Settings
 ) -> np.ndarray:
-    """Mean pose (4, 4) over the still start. InputError if it is not seen there or not still."""
+    """Mean pose (4, 4) over the rest at the start. InputError if it is not seen there or moves."""
     if not still.any():
         raise InputError(
             f"{recording.source}: {name} is not seen in the first {settings.rest:g} s, the posture all angles refer to"
@@ -164,7 +198,7 @@ def _reference(
 
 
 def _scarce(name: str, pair: list[SegmentMotion], seen: np.ndarray, recording: Recording) -> str:
-    """Which markers leave a joint unseen."""
+    """Say which marker is missing most where a joint is unseen."""
     markers = [marker for segment in pair for marker in segment.triad.names]
     gone = np.isnan(recording.of(tuple(markers))).any(axis=2).mean(axis=0)
     worst = int(np.argmax(gone))
@@ -173,8 +207,7 @@ def _scarce(name: str, pair: list[SegmentMotion], seen: np.ndarray, recording: R
 
 
 def _lengths(joints: tuple[Joint, ...], segments: list[SegmentMotion], layout: Layout):
-    """Phalanx lengths at rest [m] and 95 % half widths: joint to joint, and for the distal one DIP to the tip marker
-    along the finger."""
+    """Phalanx lengths at rest [m] and 95 % half widths; the distal one is from the DIP to the tip marker."""
     lengths, intervals = [], []
     for near, far in pairwise(joints):
         carried = _carried(near)
@@ -190,14 +223,14 @@ def _lengths(joints: tuple[Joint, ...], segments: list[SegmentMotion], layout: L
 
 
 def _carried(joint: Joint) -> Axis:
-    """A joint's axis at rest, seen from the segment distal to it."""
+    """Express the axis of a joint at rest in the frame of the segment distal to it."""
     to_distal = inverse(joint.reference)
     turn = to_distal[:3, :3]
     return Axis(turn @ joint.axis.direction, apply(to_distal, joint.axis.point[None])[0], turn @ joint.axis.slope)
 
 
 def _half_width(way: np.ndarray, near: Joint, far: Joint) -> float:
-    """95 % half width of a length along `way`, from the two intercepts' covariances in their own frames."""
+    """95 % half width [m] of a length along `way`, from the covariances of the two intercepts in their own frames."""
     way = way / np.linalg.norm(way)
     turn = near.reference[:3, :3]
     variance = way @ turn.T @ near.line.covariance @ turn @ way + way @ far.line.covariance @ way
@@ -205,7 +238,7 @@ def _half_width(way: np.ndarray, near: Joint, far: Joint) -> float:
 
 
 def _back(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Values of the seen frames, back among all frames, NaN elsewhere."""
+    """Scatter values of the seen frames among all frames, NaN elsewhere."""
     full = np.full((len(seen), *values.shape[1:]), np.nan)
     full[seen] = values
     return full

@@ -1,8 +1,8 @@
-"""Mislabelled markers: frames in which two markers have each other's name, and frames no exchange explains.
+"""Detection of swapped marker labels.
 
-A triad keeps its shape, so a wrong label shows as a jump of the placement's residual, in both triads where the
-exchange is between segments. A frame is called swapped if exchanging one pair brings every triad back to its shape.
-Triads should have three different sides: in an isosceles one an exchange leaves no trace.
+A triad is rigid, so a wrong label shows as a jump of the residual, in both triads if the swap is between segments. A
+frame counts as swapped if the exchange of one pair restores the shape of every triad. Triads should have three
+different sides: a swap within an isosceles triad cannot be detected.
 """
 
 from dataclasses import dataclass, replace
@@ -15,8 +15,8 @@ from exodrake.identification.kinematics.frames import Triad, kabsch, triad_of
 from exodrake.identification.kinematics.layout import SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
 
-OUTLIER = 4.0  # times the usual residual
-EXACT = 3e-4  # m; residual below which no frame is suspected, however clean the rest
+OUTLIER = 4.0  # times the median residual
+EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
 SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
 LOOSE = 4e-3  # m; one that changes it by this much is no rigid body
 
@@ -32,8 +32,7 @@ class Swap:
 
 @dataclass(frozen=True)
 class LabelCheck:
-    """What `check_labels` found: triads, swaps, frames spoilt per segment, (4, frames) bool, and remarks for the
-    report."""
+    """Result of `check_labels`: triads, swaps, unusable frames `spoilt` (4, frames), and remarks for the report."""
 
     triads: tuple[Triad, ...]
     swaps: tuple[Swap, ...]
@@ -42,29 +41,28 @@ class LabelCheck:
 
 
 def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
-    """Compare every frame with the triads' shapes. InputError for absent markers, a collinear triad or one that is not
-    rigid."""
+    """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
     points = recording.of(layout.finger)
     triads = tuple(
         triad_of(points[:, 3 * k : 3 * k + 3], names, recording.source) for k, names in enumerate(layout.segments)
     )
     residual = _residuals(triads, points)
-    default = np.nanmedian(residual, axis=1)
+    median = np.nanmedian(residual, axis=1)
     _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
-    limit = np.maximum(OUTLIER * default, EXACT)[:, None]
+    limit = np.maximum(OUTLIER * median, EXACT)[:, None]
     bad = residual > limit
     suspects = np.flatnonzero(bad.any(axis=0))
     pairs = np.full(len(points), -1)
     pairs[suspects] = _exchanges(triads, points[suspects], bad[:, suspects], limit)
     for pair in np.unique(pairs[pairs >= 0]):
-        pairs = _grown(triads, points, residual, pairs, int(pair))
+        pairs = _extended(triads, points, residual, pairs, int(pair))
     spoilt = bad & (pairs < 0)
     swaps = _runs(np.flatnonzero(pairs >= 0), pairs[pairs >= 0], layout.finger)
-    return LabelCheck(triads, swaps, spoilt, _remarks(triads, default, spoilt))
+    return LabelCheck(triads, swaps, spoilt, _remarks(triads, median, spoilt))
 
 
 def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
-    """InputError naming the markers and the first frame, if any are swapped."""
+    """Raise InputError naming the markers and the first frame, if any are swapped."""
     if check.swaps:
         swap = check.swaps[0]
         frames = sum(s.last - s.first + 1 for s in check.swaps)
@@ -72,12 +70,12 @@ def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
         raise InputError(
             f"{recording.source}: markers {a} and {b} are swapped from frame {swap.first}"
             f" ({recording.time[swap.first]:.3f} s) to {swap.last}"
-            f" ({frames} swapped frames in all); mend the labels, or let --repair exchange them"
+            f" ({frames} swapped frames in all); correct the labels, or let --repair exchange them"
         )
 
 
 def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
-    """The recording with the swapped markers exchanged back."""
+    """Exchange the swapped markers of a recording."""
     positions = recording.positions.copy()
     for swap in swaps:
         a, b = (recording.names.index(name) for name in swap.names)
@@ -87,7 +85,7 @@ def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
 
 
 def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
-    """RMS residual (4, frames) [m], NaN where a marker is missing. points (frames, 12, 3)."""
+    """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
     residual = np.full((len(triads), len(points)), np.nan)
     for k, triad in enumerate(triads):
         three = points[:, 3 * k : 3 * k + 3]
@@ -98,7 +96,7 @@ def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
 
 
 def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Per suspect frame the number of the pair whose exchange mends it best, or -1."""
+    """Find in each suspect frame the pair whose exchange gives the smallest residual, or -1."""
     best, answer = np.full(len(points), np.inf), np.full(len(points), -1)
     if not len(points):
         return answer
@@ -115,13 +113,10 @@ def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, l
     return answer
 
 
-def _grown(
+def _extended(
     triads: tuple[Triad, ...], points: np.ndarray, residual: np.ndarray, pairs: np.ndarray, pair: int
 ) -> np.ndarray:
-    """Pair numbers per frame, a swap grown over the neighbours whose shape is better with the exchange than without.
-
-    Noise hides a swap in single frames of a run; the run as a whole is beyond doubt.
-    """
+    """Extend a swap to neighbouring frames whose residual is smaller with the exchange: noise hides single frames."""
     swapped = points.copy()
     a, b = list(combinations(range(points.shape[1]), 2))[pair]
     swapped[:, [a, b]] = points[:, [b, a]]
@@ -135,7 +130,7 @@ def _grown(
 
 
 def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tuple[Swap, ...]:
-    """Consecutive frames with the same exchange, as swaps."""
+    """Join consecutive frames with the same exchange into swaps."""
     couples, swaps = list(combinations(names, 2)), []
     for frame, pair in zip(frames.tolist(), pairs.tolist(), strict=True):
         if swaps and swaps[-1].names == couples[pair] and swaps[-1].last == frame - 1:
@@ -145,34 +140,30 @@ def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tupl
     return tuple(swaps)
 
 
-def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, misfit: np.ndarray) -> None:
-    """InputError if a triad is not rigid, naming the exchange of labels that would make all four rigid if there is one.
-
-    misfit (4,) [m]: residual exceeded in a tenth of the frames.
-    """
-    k = int(np.argmax(misfit))
-    if misfit[k] < SUSPECT:
+def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, residual: np.ndarray) -> None:
+    """InputError if a triad is not rigid; `residual` (4,) [m] is exceeded in a tenth of the frames."""
+    k = int(np.argmax(residual))
+    if residual[k] < SUSPECT:
         return
     names = f"markers {', '.join(layout.segments[k])} ({SEGMENTS[k]})"
-    loose = (
-        f"{recording.source}: {names} change their shape, by {1e3 * misfit[k]:.1f} mm or more in a tenth of the frames"
-    )
+    change = f"by {1e3 * residual[k]:.1f} mm or more in a tenth of the frames"
+    loose = f"{recording.source}: {names} change their shape, {change}"
     some = points[:: max(1, len(points) // 200)]
     for a, b in combinations(range(12), 2):
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
         other = some.copy()
         other[:, [a, b]] = some[:, [b, a]]
-        if _worst_change(other, layout) < misfit[k] / 2:
+        if _worst_change(other, layout) < residual[k] / 2:
             raise InputError(
                 f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
             )
-    if misfit[k] > LOOSE:
+    if residual[k] > LOOSE:
         raise InputError(loose)
 
 
 def _worst_change(points: np.ndarray, layout: Layout) -> float:
-    """Change of shape exceeded in a tenth of the frames by the worst triad [m]; infinite if one of them is a line."""
+    """Residual that the worst triad exceeds in a tenth of the frames [m]; infinite for a collinear triad."""
     try:
         triads = tuple(triad_of(points[:, 3 * k : 3 * k + 3], names) for k, names in enumerate(layout.segments))
     except InputError:
@@ -180,14 +171,14 @@ def _worst_change(points: np.ndarray, layout: Layout) -> float:
     return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())
 
 
-def _remarks(triads: tuple[Triad, ...], default: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
+def _remarks(triads: tuple[Triad, ...], median: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
     remarks = []
     for k, triad in enumerate(triads):
         sides = np.sort(triad.sides)
-        if np.diff(sides).min() < 2 * max(OUTLIER * default[k], EXACT):
+        if np.diff(sides).min() < 2 * max(OUTLIER * median[k], EXACT):
             near = 1e3 * np.diff(sides).min()
             remarks.append(f"{SEGMENTS[k]} triad: two sides differ by {near:.1f} mm only, some swaps would not be seen")
         if spoilt[k].any():
             count = np.count_nonzero(spoilt[k])
-            remarks.append(f"{SEGMENTS[k]} triad: {count} frames left out, shape off and no exchange mends it")
+            remarks.append(f"{SEGMENTS[k]} triad: {count} frames left out: wrong shape that no exchange corrects")
     return tuple(remarks)

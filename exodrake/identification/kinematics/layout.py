@@ -1,5 +1,4 @@
-"""Which markers sit on which segment (paper Fig. 8-9: nine on the phalanges, three on the back of the hand, two on the
-thumb)."""
+"""Assignment of markers to segments (paper Fig. 8-9: hand 3, phalanges 9, thumb 2)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +24,7 @@ SCHEMA = mapping({**dict.fromkeys(SEGMENTS, TRIAD), "thumb": THUMB, "tip": marke
 
 @dataclass(frozen=True)
 class Layout:
-    """Marker names per segment, from the hand to the fingertip; `tip` is the marker of the distal triad placed at the
-    fingertip."""
+    """Marker names per segment, from the hand to the fingertip; `tip` is the distal marker at the fingertip."""
 
     base: tuple[str, str, str] = ("B1", "B2", "B3")
     proximal: tuple[str, str, str] = ("P1", "P2", "P3")
@@ -42,14 +40,15 @@ class Layout:
 
     @property
     def finger(self) -> tuple[str, ...]:
-        """The twelve markers the identification needs; the thumb's are not among them."""
+        """The twelve markers of the identification, without those of the thumb."""
         return tuple(name for triad in self.segments for name in triad)
 
 
 def read_layout(path: str | Path) -> Layout:
-    """A layout from YAML, `proximal: [RP1, RP2, RP3]` and so on; what is not named keeps its default.
+    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep their defaults.
 
-    InputError naming file and key for an unknown key, a triad of other than three names, or a marker named twice.
+    Raises:
+        InputError: Naming file and key, for an unknown key, not three names in a triad, or a marker named twice.
     """
     content: dict[str, Any] = SCHEMA(read_yaml(path), str(path))
     names: dict[str, Any] = {key: v if key == "tip" else tuple(v or ()) for key, v in content.items()}

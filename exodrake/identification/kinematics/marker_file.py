@@ -1,4 +1,4 @@
-"""Marker recordings read from C3D or CSV files."""
+"""Marker recordings from C3D or CSV files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from exodrake.identification.kinematics.markers import Recording, parse_csv
 
 
 def read_markers(path: str | Path) -> Recording:
-    """Read `.c3d`, or CSV under any other name. InputError names the file, and column and row where it can."""
+    """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
     if Path(path).suffix.lower() == ".c3d":
         from exodrake.identification.kinematics.c3d import read_c3d
 

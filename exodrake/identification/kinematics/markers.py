@@ -1,11 +1,11 @@
-"""A marker recording: names, time and places, read from CSV or C3D.
+"""Marker recording, and its CSV format.
 
-CSV. Lines that begin with # are comments; then one heading and one row per frame:
+Lines that begin with # are comments, followed by one heading and one row per frame:
 
     time [s], B1_x [mm], B1_y [mm], B1_z [mm], B2_x [mm], ...
 
 Every column carries its unit in brackets (m, cm or mm; s or ms); a marker has three columns, in any order; an empty
-cell is a missing sample. Other columns are left alone. Places are in the laboratory frame of the cameras, right-handed.
+cell is a missing sample. Other columns are ignored. Positions are in the right-handed laboratory frame of the cameras.
 """
 
 import io
@@ -22,8 +22,14 @@ TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
 
 @dataclass(frozen=True)
 class Recording:
-    """names of the markers, time (frames,) [s], positions (frames, markers, 3) [m] with NaN where missing, and where
-    it came from."""
+    """Marker recording.
+
+    Attributes:
+        names: Names of the markers.
+        time: (frames,) [s].
+        positions: (frames, markers, 3) [m], NaN where missing.
+        source: Name of the file.
+    """
 
     names: tuple[str, ...]
     time: np.ndarray
@@ -31,7 +37,7 @@ class Recording:
     source: str = "recording"
 
     def of(self, names: tuple[str, ...]) -> np.ndarray:
-        """Positions (frames, len(names), 3) of some markers. InputError naming those the recording lacks."""
+        """Positions (frames, len(names), 3) [m] of some markers. InputError naming those that are missing."""
         lost = [name for name in names if name not in self.names]
         if lost:
             have = ", ".join(self.names) or "none"
@@ -40,8 +46,7 @@ class Recording:
 
 
 def parse_csv(data: bytes, source: str) -> Recording:
-    """A recording from the text of a CSV file. InputError for a missing heading, unit, axis, or for time that does not
-    rise."""
+    """Parse a CSV file. InputError for a missing heading, unit or axis, or for time that does not rise."""
     from exodrake.data.formats.csv import read_cells
 
     lines = data.splitlines(keepends=True)
@@ -51,8 +56,7 @@ def parse_csv(data: bytes, source: str) -> Recording:
 
 
 def checked(recording: Recording) -> Recording:
-    """The recording, if its time rises and its places are numbers; a marker seen in part is missing. InputError
-    otherwise."""
+    """Check that time rises and positions are finite, else InputError; a marker seen in part becomes missing."""
     steps = np.diff(recording.time)
     if not np.isfinite(recording.time).all() or (steps <= 0).any():
         bad = (
@@ -69,8 +73,7 @@ def checked(recording: Recording) -> Recording:
 
 
 def csv_bytes(recording: Recording, remarks: tuple[str, ...] = ()) -> bytes:
-    """The recording as CSV in mm, with the comment lines that explain it; the shortest digits that read back as
-    written."""
+    """Encode a recording as CSV in mm with comment lines, in the shortest digits that read back exactly."""
     stream = io.StringIO()
     for remark in (*remarks, *FORMAT):
         stream.write(f"# {remark}\n")
@@ -116,7 +119,7 @@ def _places(headings: list[str], values: np.ndarray, source: str) -> tuple[tuple
             raise InputError(f"{source}: column {heading!r} is not a length")
         axes = columns.setdefault(found["marker"], {})
         if found["axis"] in axes:
-            raise InputError(f"{source}: column {heading!r} stands twice")
+            raise InputError(f"{source}: column {heading!r} occurs twice")
         axes[found["axis"]] = to_si(values[:, number], found["unit"])
     for marker, axes in columns.items():
         if len(axes) < 3:

@@ -1,12 +1,11 @@
 """Joint angles from a measured pose by Newton's iteration on the space Jacobian (paper Eq. 14-18).
 
-    T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})        -A = J_s dtheta,   theta <-
-    theta + dtheta J_s = [S1, Ad(e^{[S1] theta1}) S2]
+    T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
+    -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
 
-Six equations, one unknown per axis, and A mixes rad with m. What is made small is A in the metric of the markers:
-noise of the same size on every marker gives a frame the information W = sum over its markers x of |w x x + v|^2, and
-the pose of one frame seen from another (W1^{-1} + W2^{-1})^{-1}. So rad and m need no weight chosen by hand, and no
-angle trusts a small triad far away.
+There are six equations, one unknown per axis, and A has mixed units. Its norm is therefore taken in the metric of the
+markers: equal noise on every marker gives a frame the information W = sum over its markers x of |w x x + v|^2, and the
+pose of one frame relative to another the information (W1^{-1} + W2^{-1})^{-1}.
 """
 
 from collections.abc import Sequence
@@ -16,12 +15,12 @@ import numpy as np
 from exodrake.identification.kinematics.axis import Axis
 from exodrake.identification.kinematics.screws import adjoint, apply, hat, inverse, logarithm
 
-TURNS = 30  # iterations allowed; a finger needs 4 to 6
+ITERATIONS = 30  # iterations allowed; a finger needs 4 to 6
 SMALL = 1e-12  # rad; last step of a converged iteration
 
 
 def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
-    """Product of the axes' motions (Eq. 14 without M). angles (frames, axes) [rad]; returns (frames, 4, 4)."""
+    """Product (frames, 4, 4) of the motions of the axes at angles (frames, axes) [rad] (Eq. 14 without M)."""
     pose = axes[0].pose(angles[:, 0])
     for number, axis in enumerate(axes[1:], start=1):
         pose = pose @ axis.pose(angles[:, number])
@@ -29,7 +28,7 @@ def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
 
 
 def space_jacobian(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
-    """J_s (frames, 6, axes), rows (w, v) (Eq. 17-18). angles (frames, axes) [rad]."""
+    """Space Jacobian (frames, 6, axes), rows (w, v), at angles (frames, axes) [rad] (Eq. 17-18)."""
     columns, pose = [axes[0].velocity(angles[:, 0])], axes[0].pose(angles[:, 0])
     for number, axis in enumerate(axes[1:], start=1):
         columns.append(np.einsum("fij,fj->fi", adjoint(pose), axis.velocity(angles[:, number])))
@@ -38,21 +37,28 @@ def space_jacobian(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
 
 
 def marker_metric(points: np.ndarray) -> np.ndarray:
-    """W (..., 6, 6) with (w, v)^T W (w, v) = sum over markers |w x x + v|^2. points (..., k, 3) [m]."""
+    """Information (..., 6, 6) with (w, v)^T W (w, v) = sum over markers (..., k, 3) [m] of |w x x + v|^2."""
     lever = np.concatenate([-hat(points), np.broadcast_to(np.eye(3), (*points.shape, 3))], axis=-1)
     return np.einsum("...kij,...kil->...jl", lever, lever)
 
 
 def pose_metric(turns: np.ndarray, markers: np.ndarray, proximal: np.ndarray) -> np.ndarray:
-    """Metric (frames, 6, 6) of the error of each measured turn, from the noise of both triads; arguments as in
-    `joint_angles`."""
+    """Metric of the error of each measured motion, from the noise of both triads.
+
+    Args:
+        turns: (frames, 4, 4) motions of the distal segment from the reference posture [m].
+        markers: (3, 3) markers of the distal segment in that posture [m].
+        proximal: (3, 3) markers of the proximal segment [m].
+
+    Returns:
+        Metric (frames, 6, 6).
+    """
     distal = np.linalg.inv(marker_metric(apply(turns, markers)))
     return np.linalg.inv(distal + np.linalg.inv(marker_metric(proximal)))
 
 
 def newton_step(axes: Sequence[Axis], turns: np.ndarray, metric: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """dtheta (frames, axes) of one iteration, -A = J_s dtheta in the metric (6, 6). turns (frames, 4, 4): T M^{-1},
-    measured."""
+    """Step dtheta (frames, axes) [rad] of one iteration for measured T M^{-1} (frames, 4, 4), as in `joint_angles`."""
     error = logarithm(chain_pose(axes, angles) @ inverse(turns))
     jacobian = space_jacobian(axes, angles)
     weighted = np.swapaxes(jacobian, 1, 2) @ metric
@@ -60,16 +66,20 @@ def newton_step(axes: Sequence[Axis], turns: np.ndarray, metric: np.ndarray, ang
 
 
 def joint_angles(axes: Sequence[Axis], turns: np.ndarray, metric: np.ndarray) -> np.ndarray:
-    """Angles (frames, axes) [rad] whose pose comes closest to the measured one, in the metric (frames, 6, 6) of
-    `pose_metric`.
+    """Fit joint angles to measured motions.
 
-    turns (frames, 4, 4): motion of the segment from the reference posture, in the proximal frame. NaN where the
-    iteration does not settle.
+    Args:
+        axes: Joint axes, proximal first.
+        turns: (frames, 4, 4) motions from the reference posture in the proximal frame [m].
+        metric: (frames, 6, 6) of `pose_metric`.
+
+    Returns:
+        Angles (frames, axes) [rad], NaN where the iteration does not converge.
     """
     start = logarithm(turns)[:, :3]
     angles = np.stack([start @ axis.direction for axis in axes], axis=1)
     left = np.full(len(turns), np.inf)
-    for _ in range(TURNS):
+    for _ in range(ITERATIONS):
         step = newton_step(axes, turns, metric, angles)
         angles, left = angles + step, np.max(np.abs(step), axis=1)
         if np.max(left, initial=0.0) < SMALL:

@@ -1,8 +1,4 @@
-"""What the identification leaves behind: a table like the paper's Table 1 (CSV, Markdown, terminal), a robot file and
-the figure.
-
-Everything is made in memory first and written file by file at the end, each whole or not at all.
-"""
+"""Results of the identification: a table like the paper's Table 1 (CSV, Markdown, terminal), robot file and figure."""
 
 import csv
 import io
@@ -10,24 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.files import write_bytes
+from exodrake.core.files import write_folder
 from exodrake.identification.kinematics.identify import Joint, Kinematics
 from exodrake.identification.kinematics.layout import SEGMENTS
 
 HEAD = (
-    "joint",
-    "axis",
-    "gradient [mm/rad]",
-    "gradient half width",
-    "intercept [mm]",
-    "intercept half width",
-    "RMSE [mm]",
-)
+    "joint", "axis", "gradient [mm/rad]", "gradient half width", "intercept [mm]", "intercept half width", "RMSE [mm]",
+)  # fmt: skip
+JOINT_HEAD = (
+    "joint", "flexion range [rad]", "frames used", "3-D RMSE [mm]", "phalanx", "length [mm]", "half width [mm]",
+)  # fmt: skip
 LENGTHS = ("proximal", "middle", "distal")
 
 
 def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
-    """Rows under HEAD, three per joint: gradient, intercept, their 95 % half widths and the RMSE, in mm and mm/rad."""
+    """Format the rows under HEAD, three per joint, in mm and mm/rad."""
     rows = []
     for joint in found.joints:
         line = joint.line
@@ -38,13 +31,13 @@ def table_rows(found: Kinematics) -> list[tuple[str, ...]]:
 
 
 def length_rows(found: Kinematics) -> list[tuple[str, str, str, str]]:
-    """Joint, the phalanx distal to it, its length and 95 % half width [mm]."""
+    """Format joint, distal phalanx, its length and 95 % half width [mm]."""
     parameters = zip(found.joints, LENGTHS, found.lengths, found.intervals, strict=True)
     return [(joint.name, bone, f"{1e3 * length:.2f}", f"{1e3 * half:.2f}") for joint, bone, length, half in parameters]
 
 
 def table_csv(found: Kinematics) -> str:
-    """The table as CSV; lengths and ranges follow as rows of their own."""
+    """Format the table as CSV, followed by the lengths."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(HEAD)
@@ -55,61 +48,36 @@ def table_csv(found: Kinematics) -> str:
 
 
 def table_markdown(found: Kinematics) -> str:
-    """The table as Markdown, with lengths, ranges, quality and remarks under it."""
+    """Format the table as Markdown, followed by lengths, ranges, quality and remarks."""
     lines = [f"# Kinematic identification of {Path(found.source).name}", "", _row(HEAD), _row(["---"] * len(HEAD))]
     lines += [_row(row) for row in table_rows(found)]
     lines += [
         "",
-        "Centre = gradient x angle + intercept, across the joint's axis, in the frame of the segment proximal to it.",
+        "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
         "",
     ]
-    lines += [
-        _row(
-            (
-                "joint",
-                "flexion range [rad]",
-                "frames used",
-                "3-D RMSE [mm]",
-                "phalanx",
-                "length [mm]",
-                "half width [mm]",
-            )
-        )
-    ]
-    lines += [_row(["---"] * 7)]
+    lines += [_row(JOINT_HEAD), _row(["---"] * len(JOINT_HEAD))]
     for joint, (_, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
-        low, high = joint.range
-        lines.append(
-            _row(
-                (
-                    joint.name,
-                    f"{low:.3f} .. {high:.3f}",
-                    joint.line.frames,
-                    f"{1e3 * joint.line.rmse_3d:.2f}",
-                    bone,
-                    length,
-                    half,
-                )
-            )
-        )
+        span = "{:.3f} .. {:.3f}".format(*joint.range)
+        lines.append(_row((joint.name, span, joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", bone, length, half)))
     lines += ["", *(f"* {note}" for note in notes(found))]
     return "\n".join(lines) + "\n"
 
 
 def notes(found: Kinematics) -> list[str]:
-    """Quality of the triads, what the intervals leave out, and the remarks of the label check."""
-    misfit = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
+    """List the quality of the triads, the limits of the intervals, and the remarks of the label check."""
+    residuals = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
     return [
-        f"Usual misfit of the triads after smoothing [mm]: {misfit}.",
-        "Half widths (95 %) count the noise of the moving frames; skin that slides with the angle, and the noise of the"
-        " posture at the start, come on top and cannot be seen in the markers alone.",
+        f"Median residual of the triads after smoothing [mm]: {residuals}.",
+        "Half widths (95 %) include only the noise of the moving frames; skin motion with the angle, and the noise"
+        " of the posture at the start, come on top and cannot be seen in the markers alone.",
         "The distal length runs from the DIP axis to the tip marker, along the straight finger.",
         *found.remarks,
     ]
 
 
 def robot_yaml(found: Kinematics) -> str:
-    """A robot file: the nominal robot with the phalanx lengths [m] found, each with its source."""
+    """Format a robot file: the nominal robot with the identified phalanx lengths [m], each with its source."""
     name = Path(found.source).name
     lines = [f"# source: exodrake identify kinematics {name}, {len(found.time)} frames; lengths in m, 95 % half widths"]
     lines += ["base: exo_index", "parameters:"]
@@ -126,8 +94,7 @@ def _speed(joint: Joint) -> float:
 
 
 def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
-    """Write kinematics.csv, .md, .png and robot.yaml into a folder, made if absent. Returns the files. InputError if
-    it cannot."""
+    """Write kinematics.csv, .md, .png and robot.yaml into a folder and return the files. InputError if it cannot."""
     from exodrake.identification.kinematics.figure import centre_figure
 
     contents = {
@@ -136,25 +103,11 @@ def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
         "robot.yaml": robot_yaml(found).encode(),
         "kinematics.png": centre_figure(found),
     }
-    return write_all(folder, contents)
-
-
-def write_all(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
-    """Write files into a folder, made if absent, each by rename. InputError if the folder cannot be made or written."""
-    from exodrake.core.errors import InputError
-
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{target}: cannot make this folder ({error.strerror})") from None
-    for name, data in contents.items():
-        write_bytes(target / name, data)
-    return [target / name for name in contents]
+    return write_folder(folder, contents)
 
 
 def print_table(found: Kinematics) -> None:
-    """The two tables on the terminal."""
+    """Print both tables on the terminal."""
     from rich.console import Console
     from rich.table import Table
 

@@ -1,11 +1,10 @@
-"""Smoothing of marker paths, short gaps filled on the way (Whittaker-Henderson, the discrete smoothing spline).
+"""Smoothing of marker paths by the discrete smoothing spline (Whittaker-Henderson), which also fills short gaps.
 
-    minimise  sum over seen frames (y - z)^2 + lambda sum (third difference of z)^2        gain 1 / (1 + lambda (2
-    sin(pi f dt))^6)
+    minimise  sum over seen frames (y - z)^2 + lambda sum (third difference of z)^2
+    gain      1 / (1 + lambda (2 sin(pi f dt))^6)
 
-lambda is set so that half is left at the cut-off frequency; at a twentieth of it the gain differs from 1 by 2e-8, so
-slow finger motion passes unchanged. A missing sample has no weight and takes the value of the spline; long gaps stay
-missing.
+lambda gives a gain of 1/2 at the cut-off frequency; at a twentieth of it the gain differs from 1 by 2e-8, so slow
+finger motion is unchanged. A missing sample has no weight and takes the value of the spline; long gaps stay missing.
 """
 
 import numpy as np
@@ -18,11 +17,20 @@ ORDER = 3
 def smooth(
     time: np.ndarray, positions: np.ndarray, cutoff: float, longest_gap: float, source: str = "recording"
 ) -> np.ndarray:
-    """Smoothed positions, same shape.
+    """Smooth marker paths.
 
-    Args: time (frames,) [s], even; positions (frames, markers, 3) [m], NaN where missing; cutoff [Hz]; longest_gap [s]
-    to fill.
-    Errors: InputError for uneven frames or a cut-off beyond half the frame rate.
+    Args:
+        time: (frames,) evenly spaced [s].
+        positions: (frames, markers, 3) [m], NaN where missing.
+        cutoff: Cut-off frequency [Hz].
+        longest_gap: Longest gap to fill [s].
+        source: Name of the recording, for errors.
+
+    Returns:
+        Smoothed positions (frames, markers, 3) [m].
+
+    Raises:
+        InputError: For uneven frames or a cut-off beyond half the frame rate.
     """
     step = _even_step(time, source)
     if not 0 < cutoff < 0.5 / step:
@@ -33,9 +41,9 @@ def smooth(
     result = np.full_like(positions, np.nan)
     for number in range(positions.shape[1]):
         seen = np.isfinite(positions[:, number]).all(axis=1)
-        for start, stop in _stretches(seen, round(longest_gap / step)):
-            piece = slice(start, stop)
-            result[piece, number] = _spline(positions[piece, number], seen[piece], stiffness)
+        for start, stop in _segments(seen, round(longest_gap / step)):
+            segment = slice(start, stop)
+            result[segment, number] = _spline(positions[segment, number], seen[segment], stiffness)
     return result
 
 
@@ -52,9 +60,8 @@ def _even_step(time: np.ndarray, source: str) -> float:
     return step
 
 
-def _stretches(seen: np.ndarray, gap: int) -> list[tuple[int, int]]:
-    """First and one past last frame of each stretch without a gap longer than `gap` frames; ends are never
-    extrapolated."""
+def _segments(seen: np.ndarray, gap: int) -> list[tuple[int, int]]:
+    """First and one past last frame of each segment without a gap longer than `gap` frames."""
     frames = np.flatnonzero(seen)
     if not len(frames):
         return []
@@ -64,7 +71,7 @@ def _stretches(seen: np.ndarray, gap: int) -> list[tuple[int, int]]:
 
 
 def _spline(path: np.ndarray, seen: np.ndarray, stiffness: float) -> np.ndarray:
-    """z (n, 3) of one stretch; path (n, 3), seen (n,)."""
+    """Smooth one segment: path (n, 3) [m] and mask (n,) to z (n, 3) [m]."""
     from scipy.linalg import solveh_banded
 
     n = len(path)

@@ -1,10 +1,9 @@
-"""Marker recordings with a known truth: a hand that drifts, an index finger with moving joint centres, fourteen
-markers, and faults.
+"""Synthetic marker recordings with known truth: a drifting hand, an index finger, fourteen markers, and faults.
 
-At rest the finger lies along x (distal) with y dorsal and the MCP centre at the origin, so flexion turns about -z and
-abduction about y. Every segment is carried by the product of exponentials of the joints before it. The lengths are the
-paper's and so are the PIP and DIP gradients; the MCP's is small, its printed one being no anatomy (`physics.md`, Table
-1). Nothing here was measured.
+At rest the finger lies along x (distal) with y dorsal and the MCP centre at the origin, so flexion is about -z and
+abduction about y. The pose of a segment is the product of exponentials of the joints before it. The lengths and the PIP
+and DIP gradients are the paper's; that of the MCP is smaller than the printed one, which is anatomically implausible
+(`physics.md`, Table 1). Nothing here was measured.
 """
 
 from dataclasses import dataclass, field
@@ -32,8 +31,14 @@ PLACES = {  # mm from the joint before the segment, at rest
 
 @dataclass(frozen=True)
 class Hand:
-    """The planted numbers: lengths (3,) [m]; slopes (3, 3) [m/rad] of the MCP, PIP, DIP centres at rest axes x, y, z;
-    ranges of motion [rad] of flexion (paper Table 2, S.M.) and abduction."""
+    """True parameters of a synthetic hand.
+
+    Attributes:
+        lengths: (3,) phalanx lengths [m].
+        slopes: (3, 3) slopes of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
+        flexion: (3, 2) ranges of motion [rad] (paper Table 2, S.M.).
+        abduction: (2,) range of motion [rad].
+    """
 
     lengths: tuple[float, float, float] = (0.04264, 0.02014, 0.01872)
     slopes: tuple[tuple[float, float, float], ...] = (
@@ -47,8 +52,15 @@ class Hand:
 
 @dataclass(frozen=True)
 class Faults:
-    """noise [m RMS per axis]; artefact [m/rad], how far the skin drags each marker in a direction of its own; dropouts
-    per marker and minute, gap [s] their length; swaps."""
+    """Faults of a synthetic recording.
+
+    Attributes:
+        noise: RMS noise per axis [m].
+        artefact: Skin motion of each marker, in a random direction [m/rad].
+        dropouts: Gaps per marker and minute.
+        gap: Duration of a gap [s].
+        swaps: Swapped labels.
+    """
 
     noise: float = 0.0
     artefact: float = 0.0
@@ -59,8 +71,13 @@ class Faults:
 
 @dataclass(frozen=True)
 class Truth:
-    """angles (frames, 4) [rad]: abduction, MCP, PIP, DIP; axes: abduction, MCP, PIP and DIP flexion, each in the frame
-    of the triad proximal to it, centres across the axis; lengths (3,) [m]."""
+    """Truth of a synthetic recording.
+
+    Attributes:
+        angles: (frames, 4) abduction, MCP, PIP, DIP [rad].
+        axes: Abduction, MCP, PIP and DIP flexion, each in the frame of the proximal triad, centres normal to the axis.
+        lengths: (3,) phalanx lengths [m].
+    """
 
     angles: np.ndarray
     axes: tuple[Axis, Axis, Axis, Axis]
@@ -68,8 +85,18 @@ class Truth:
 
 
 def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: int) -> tuple[Recording, Truth]:
-    """A recording of `seconds` [s] at `rate` [Hz] and its truth. The finger rests for the first second, then moves
-    over its ranges."""
+    """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
+
+    Args:
+        hand: True parameters.
+        faults: Faults of the recording.
+        seconds: Duration [s].
+        rate: Frame rate [Hz].
+        seed: Of the random numbers.
+
+    Raises:
+        InputError: For fewer than 3 s or 5 Hz.
+    """
     if seconds < 3 or rate < 5:
         raise InputError(f"synthesise: {seconds:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
     rng = np.random.default_rng(seed)
@@ -82,15 +109,15 @@ def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: in
         joints = min(number + 1, 4) if 0 < number < 4 else 0
         carried = chain_pose(axes[:joints], angles) if joints else np.broadcast_to(np.eye(4), (len(time), 4, 4))
         nearest = angles[:, joints - 1] if joints else np.zeros(len(time))
-        places.append(apply(carried, rest[name] + _dragged(len(rest[name]), nearest, faults.artefact, rng)))
+        places.append(apply(carried, rest[name] + _skin_motion(len(rest[name]), nearest, faults.artefact, rng)))
     positions = apply(_hand_motion(time), np.concatenate(places, axis=1))
     names = (*layout.finger, *layout.thumb)
-    recording = Recording(names, time, _spoil(positions, names, time, faults, rng), f"synthetic, seed {seed}")
+    recording = Recording(names, time, _faulty(positions, names, time, faults, rng), f"synthetic, seed {seed}")
     return recording, Truth(angles, _in_triads(axes, rest), hand.lengths)
 
 
 def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
-    """Abduction, MCP, PIP, DIP (frames, 4) [rad]: still for 1 s, then slow sines over the ranges, no two in step."""
+    """Abduction, MCP, PIP, DIP (frames, 4) [rad] at times (frames,) [s]: rest, then sines."""
     start = np.clip((time - 1.0) / 1.5, 0, 1)
     rise = start**3 * (10 - 15 * start + 6 * start**2)
     columns = []
@@ -101,7 +128,7 @@ def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
 
 
 def rest_markers(hand: Hand) -> dict[str, np.ndarray]:
-    """Markers (k, 3) [m] of each segment at rest, the distal tip marker moved to the finger's end."""
+    """Markers (k, 3) [m] of each segment at rest, with the tip marker at the end of the finger."""
     joints = {"proximal": 0.0, "middle": hand.lengths[0], "distal": hand.lengths[0] + hand.lengths[1]}
     rest = {name: MM * np.array(places, dtype=float) for name, places in PLACES.items()}
     rest["distal"][1, 0] = hand.lengths[2]
@@ -119,7 +146,7 @@ def _axes_at_rest(hand: Hand) -> tuple[Axis, Axis, Axis, Axis]:
 
 
 def _in_triads(axes: tuple[Axis, ...], rest: dict[str, np.ndarray]) -> tuple[Axis, Axis, Axis, Axis]:
-    """The axes seen from the frame of the triad proximal to each, their centres across them."""
+    """Express each axis in the frame of the proximal triad, with the centre normal to it."""
     seen = []
     for axis, name in zip(axes, ("base", "base", "proximal", "middle"), strict=True):
         pose = inverse(triad_pose(rest[name]))
@@ -129,8 +156,7 @@ def _in_triads(axes: tuple[Axis, ...], rest: dict[str, np.ndarray]) -> tuple[Axi
 
 
 def triad_pose(points: np.ndarray) -> np.ndarray:
-    """Pose (4, 4) of a triad's frame from exact marker places (3, 3) [m]: centroid, x from first to second, z
-    normal."""
+    """Pose (4, 4) of a triad from exact markers (3, 3) [m]: centroid, x from first to second, z normal."""
     triad_of(points[None], ("1", "2", "3"))
     x = points[1] - points[0]
     z = np.cross(x, points[2] - points[0])
@@ -138,15 +164,15 @@ def triad_pose(points: np.ndarray) -> np.ndarray:
     return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
 
 
-def _dragged(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:
-    """Shift of each marker on its segment (frames, k, 3) [m], proportional to the angle of the joint before it."""
+def _skin_motion(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:
+    """Shift of each marker (frames, k, 3) [m], proportional to the angle of the proximal joint."""
     ways = rng.standard_normal((markers, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     return artefact * angle[:, None, None] * ways
 
 
 def _hand_motion(time: np.ndarray) -> np.ndarray:
-    """The hand drifts and turns slowly in front of the cameras (frames, 4, 4)."""
+    """Pose of the hand (frames, 4, 4) [m], which drifts and rotates slowly."""
     axis = np.array([0.48, 0.6, 0.64])
     shift = np.stack(
         [0.4 + 0.03 * np.sin(0.6 * time), 0.1 + 0.02 * np.sin(0.9 * time), 0.9 + 0.02 * np.cos(0.5 * time)], axis=1
@@ -154,10 +180,10 @@ def _hand_motion(time: np.ndarray) -> np.ndarray:
     return motion(rotation(axis, 0.7 + 0.25 * np.sin(0.7 * time)), shift)
 
 
-def _spoil(
+def _faulty(
     positions: np.ndarray, names: tuple[str, ...], time: np.ndarray, faults: Faults, rng: np.random.Generator
 ) -> np.ndarray:
-    """Noise, gaps and swaps, in this order."""
+    """Add noise, gaps and swaps, in this order."""
     seen = positions + faults.noise * rng.standard_normal(positions.shape)
     step = time[1] - time[0]
     for marker in range(len(names)):
@@ -172,8 +198,8 @@ def _spoil(
 
 
 def truth_yaml(truth: Truth) -> str:
-    """The planted numbers as YAML: lengths, and gradient and intercept of each centre in its triad's frame, in mm."""
-    lines = ["# planted truth of a synthetic recording"]
+    """Encode the truth as YAML: lengths [m], gradient [mm/rad] and intercept [mm] of each centre."""
+    lines = ["# truth of a synthetic recording"]
     lines += [
         f"finger.length.{joint}: {length:.5f}"
         for joint, length in zip(("MCP", "PIP", "DIP"), truth.lengths, strict=True)

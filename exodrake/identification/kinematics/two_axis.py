@@ -1,12 +1,12 @@
-"""The two axes of the MCP joint, from all frames at once.
+"""Estimation of the two axes of the MCP joint from all frames.
 
-The paper's Eq. 14 takes S1 (abduction, fixed to the hand) and S2 (flexion, carried along) as known. Here they are
-found: nine numbers (three that turn the pair of perpendicular directions, two that place the abduction axis, four that
-place the flexion axis and let it move with the angle) make the misfit of all poses smallest, every frame's angles
-being the Newton solution for those axes.
+The paper's Eq. 14 takes S1 (abduction, fixed to the hand) and S2 (flexion) as known. Here they follow from nonlinear
+least squares over all poses with nine parameters: rotation of the pair of perpendicular directions (3), position of
+the abduction axis (2), position of the flexion axis (2) and its slope over the angle (2). The angles of each frame are
+eliminated by Newton's iteration (`newton.joint_angles`).
 
-The two axes are perpendicular by convention: a part of S1 along S2 is a change of the flexion angle, to first order in
-abduction, and cannot be told from it.
+The axes are perpendicular by convention: a component of S1 along S2 is, to first order in abduction, a change of the
+flexion angle, and cannot be distinguished from it.
 """
 
 import numpy as np
@@ -17,16 +17,19 @@ from exodrake.identification.kinematics.newton import chain_pose, joint_angles
 from exodrake.identification.kinematics.screws import inverse, logarithm, rotation, rotation_vector, vee
 
 FRAMES = 240  # frames used to find the axes; the angles are then solved in all of them
-LEVER = 0.02  # m; turns the rotations among the nine numbers into lengths of the markers' own size
-STILL = 0.04  # rad RMS; less abduction than this does not show its axis
+LEVER = 0.02  # m; scales the rotation parameters to lengths of the size of a triad
+STILL = 0.04  # rad RMS; less abduction does not determine its axis
 
 
 def two_axes(turns: np.ndarray, markers: np.ndarray, metric: np.ndarray) -> tuple[Axis, Axis]:
-    """Abduction axis and flexion axis in the proximal frame.
+    """Estimate abduction axis and flexion axis in the proximal frame.
 
-    Args: turns (frames, 4, 4) from the reference posture; markers (3, 3) [m] of the distal segment in that posture;
-    metric (frames, 6, 6) of `pose_metric`.
-    Positive: flexion towards the larger excursion; abduction about distal x flexion, which points dorsally.
+    Flexion is positive towards the larger excursion; abduction is about distal x flexion, which points dorsally.
+
+    Args:
+        turns: (frames, 4, 4) motions from the reference posture [m].
+        markers: (3, 3) markers of the distal segment in that posture [m].
+        metric: (frames, 6, 6) of `pose_metric`.
     """
     from scipy.optimize import least_squares
 
@@ -36,18 +39,18 @@ def two_axes(turns: np.ndarray, markers: np.ndarray, metric: np.ndarray) -> tupl
     pair, origin = _first_guess(some, markers)
     free = _free(some, pair)
 
-    def misfit(values: np.ndarray) -> np.ndarray:
-        axes = _axes(_spread(values, free), pair, origin)
+    def residual(values: np.ndarray) -> np.ndarray:
+        axes = _axes(_embedded(values, free), pair, origin)
         placed = chain_pose(axes, joint_angles(axes, some, near))
         gap = half @ logarithm(placed @ inverse(some))[:, :, None]
         return np.nan_to_num(gap, nan=1.0).ravel()
 
-    found = least_squares(misfit, np.zeros(int(free.sum())), method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    return _axes(_spread(found.x, free), pair, origin)
+    found = least_squares(residual, np.zeros(int(free.sum())), method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return _axes(_embedded(found.x, free), pair, origin)
 
 
 def _first_guess(turns: np.ndarray, markers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (abduction, flexion, their cross product) and a centre, from the turns as if the joint had one axis."""
+    """Estimate (abduction, flexion, their cross product) (3, 3) and a centre (3,) [m] as of a one-axis joint."""
     flexion = mean_axis(turns[:, :3, :3])
     about = markers.mean(axis=0)
     angle = angle_about(turns[:, :3, :3], flexion)
@@ -64,8 +67,7 @@ def _first_guess(turns: np.ndarray, markers: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _free(turns: np.ndarray, pair: np.ndarray) -> np.ndarray:
-    """Which of the nine numbers the motion can show: without abduction its axis stays through the flexion axis and
-    across the finger."""
+    """Mask (9,) of the parameters to fit; without abduction its axis stays at the initial guess."""
     sideways = rotation_vector(turns[:, :3, :3]) @ pair[0]
     free = np.ones(9, dtype=bool)
     if np.sqrt(np.mean(sideways**2)) < STILL:
@@ -73,15 +75,14 @@ def _free(turns: np.ndarray, pair: np.ndarray) -> np.ndarray:
     return free
 
 
-def _spread(values: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _embedded(values: np.ndarray, free: np.ndarray) -> np.ndarray:
     full = np.zeros(len(free))
     full[free] = values
     return full
 
 
 def _axes(values: np.ndarray, pair: np.ndarray, origin: np.ndarray) -> tuple[Axis, Axis]:
-    """The axes of nine numbers [m, the slopes m/rad]: turn (3) over the lever, abduction place (2), flexion place (2),
-    its slope (2)."""
+    """Build the axes from the nine parameters [m], the slopes [m/rad]."""
     turn = pair.T @ (values[:3] / LEVER)
     size = np.linalg.norm(turn)
     turned = pair if size == 0 else pair @ rotation(turn / size, size).T

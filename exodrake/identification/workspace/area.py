@@ -1,12 +1,12 @@
-"""Area of what a range of motion reaches: exactly, as a union of polygons, and by Monte Carlo with its standard error.
+"""Area of a workspace: as a union of polygons, and by Monte Carlo with its standard error.
 
-Union. A curve of postures at one MCP angle sweeps, as the MCP turns, a region bounded by two copies of the curve and
-two arcs, if the curve goes steadily away from the MCP; other curves are cut where they turn back. The curves run along
-each joint with the others held, at their limits and between, so the region's own edges are among them. Refining the
-steps changes the area by less than 0.1 %.
+Union: a curve of postures at one MCP angle, whose distance from the MCP is monotonic, sweeps a region bounded by two
+copies of the curve and two arcs as the MCP rotates; other curves are cut where the distance turns. The curves run along
+each joint with the others constant, at their limits and between, so they include the edges of the region. A refinement
+of the steps changes the area by less than 0.1 %.
 
-Monte Carlo. Points drawn evenly in the bounding box are asked whether any posture reaches them (`chain.reachable`),
-which shares nothing with the union. Standard error: box sqrt(f (1 - f) / N).
+Monte Carlo: inverse kinematics (`chain.reachable`) decides for uniform points in the bounding box whether a posture
+reaches them. Standard error: box sqrt(f (1 - f) / N).
 """
 
 from itertools import pairwise
@@ -20,7 +20,7 @@ ARC = 0.01  # rad; finest step along arcs and curves
 
 
 class Area(NamedTuple):
-    """Area [m2], its standard error [m2], points drawn and the bounding box's area [m2]."""
+    """Area [m2], its standard error [m2], number of points, and area of the bounding box [m2]."""
 
     value: float
     error: float
@@ -29,9 +29,16 @@ class Area(NamedTuple):
 
 
 def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
-    """The region the fingertip, or the whole distal phalanx, reaches: a shapely geometry in m.
+    """Region that the fingertip or the whole distal phalanx reaches, a shapely geometry in m.
 
-    Args: lengths (3,) [m]; steps of each joint between its limits. Errors: InputError for impossible lengths or ranges.
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        what: FINGERTIP or DISTAL.
+        steps: Steps of each joint between its limits.
+
+    Raises:
+        InputError: For impossible lengths or ranges.
     """
     import shapely
 
@@ -51,8 +58,18 @@ def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
 
 
 def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
-    """Area by points drawn in the bounding box. Arguments as in `reach`; InputError as there, or for fewer than 100
-    samples."""
+    """Estimate the area by random points in the bounding box.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        what: FINGERTIP or DISTAL.
+        samples: Number of points.
+        seed: Of the random numbers.
+
+    Raises:
+        InputError: For impossible lengths or ranges, or fewer than 100 samples.
+    """
     from exodrake.core.errors import InputError
 
     check(lengths, ranges)
@@ -70,9 +87,11 @@ def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 4
 
 
 def traced(lengths, angles: np.ndarray):
-    """The region the distal phalanx passed over in a recorded motion: a shapely geometry in m.
+    """Region that the distal phalanx swept in a recorded motion, a shapely geometry in m.
 
-    angles (frames, 3) [rad], MCP, PIP, DIP in rows; rows with NaN break the path.
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        angles: (frames, 3) angles of MCP, PIP, DIP [rad]; rows with NaN interrupt the path.
     """
     import shapely
 
@@ -88,7 +107,7 @@ def _fine(span: tuple[float, float]) -> np.ndarray:
 
 
 def _swept(curve: np.ndarray, span: tuple[float, float]) -> list:
-    """Polygons a curve (n, 2) sweeps as the MCP turns through `span`, one per stretch that goes steadily out or in."""
+    """Polygons that a curve (n, 2) sweeps as the MCP rotates through `span`, one per monotonic part."""
     import shapely
 
     place = curve[:, 0] + 1j * curve[:, 1]
@@ -105,18 +124,17 @@ def _swept(curve: np.ndarray, span: tuple[float, float]) -> list:
 
 
 def _box(lengths, ranges: Ranges, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (2,) [m] of the bounding box, from a grid of postures that holds the limits, and a rim for what lies
-    between."""
+    """Corners (2,) [m] of the bounding box of a grid of postures, with a margin for postures between."""
     q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
     points = tip(lengths, *q).reshape(-1, 2)
     if what == DISTAL:
         points = np.concatenate([points, tip(lengths, q[0], q[1], 0.0, 0.0).reshape(-1, 2)])
-    rim = 1e-3 * np.sum(lengths)
-    return points.min(axis=0) - rim, points.max(axis=0) + rim
+    margin = 1e-3 * np.sum(lengths)
+    return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
 def hulls(points: np.ndarray):
-    """Convex hulls of point sets (n, k, 2)."""
+    """Convex hulls of point sets (n, k, 2) [m]."""
     import shapely
 
     return shapely.convex_hull(shapely.linestrings(points))

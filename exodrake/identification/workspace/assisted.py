@@ -1,7 +1,7 @@
-"""Postures the wires can hold (A.M.): the nominal finger's statics (`identification.statics`) over the box of tensions.
+"""Postures in static equilibrium with the wires (A.M.), over the box of tensions.
 
-Friction is left out: the tension at the finger is that of the wire. The joints move together as the wires make them, so
-the region is the image of the box of tensions, smaller than what the joints' ranges alone would give.
+Friction is left out: the tension at the finger equals that of the wire. The wires couple the joints, so the region is
+the image of the box of tensions, and smaller than the ranges of the joints alone would give.
 """
 
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges, t
 
 
 class Assisted(NamedTuple):
-    """tensions (n, n, n, 3) [N] of AF, MF, AE; angles (n, n, n, 3) [rad] of MCP, PIP, DIP."""
+    """Tensions (n, n, n, 3) [N] of AF, MF, AE and the angles (n, n, n, 3) [rad] of MCP, PIP, DIP."""
 
     tensions: np.ndarray
     angles: np.ndarray
@@ -26,7 +26,7 @@ class Assisted(NamedTuple):
         return Ranges(mcp, pip, dip)
 
     def region(self, lengths, what: str = FINGERTIP):
-        """What fingertip or distal phalanx reach over all tensions: a shapely geometry in m. lengths (3,) [m]."""
+        """Region of all tensions, a shapely geometry in m, for phalanx lengths (3,) [m]."""
         import shapely
 
         mcp, pip, dip = np.moveaxis(self.angles, -1, 0)
@@ -36,9 +36,10 @@ class Assisted(NamedTuple):
 
 
 def assisted(robot, steps: int = 25) -> Assisted:
-    """Postures of a robot (`load_robot`) over `steps` tensions per wire, between its limits F_min and F_max.
+    """Solve the statics of a robot over `steps` tensions per wire, between its limits F_min and F_max.
 
-    Errors: InputError for fewer than 3 steps, or naming a tension under which a joint finds no balance.
+    Raises:
+        InputError: For fewer than 3 steps, or naming a tension without equilibrium.
     """
     from exodrake.core.part import fields_of
     from exodrake.systems.finger_statics import posture
@@ -57,17 +58,17 @@ def assisted(robot, steps: int = 25) -> Assisted:
         where = np.argwhere(np.isnan(angles).any(axis=-1))[0]
         af, mf, ae = grid[tuple(where)]
         raise InputError(
-            f"{robot.source}: no posture balances AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
+            f"{robot.source}: no equilibrium with AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
         )
     return Assisted(grid, angles)
 
 
 def _plain(values: np.ndarray) -> Any:
-    """A number, or a tuple of one per channel, as the compiled functions take them."""
+    """Convert to a float, or to a tuple for several channels, as the compiled functions take them."""
     return tuple(values.tolist()) if len(values) > 1 else float(values[0])
 
 
 def _cells(points: np.ndarray) -> np.ndarray:
-    """Corners (cells, 4 k, 2) of the cells spanned by the first two axes of points (n, n, n, k, 2)."""
+    """Corners (cells, 4 k, 2) [m] of the cells along the first two axes of points (n, n, n, k, 2) [m]."""
     corners = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
     return np.stack(corners, axis=3).reshape(-1, 4 * points.shape[3], 2)

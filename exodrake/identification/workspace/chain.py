@@ -1,8 +1,8 @@
-"""The finger as three bones on pin joints in a plane, and the way back from a point to postures.
+"""Forward and inverse kinematics of a planar chain of three phalanges.
 
 Origin in the MCP, x along the proximal phalanx at MCP zero, y palmar (paper Fig. 13). With phi_i = q_1 + .. + q_i
 
-    point at s along the distal bone = sum of L_i (cos phi_i, sin phi_i), the last with s in place of L_3
+    point at s along the distal phalanx = sum of L_i (cos phi_i, sin phi_i), the last with s in place of L_3
 """
 
 from typing import NamedTuple
@@ -21,9 +21,23 @@ class Ranges(NamedTuple):
     DIP: tuple[float, float]
 
 
+LENGTHS = (0.04264, 0.02014, 0.01872)  # m, phalanges (paper Table 1)
+SPONTANEOUS = Ranges((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))  # rad, spontaneous motion (paper Table 2)
+
+
 def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
-    """Points (..., 2) [m]; lengths (3,) [m]; angles (...) [rad]; along: distance from the DIP [m], the whole bone if
-    None."""
+    """Position of a point of the distal phalanx.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        mcp: (...) angle [rad].
+        pip: (...) angle [rad].
+        dip: (...) angle [rad].
+        along: (...) distance from the DIP [m]; the whole phalanx if None.
+
+    Returns:
+        Points (..., 2) [m].
+    """
     first = np.asarray(mcp, dtype=float)
     second, third = first + pip, first + pip + dip
     last = lengths[2] if along is None else along
@@ -33,11 +47,20 @@ def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
 
 
 def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: float) -> np.ndarray:
-    """Whether the point `along` the distal bone gets to each of points (n, 2) with the DIP held: two-bone inverse
-    kinematics.
+    """Decide by inverse kinematics which points a point of the distal phalanx can reach at one DIP angle.
 
-    The bones beyond the PIP are one of length |e|, turned by arg e; the law of cosines gives the PIP, twice, and so
-    the MCP.
+    The chain beyond the PIP acts as one link of length |e| and angle arg e; the law of cosines gives the PIP (two
+    solutions) and the MCP.
+
+    Args:
+        points: (n, 2) points to reach [m].
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        dip: DIP angle [rad].
+        along: Distance of the point from the DIP [m].
+
+    Returns:
+        Mask (n,).
     """
     beyond = lengths[1] + along * np.exp(1j * dip)
     wanted = points[:, 0] + 1j * points[:, 1]
@@ -54,7 +77,7 @@ def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: fl
 
 
 def check(lengths, ranges: Ranges) -> None:
-    """InputError for a bone without length or a range whose ends are in the wrong order."""
+    """Raise InputError for a phalanx without length or a range with ends in the wrong order."""
     from exodrake.core.errors import InputError
 
     for joint, length, (low, high) in zip(Ranges._fields, lengths, ranges, strict=True):

@@ -1,5 +1,4 @@
-"""The workspaces side by side (paper Fig. 13): fingertip and distal phalanx, the whole range of motion and what the
-wires reach of it."""
+"""Figure of the workspaces (paper Fig. 13): full range of motion and assisted range."""
 
 import io
 
@@ -10,8 +9,7 @@ from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges, t
 
 
 def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
-    """The figure as PNG, a panel for the fingertip and one for the distal phalanx; `assisted` as in
-    `printed.table_2`."""
+    """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -46,7 +44,7 @@ def _fill(panel, region, colour: str, alpha: float, label: str) -> None:
 
 
 def _finger(panel, lengths, ranges: Ranges) -> None:
-    """The finger at the middle of its ranges, to scale."""
+    """Draw the finger at the middle of its ranges."""
     q = [float(np.mean(span)) for span in ranges]
     bone = np.array([lengths[0], lengths[1], 0.0])
     joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip(bone, *q), tip(lengths, *q)]

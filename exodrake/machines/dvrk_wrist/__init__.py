@@ -1,0 +1,1 @@
+"""Machine `dvrk_wrist`: table of parts and signals, and robot file."""

@@ -1,0 +1,1 @@
+"""Machine `exo_index`: table of parts and signals, and robot file."""

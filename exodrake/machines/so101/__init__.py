@@ -1,0 +1,1 @@
+"""Machine `so101`: table of parts and signals, and robot file."""

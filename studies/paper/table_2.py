@@ -1,14 +1,12 @@
-"""The paper's Table 2 beside ours: what follows from the printed numbers and what does not (`physics.md` section 2)."""
+"""Comparison with the paper's Table 2: what follows from other printed values (`physics.md` section 2)."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from exodrake.identification.workspace.area import monte_carlo, reach
-from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges
+from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, Ranges
 
-LENGTHS = (0.04264, 0.02014, 0.01872)  # m, Table 1
-SPONTANEOUS = Ranges((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))  # rad, Table 2, S.M.
 ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.
 AREAS = {"K.M.": 8712.30, "S.M.": 5884.10, "A.M.": 3770.80}  # mm2, Table 2
 SHARE = 64.08  # %, A.M. of S.M., text
@@ -16,7 +14,7 @@ FOLLOWS, DOES_NOT, UNKNOWN = "follows", "does not follow", "cannot be checked"
 
 
 class Claim(NamedTuple):
-    """One printed number: what it is, as printed, ours, verdict and reason."""
+    """One printed value: name, as printed, ours, verdict and reason."""
 
     what: str
     printed: str
@@ -26,8 +24,7 @@ class Claim(NamedTuple):
 
 
 def table_2(assisted=None) -> list[Claim]:
-    """Rows for every number of Table 2. assisted: an `Assisted` of the simulated actuation, or None to leave its cells
-    empty."""
+    """List the rows of Table 2; `assisted` is an `Assisted` of the simulated robot, or None for empty cells."""
     areas = {what: 1e6 * reach(LENGTHS, SPONTANEOUS, what).area for what in (FINGERTIP, DISTAL)}
     both = f"{areas[FINGERTIP]:.0f} fingertip, {areas[DISTAL]:.0f} distal phalanx"
     low, high = AREAS["S.M."] / areas[DISTAL], AREAS["K.M."] / areas[FINGERTIP]
@@ -71,7 +68,7 @@ def _share() -> Claim:
 
 
 def _digits() -> Claim:
-    """How many points the printed two decimals would take."""
+    """Estimate the number of points that the two printed decimals need."""
     drawn = monte_carlo(LENGTHS, SPONTANEOUS, samples=10_000)
     needed = (drawn.error / 0.005e-6) ** 2 * drawn.samples
     text = f"standard error {1e6 * drawn.error:.0f} for {drawn.samples} points"

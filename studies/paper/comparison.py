@@ -1,5 +1,4 @@
-"""Data against model: angles of sweeps held out, from the estimator, the ridge and the statics of the paper's model
-(its Fig. 11)."""
+"""Data against model: angles on held-out sweeps from the estimator, the ridge and the paper's statics (its Fig. 11)."""
 
 from dataclasses import dataclass
 
@@ -16,8 +15,13 @@ from exodrake.systems.tendon_finger import Parameters
 
 @dataclass(frozen=True)
 class Comparison:
-    """RMSE (joints,) [rad] on held-out sweeps by method, in order, the stiffness fitted with constant stiffness, and
-    the share of rows for which the constant-stiffness model has an equilibrium (its RMSE is over those rows)."""
+    """Errors on held-out sweeps.
+
+    Attributes:
+        rmse: RMSE (joints,) [rad] by method.
+        stiffness: The fitted constant stiffness.
+        solved: Fraction of rows in which the constant-stiffness model has an equilibrium; its RMSE is over those rows.
+    """
 
     rmse: dict[str, np.ndarray]
     stiffness: Stiffness
@@ -25,12 +29,20 @@ class Comparison:
 
 
 def compare(training: Sweeps, held_out: Sweeps, n: Parameters, points: int = POINTS) -> Comparison:
-    """Train and fit on `training`, judge on `held_out`; n: the robot's numbers, whose routers and end stops the models
-    take.
+    """Fit every method on training sweeps and compare them on held-out sweeps.
 
     Methods: Gaussian process; quadratic ridge; constant stiffness (fitted, no end stops, Eq. 20-21: the paper's
-    model-based estimate); end stops (fitted stiffness and known stops); nominal (nothing fitted). The models see
-    tension only. InputError if wires or joints are not the three of the numbers, or differ between the two.
+    model-based estimate); end stops (fitted stiffness, known stops); nominal (nothing fitted). The models see tension
+    only.
+
+    Args:
+        training: Sweeps to train and fit on.
+        held_out: Sweeps to compare on.
+        n: Parameters of the finger, with the routers and end stops of the models.
+        points: Training points of the Gaussian process.
+
+    Raises:
+        InputError: If the wires or joints are not three, or differ between the two.
     """
     for sweeps in (training, held_out):
         if len(sweeps.wires) != 3 or len(sweeps.joints) != 3:

@@ -1,0 +1,76 @@
+"""Docstrings of public functions name shape and unit of each array; ruff checks their form."""
+
+import inspect
+import re
+from importlib import import_module
+from pkgutil import walk_packages
+
+import pytest
+
+import exodrake as exo
+import exodrake.estimator
+import exodrake.identification
+
+SHAPE = re.compile(r"\((\.\.\.|\w[\w .*+-]*),[\w .*+,()-]*\)")  # (n,) or (rows, 3)
+UNIT = re.compile(r"\[[^\[\]]+\]")  # [N], [rad/s], [SI] of any signal, [-] of none
+
+
+def functions(module):
+    """(name, function) of the public functions, methods and properties that a module defines."""
+    for name, value in vars(module).items():
+        if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
+            continue
+        if inspect.isfunction(value):
+            yield name, value
+        elif inspect.isclass(value):
+            for member, found in vars(value).items():
+                found = found.fget if isinstance(found, property) else getattr(found, "__func__", found)
+                if not member.startswith("_") and inspect.isfunction(found):
+                    yield f"{name}.{member}", found
+
+
+def takes_or_returns_array(function):
+    """Tell whether an annotation of a function names an array."""
+    return any("ndarray" in str(annotation) for annotation in function.__annotations__.values())
+
+
+def modules():
+    """Modules that define public names, and those of identification and estimator."""
+    found = {import_module(name) for name in exo.PUBLIC.values()}
+    for package in (exodrake.identification, exodrake.estimator):
+        found |= {import_module(item.name) for item in walk_packages(package.__path__, package.__name__ + ".")}
+    return sorted(found, key=lambda module: module.__name__)
+
+
+PUBLIC = {
+    f"{module.__name__.removeprefix('exodrake.')}.{name}": function
+    for module in modules()
+    for name, function in functions(module)
+    if takes_or_returns_array(function)
+}
+
+
+def test_there_are_functions_with_arrays():
+    assert len(PUBLIC) > 60
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_docstring_names_the_shape_of_arrays(name):
+    assert SHAPE.search(inspect.getdoc(PUBLIC[name]) or ""), inspect.getdoc(PUBLIC[name])
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_docstring_names_the_unit_of_arrays(name):
+    assert UNIT.search(inspect.getdoc(PUBLIC[name]) or ""), inspect.getdoc(PUBLIC[name])
+
+
+@pytest.mark.parametrize(
+    "text", ["(n,)", "(rows, 3)", "(..., 4, 4)", "(n, 2 x wires)", "(frames, joints) [rad]", "(n, len(names))"]
+)
+def test_shapes_are_recognised(text):
+    assert SHAPE.search(text)
+
+
+@pytest.mark.parametrize("text", ["(see above)", "(default)", "(Eq. 3)", "()"])
+def test_other_parentheses_are_not_shapes(text):
+    assert not SHAPE.search(text)
