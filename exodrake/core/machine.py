@@ -12,6 +12,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, Task
+from exodrake.core.segment import CommandLink, Conditions, Segment
 from exodrake.core.signal import Axes, Signal
 
 
@@ -19,7 +20,8 @@ from exodrake.core.signal import Axes, Signal
 class Column:
     """A log column family: its kind, the signal that it shows, and its label and unit in figures and reports.
 
-    An empty label is made from the kind, an empty unit from the signal's (`display.SHOWN`).
+    An empty label is made from the kind, an empty unit from the signal's (`display.SHOWN`). `delay`:
+    signal that says how late the samples are [s].
     """
 
     kind: str
@@ -27,6 +29,7 @@ class Column:
     required: bool = True
     label: str = ""
     unit: str = ""
+    delay: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,9 @@ class Machine:
         variants: functions of pages replaced by others of the same form ("page.function" -> function).
         noise, resolution: numbers that are 0 where a run is noise-free, or unrounded.
         compared: column kinds that a diagnosis compares; `floors` gives their noise from the sensors' numbers [SI].
-        segments: what lies between two measured wires, and the column kind that it ends in.
+        segments: what lies between measured signals, in the order of reports.
+        conditions: measured signals by which a gap is explained.
+        command_link: where commands may be lost, if anywhere.
         scatter: numbers that differ from one such machine to the next, as the robot file says.
         depth: effects that a diagnosis may name together.
         steered: how a run can follow a log, if it can.
@@ -78,7 +83,9 @@ class Machine:
     resolution: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
     noise_std: Callable[[Callable[[str], float]], dict[str, float]] | None = None
-    segments: Mapping[str, str] = field(default_factory=dict)
+    segments: tuple[Segment, ...] = ()
+    conditions: Conditions = Conditions()
+    command_link: CommandLink | None = None
     tolerances: tuple[Tolerance, ...] = ()
     max_effects: int = 2
     observer: Observer | None = None

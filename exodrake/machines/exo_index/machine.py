@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
 from exodrake.effects import effects_of
+from exodrake.machines.exo_index.segments import COMMAND_LINK, CONDITIONS, SEGMENTS
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
@@ -42,7 +43,7 @@ COLUMNS = (
     Column("tension", "tension_read"),
     Column("stroke", "stroke_read"),
     Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
-    Column("angle", "angle_read", required=False, label="Joint angle"),
+    Column("angle", "angle_read", required=False, label="Joint angle", delay="mocap_delay"),
 )
 COLOURS = {  # tendons: Okabe and Ito; joints: Tol's muted scheme
     "AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00", "MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933",
@@ -83,7 +84,9 @@ def exo_index() -> Machine:
         resolution=("sensor.q_F", "encoder.q_theta"),
         compared=("tension", "stroke", "speed_cmd", "angle"),
         noise_std=floors,
-        segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
+        segments=SEGMENTS,
+        conditions=CONDITIONS,
+        command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         colours=COLOURS,
         operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
