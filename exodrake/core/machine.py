@@ -84,7 +84,7 @@ class Machine:
     compared: tuple[str, ...] = ()
     noise_std: Callable[[Callable[[str], float]], dict[str, float]] | None = None
     segments: tuple[Segment, ...] = ()
-    conditions: Conditions = Conditions()
+    conditions: Conditions = field(default_factory=Conditions)
     command_link: CommandLink | None = None
     tolerances: tuple[Tolerance, ...] = ()
     max_effects: int = 2

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.filters import filled
+from exodrake.diagnosis.problem import Problem, Trial
 
 BINS = 10
 SLOW = 1.0  # Hz: below it a residual counts as slow

@@ -19,8 +19,8 @@ from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows
 from exodrake.compiled.replay import Replay
 from exodrake.core.machine import Machine
 from exodrake.core.segment import Segment
-from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.simulation.simulate import record
 
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
@@ -42,7 +42,7 @@ def smoothed(rows: np.ndarray) -> np.ndarray:
 
 
 def fed(problem: Problem, trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-    """Smoothed outputs of all segments (n, feeds) [SI] and their rates [SI/s]; zeros of a kind that was not measured."""
+    """Smoothed outputs of all segments (n, feeds) [SI] and their rates [SI/s]; zeros where one was not measured."""
     machine, found = problem.robot.machine, []
     for segment in machine.segments:
         columns = [k == segment.output for k in problem.kinds]

@@ -56,7 +56,7 @@ class Reading:
 
     Attributes:
         second: seconds since the start, those skipped included.
-        recent: (channels,) RMS of the last `WINDOW` seconds [noise standard deviations], NaN if too little was measured.
+        recent: (channels,) RMS of the last `WINDOW` seconds [noise standard deviations], NaN if too few samples.
         overall: (channels,) RMS since the start [noise standard deviations].
         full: whether a whole window has passed.
     """

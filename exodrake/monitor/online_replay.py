@@ -1,11 +1,12 @@
-"""A robot's model beside its growing log: in closed loop, and each segment replayed from what was measured before it."""
+"""A robot's model beside its growing log: in closed loop, and each segment replayed from measured inputs."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
-from exodrake.compiled.replay import Replay, reading_places, reference_count
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
+from exodrake.compiled.replay import Replay
+from exodrake.compiled.replay_code import reading_places
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
@@ -77,7 +78,7 @@ class OnlineReplay:
 
     def __init__(self, robot: Robot) -> None:
         machine = self.machine = robot.machine
-        self.channels, self.references = channels(machine), reference_count(machine)
+        self.channels, self.references = channels(machine), reference_width(machine)
         self.columns = len(compared_columns(machine))
         self.fed = fed_columns(machine)
         self.loop = Replay(machine, silent(robot))

@@ -59,7 +59,7 @@ class Smoother:
         self.tail: np.ndarray | None = None
 
     def push(self, rows: np.ndarray, last: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Takes rows (n, channels); returns values and rates [1/s] of those `LAG` back, of all at the end of the log."""
+        """Takes rows (n, channels); returns values and rates [1/s] of those `LAG` back, of all at the log's end."""
         if self.tail is None:
             self.tail = np.repeat(rows[:1], LAG, axis=0)
         whole = np.concatenate([self.tail, rows])
