@@ -2,7 +2,7 @@
 
 The generated function `replay` runs frames as `run` does, with the same arithmetic (`compiled.leaf_functions`). While a
 segment is fixed, the signals that it declares (`core.segment`) carry its measured output, so that no error of that
-segment reaches the others. The function goes on from the state that it is given, so that a log may come in pieces.
+segment reaches the others. The function goes on from the state that it is given, so that a log may come in parts.
 """
 
 from __future__ import annotations

@@ -62,11 +62,11 @@ def part_of(machine: Machine, name: str) -> Part:
 
 def print_views(machine: Machine) -> list[str]:
     """Names of each part's parameters and state, and of each signal now (`w_`) and before the tick (`b_`)."""
-    lines, number, state = ["before = w.copy()"], 0, 0
+    lines, parameter, state = ["before = w.copy()"], 0, 0
     for part in machine.parts:
         count, size = sum(info.part == part.name for info in machine.parameters), sum(machine.part_size(part))
-        lines += [f"{part.name}_p, {part.name}_s = p[{number}:{number + count}], state[{state}:{state + size}]"]
-        number, state = number + count, state + size
+        lines += [f"{part.name}_p, {part.name}_s = p[{parameter}:{parameter + count}], state[{state}:{state + size}]"]
+        parameter, state = parameter + count, state + size
     for name, at in offsets(machine).items():
         lines += [f"w_{name}, b_{name} = w[{at.start}:{at.stop}], before[{at.start}:{at.stop}]"]
     for name, part in dict.fromkeys((i.signal, i.part) for _, i in impositions(machine) if i.part):

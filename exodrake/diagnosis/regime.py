@@ -109,9 +109,9 @@ def slow_share(residual: np.ndarray, problem: Problem) -> float:
     return float(power[frequency < SLOW].sum() / max(power.sum(), 1e-12))
 
 
-def spectrum(residual: np.ndarray, period: float, pieces: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over pieces (Welch, Hann)."""
+def spectrum(residual: np.ndarray, period: float, sections: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over sections (Welch, Hann)."""
     from scipy.signal import welch
 
-    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // pieces))
+    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))
     return frequency, power

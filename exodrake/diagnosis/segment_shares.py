@@ -82,10 +82,10 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
     have written, noise and rounding included, is subtracted. There are no shares where nothing is left, nor where a
     segment runs away with what it is fed.
     """
-    power, alone = powers(problem, values, trial)
-    noise_power, noise_alone = powers(problem, values, own_trial(problem, values, trial))
+    power, gap_of = powers(problem, values, trial)
+    noise_power, noise_gap = powers(problem, values, own_trial(problem, values, trial))
     net = {s: max(power[s] - noise_power[s], 0.0) for s in power}
-    gaps = {s: float(np.sqrt(max(alone[s] ** 2 - noise_alone[s] ** 2, 0.0))) for s in alone}
+    gaps = {s: float(np.sqrt(max(gap_of[s] ** 2 - noise_gap[s] ** 2, 0.0))) for s in gap_of}
     shares = shapley(net)
     if max(net.values()) > RUNAWAY * net[frozenset()]:
         return {}, {s: g for s, g in gaps.items() if g**2 * trial.measured.size < RUNAWAY * power[frozenset()]}
@@ -109,7 +109,7 @@ def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[fro
     own columns while all the others are fixed [noise standard deviations].
     """
     output = {s.name: s.output for s in suspects(problem.robot.machine)}
-    power, alone = {}, {}
+    power, gap_of = {}, {}
     for fixed in subsets(output):
         difference = np.nan_to_num((trial.measured - replayed(problem, values, trial, fixed)) / problem.noise_std)
         free = [k not in {output[s] for s in fixed} for k in problem.kinds]
@@ -117,8 +117,8 @@ def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[fro
         if len(fixed) == len(output) - 1:
             (segment,) = set(output) - fixed
             own = [k == output[segment] for k in problem.kinds]
-            alone[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
-    return power, alone
+            gap_of[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
+    return power, gap_of
 
 
 def shapley(power: dict[frozenset[str], float]) -> dict[str, float]:

@@ -44,7 +44,7 @@ class Columns:
         if len(cells) != len(self.heading):
             raise InputError(f"{self.source}: row {row} has {len(cells)} cells, the heading has {len(self.heading)}")
         found = [
-            nan if place is None else number(cells[place], f"{self.source}: column {name!r}, row {row}")
+            nan if place is None else parse(cells[place], f"{self.source}: column {name!r}, row {row}")
             for name, place in zip(self.names, self.places)
         ]
         if found[0] != found[0]:
@@ -52,12 +52,12 @@ class Columns:
         return np.array(found) * self.factors
 
 
-def number(cell: str, where: str) -> float:
+def parse(cell: str, where: str) -> float:
     """Number in a cell, NaN if it is empty."""
     if not cell.strip():
         return nan
     try:
-        value = float(cell if "_" not in cell else "no number")  # float() takes 1_000, a log must not
+        value = float(cell if "_" not in cell else "text")  # float() takes 1_000, a log must not
     except ValueError:
         raise InputError(f"{where}: {cell[:40]!r} is not a number") from None
     if isinf(value):

@@ -136,9 +136,9 @@ def summary(monitor: Monitor, path: Path) -> list[str]:
     if monitor.reading is None:
         return [f"{path}: {monitor.frames} frames, too short for a gap"]
     gaps = "  ".join(f"{named(s)} {shown(monitor.rms(monitor.reading.overall, s))}" for s in monitor.segments)
-    seconds, cost = monitor.frames * monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
+    duration, cost = monitor.frames * monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
     lines = [
-        f"{path}: {seconds:.0f} s, {monitor.frames} frames, {1e3 * cost:.2f} ms each",
+        f"{path}: {duration:.0f} s, {monitor.frames} frames, {1e3 * cost:.2f} ms each",
         f"gap since the start in noise standard deviations: {gaps}",
     ]
     if not monitor.alarms:

@@ -63,19 +63,19 @@ class Grid:
         if found:
             yield Frames(np.array(found), restart, note)
 
-    def steps(self, row: np.ndarray, number: int) -> int:
+    def steps(self, values: np.ndarray, row: int) -> int:
         """Frames since the last row: 1 for the next and for the first, 0 for the same row again."""
         if self.last is None:
             return 1
-        if np.array_equal(row, self.last, equal_nan=True):
+        if np.array_equal(values, self.last, equal_nan=True):
             return 0
-        gap = row[0] - self.last[0]
+        gap = values[0] - self.last[0]
         if gap <= 0:
             fault = "comes again with other values" if gap == 0 else f"comes after {self.last[0]:g} s"
-            raise InputError(f"{self.source}: column 'time', row {number}: {row[0]:g} s {fault}")
+            raise InputError(f"{self.source}: column 'time', row {row}: {values[0]:g} s {fault}")
         steps = int(np.rint(gap / self.frame))
         if steps < 1:
             raise InputError(
-                f"{self.source}: row {number} comes {gap:.3g} s after the one before, but a frame is {self.frame:g} s"
+                f"{self.source}: row {row} comes {gap:.3g} s after the one before, but a frame is {self.frame:g} s"
             )
         return steps

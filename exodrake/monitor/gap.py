@@ -36,7 +36,7 @@ def noise_std(robot: Robot) -> np.ndarray:
     """Noise standard deviation of each channel (channels,) [SI].
 
     It is what a log of this very robot shows, its sensors' noise and rounding gone through the replays; at least what
-    the sensors' parameters say. A machine whose work cannot be drawn has the sensors' parameters alone.
+    the sensors' parameters say. A machine whose work cannot be drawn has those of the sensors only.
     """
     listed, sensors = channels(robot.machine), sensor_noise_std(robot)
     if missing := {c.kind for c in listed} - set(sensors):
@@ -73,7 +73,7 @@ class Gap:
     def __init__(self, noise: np.ndarray, frame: float) -> None:
         self.noise, self.second = noise, max(round(1.0 / frame), 1)
         self.rest = np.zeros((0, len(noise)))
-        self.seconds: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=WINDOW)
+        self.window: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=WINDOW)
         self.power, self.count, self.done = np.zeros(len(noise)), np.zeros(len(noise)), 0
 
     def push(self, residuals: np.ndarray) -> list[Reading]:
@@ -90,12 +90,12 @@ class Gap:
     def close(self, rows: np.ndarray) -> Reading:
         """The reading at the end of a second of normalised residuals (n, channels)."""
         known = np.isfinite(rows)
-        self.seconds.append((np.sum(np.where(known, rows, 0.0) ** 2, axis=0), known.sum(axis=0)))
-        power, count = (np.sum(x, axis=0) for x in zip(*self.seconds))
-        self.power, self.count = self.power + self.seconds[-1][0], self.count + self.seconds[-1][1]
-        enough = count >= PRESENT * self.second * len(self.seconds)
+        self.window.append((np.sum(np.where(known, rows, 0.0) ** 2, axis=0), known.sum(axis=0)))
+        power, count = (np.sum(x, axis=0) for x in zip(*self.window))
+        self.power, self.count = self.power + self.window[-1][0], self.count + self.window[-1][1]
+        enough = count >= PRESENT * self.second * len(self.window)
         return Reading(
-            self.done, rms(power, np.where(enough, count, 0)), rms(self.power, self.count), len(self.seconds) == WINDOW
+            self.done, rms(power, np.where(enough, count, 0)), rms(self.power, self.count), len(self.window) == WINDOW
         )
 
 

@@ -1,4 +1,4 @@
-"""Operations on rows that come in pieces: the result does not depend on how the rows are cut."""
+"""Operations on streams of rows whose result does not depend on how the stream is cut."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Delay:
 class Smoother:
     """Savitzky-Golay filter of rows without gaps, and its derivative; the ends are held.
 
-    Sums run in one order whatever the size of the pieces.
+    Sums run in one order however the stream is cut.
     """
 
     def __init__(self, frame: float) -> None:

@@ -110,13 +110,13 @@ def follow(monitor: Monitor, path: Path, idle: float | None) -> Iterator[Reading
         yield from take(monitor, grid, whole(path, machine))
         yield from monitor.end()
         return
-    tail, quiet = Tail(path, machine), time.monotonic()
+    tail, changed = Tail(path, machine), time.monotonic()
     while True:
         for rows in tail.poll():
             yield from take(monitor, grid, rows)
-            quiet = time.monotonic()
+            changed = time.monotonic()
         yield None
-        if idle is not None and time.monotonic() - quiet >= idle:
+        if idle is not None and time.monotonic() - changed >= idle:
             break
         time.sleep(POLL if idle is None else min(POLL, max(idle, 0.0)))
     if monitor.replay is None:
@@ -131,7 +131,7 @@ def take(monitor: Monitor, grid: Grid, rows: Rows) -> Iterator[Reading]:
 
 
 def whole(path: Path, machine: Machine) -> Rows:
-    """A log of any known format as one piece."""
+    """A log of any known format as one set of rows."""
     log = read_table(path)
     cells = [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
     columns = read_heading(cells, str(path), machine)

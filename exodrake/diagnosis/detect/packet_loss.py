@@ -1,6 +1,6 @@
 """Packet loss: which commands did not reach the drives, decoded frame by frame from a log.
 
-A lost command shows where it would have changed the speed by much. The drives alone are simulated on the measured
+A lost command shows where it would have changed the speed by much. Only the drives are simulated on the measured
 commands and loads, with the command and without it, for every pattern of losses in the frames that follow; the measured
 positions of these frames decide by the least squared error. A command whose loss cannot be seen counts as received.
 """
@@ -63,7 +63,7 @@ def detect(problem: Problem) -> Problem:
 
 
 class Drive:
-    """The drives of a machine alone, advanced frame by frame from reading to reading of their positions."""
+    """The drives of a machine without its other parts, advanced frame by frame between readings of their positions."""
 
     def __init__(self, machine: Machine, values: np.ndarray, link: CommandLink) -> None:
         part = next(b for b in machine.parts if b.name == link.part)

@@ -30,7 +30,7 @@ SEGMENTS = (
         ),
         parameters={"tendon.k": SOFT},
         sampled=READ,
-        contents="wire, load cell",
+        contents="cable, load cell",
     ),
     Segment(
         "finger",
