@@ -12,7 +12,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, Task
-from exodrake.core.segment import CommandLink, Conditions, Segment
+from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
 
 
@@ -60,7 +60,7 @@ class Machine:
         noise, resolution: numbers that are 0 where a run is noise-free, or unrounded.
         compared: column kinds that a diagnosis compares; `floors` gives their noise from the sensors' numbers [SI].
         segments: what lies between measured signals, in the order of reports.
-        conditions: measured signals by which a gap is explained.
+        regime: signals by which a gap is sorted; None for the first and last measured signal of a joint.
         command_link: where commands may be lost, if anywhere.
         scatter: numbers that differ from one such machine to the next, as the robot file says.
         depth: effects that a diagnosis may name together.
@@ -84,7 +84,7 @@ class Machine:
     compared: tuple[str, ...] = ()
     noise_std: Callable[[Callable[[str], float]], dict[str, float]] | None = None
     segments: tuple[Segment, ...] = ()
-    conditions: Conditions = field(default_factory=Conditions)
+    regime: Regime | None = None
     command_link: CommandLink | None = None
     tolerances: tuple[Tolerance, ...] = ()
     max_effects: int = 2

@@ -1,4 +1,4 @@
-"""What a machine declares for replay, localisation and monitoring: segments, conditions and the command link."""
+"""What a machine declares for replay, localisation and monitoring: segments, regime and command link."""
 
 from __future__ import annotations
 
@@ -54,22 +54,22 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """Measured signals by which a residual's variance is explained.
+class Regime:
+    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel.
 
     Attributes:
-        motion: column kind whose rate gives direction and speed; the first compared one of the channel if empty.
-        load: column kind of the load; the last compared one of the channel if empty.
-        position: name of the condition and column kind of the position; the motion's own if no kind.
-        still: speed below which a channel is at rest [unit/s]; None: a share of its fastest motion.
-        slack: load below which a channel is slack [unit]; None: never.
+        position: column kind whose rate of change is the motion.
+        load: column kind of the load.
+        joint: column kind of the joint position, or "".
+        still: speed below which a channel counts as at rest [unit of the position / s].
+        slack: load below which a channel counts as slack [unit of the load].
     """
 
-    motion: str = ""
-    load: str = ""
-    position: tuple[str, str] = ("position", "")
-    still: float | None = None
-    slack: float | None = None
+    position: str
+    load: str
+    joint: str
+    still: float
+    slack: float
 
 
 @dataclass(frozen=True)

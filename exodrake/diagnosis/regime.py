@@ -20,30 +20,34 @@ CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
     """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
-    declared, period = problem.robot.machine.conditions, problem.robot.machine.frame
+    declared, period = problem.robot.machine.regime, problem.robot.machine.frame
     own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel}
-    first, last = next(iter(own)), next(reversed(own))
-    known = declared.motion in own
-    motion, load = (declared.motion, declared.load) if known else (first, last)
-    position = filled(trial.measured[:, own[motion]])
-    width = SMOOTH if known else min(SMOOTH, max(1, len(position) // SMOOTH))
+    table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
+    if declared is None or declared.position not in table:
+        first, last = next(iter(table)), next(reversed(table))
+        width = min(SMOOTH, max(1, len(trial.reference) // SMOOTH))
+        found = motion(table[first], width, None, period)
+        return found | {"position": table[first]} | ({"load": table[last]} if last != first else {})
+    found = motion(table[declared.position], SMOOTH, declared.still, period)
+    if declared.load in table:
+        found |= {"load": table[declared.load], "slack": (table[declared.load] < declared.slack).astype(float)}
+    return found | ({"joint angle": table[declared.joint]} if declared.joint in table else {})
+
+
+def motion(position: np.ndarray, width: int, still: float | None, period: float) -> dict[str, np.ndarray]:
+    """Conditions of the motion of a position (n,), averaged over `width` frames of `period` [s].
+
+    still: speed below which it is at rest [unit/s]; None: a share of the fastest motion.
+    """
     speed = np.gradient(np.convolve(position, np.full(width, 1.0 / width), "same"), period)
-    still = declared.still if known and declared.still is not None else CRAWL * np.abs(speed).max()
+    still = CRAWL * np.abs(speed).max() if still is None else still
     direction = np.where(np.abs(speed) < still, 0.0, np.sign(speed))
-    found = {
+    return {
         "direction of motion": direction,
         "speed": np.abs(speed),
         "time since reversal": since_reversal(direction, period),
-        "time in trial": period * np.arange(len(trial.reference)),
+        "time in trial": period * np.arange(len(position)),
     }
-    if load in own and load != motion:
-        found["load"] = filled(trial.measured[:, own[load]])
-        if known and declared.slack is not None:
-            found["slack"] = (found["load"] < declared.slack).astype(float)
-    name, kind = declared.position if known else ("position", motion)
-    if kind in own:
-        found[name] = filled(trial.measured[:, own[kind]])
-    return found
 
 
 def since_reversal(direction: np.ndarray, period: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
 from exodrake.effects import effects_of
-from exodrake.machines.exo_index.segments import COMMAND_LINK, CONDITIONS, SEGMENTS
+from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
 from exodrake.systems import bus, controller, encoder, mocap, motor, sensor, tendon_finger
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
@@ -85,7 +85,7 @@ def exo_index() -> Machine:
         compared=("tension", "stroke", "speed_cmd", "angle"),
         noise_std=floors,
         segments=SEGMENTS,
-        conditions=CONDITIONS,
+        regime=REGIME,
         command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         colours=COLOURS,

@@ -1,6 +1,6 @@
-"""The Exo-Index robot between its measured signals: segments, conditions of a regime, the command link."""
+"""The Exo-Index robot between its measured signals: segments, regime, command link."""
 
-from exodrake.core.segment import CommandLink, Conditions, Imposed, Segment
+from exodrake.core.segment import CommandLink, Imposed, Regime, Segment
 
 # A tendon is stiff: a micrometre turns into millinewtons. So a measured tension acts on the finger as a force, through
 # tendons so soft that a stroke is one, and a measured angle as a hold.
@@ -42,5 +42,5 @@ SEGMENTS = (
         contents="sheath, joints, motion capture",
     ),
 )
-CONDITIONS = Conditions("stroke", "tension", ("joint angle", "angle"), STILL, SLACK)
+REGIME = Regime("stroke", "tension", "angle", STILL, SLACK)
 COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "stroke", VISIBLE)
