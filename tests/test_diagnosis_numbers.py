@@ -12,7 +12,6 @@ from exodrake.diagnosis.deeper import predicts_better
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.hypothesis import Hypothesis, hypothesis
 from exodrake.diagnosis.intervals import interval, spread
-from exodrake.diagnosis.place import traced
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.retune import CLOSE
 from exodrake.diagnosis.search import Fitted, Ranking
@@ -149,9 +148,3 @@ def test_a_further_cause_counts_where_it_predicts_a_signal_better(robot, problem
     assert not predicts_better(problem, tried(0.7, 1.0), before, thresholds())  # learnt by heart
     assert not predicts_better(problem, tried(0.97, 0.97), before, thresholds())
     assert not predicts_better(problem, before, before, thresholds())
-
-
-def test_a_machine_without_wires_has_no_wire_to_blame(problem):
-    so101 = replace(problem, robot=load_robot("so101"), columns=("angle_Pitch",))
-    assert traced(so101, {"log": np.ones((5, 1))}, "tendons") == ()
-    assert traced(so101, {"log": np.ones((5, 1))}, "joints") == ("Pitch",)

@@ -1,20 +1,16 @@
 """Pieces of the diagnosis against closed forms, identities and planted truths."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis import drops, filters, line, replay
+from exodrake.diagnosis import filters, line
 from exodrake.diagnosis.closure import closure
 from exodrake.diagnosis.fit import Fitter, bounded_solve
-from exodrake.diagnosis.healthy import healthy_case, scattered
 from exodrake.diagnosis.hypothesis import NOTHING, hypothesis
 from exodrake.diagnosis.noise import noise_std, sensor_noise_std
 from exodrake.diagnosis.problem import columns_of, make_problem
-from exodrake.diagnosis.regime import explained, since_reversal
 from exodrake.diagnosis.retune import retuned
 from exodrake.diagnosis.search import Fitted, Search
 from exodrake.diagnosis.verdict import decide
@@ -55,34 +51,10 @@ def test_bounded_solve_meets_the_optimality_conditions():
         assert np.all(slope[move <= low + 1e-9] > -1e-6) and np.all(slope[move >= high - 1e-9] < 1e-6)
 
 
-def test_shapley_of_an_additive_game_is_the_additive_part():
-    worth = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
-    power = {s: 10.0 - sum(worth[x] for x in s) for s in replay.subsets(worth)}
-    assert replay.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
-
-
-def test_interpreted_loop_equals_the_compiled_twin(robot):
-    problem = make_problem(short_case(robot, 3.0), robot)
-    trial = problem.holdout[0]
-    whole = problem.predict(problem.silent()[None], trial)[0]
-    assert np.array_equal(replay.replayed(problem, problem.silent(), replace(trial, drops=None), frozenset()), whole)
-
-
 def test_closure_of_known_gaps():
     assert closure(np.array([5.0]), np.array([1.0])) == 1.0
     assert closure(np.array([5.0]), np.array([3.0])) == pytest.approx(0.5)
     assert closure(np.array([5.0]), np.array([5.0])) == 0.0
-
-
-def test_a_condition_that_makes_the_residual_explains_it_and_another_does_not():
-    rng = np.random.default_rng(1)
-    condition = rng.standard_normal(4000)
-    assert explained(np.sign(condition), condition) > 0.9
-    assert explained(rng.standard_normal(4000), condition) < 0.02
-
-
-def test_time_since_reversal():
-    assert since_reversal(np.array([1.0, 1.0, -1.0, -1.0, -1.0]), 0.5) == pytest.approx([0.0, 0.5, 0.0, 0.5, 1.0])
 
 
 def test_cubic_interpolation_is_exact_for_a_parabola():
@@ -97,46 +69,6 @@ def test_floor_from_repeats_and_from_numbers_agree_for_white_signals(robot):
     floor = dict(zip(columns, noise_std(case, robot, columns), strict=True))
     assert floor["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
     assert floor["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
-
-
-def test_lost_commands_are_decoded(robot):
-    reference = Reference(protocols.steps(robot, dwell=0.6).tension, "steps")
-    shares = []
-    for seed in range(3):
-        log = simulate(robot.splice("timing.dropped_commands", {"probability": 0.3}), reference, seed=seed)
-        arrays = [log.array(kind) for kind in ("speed_cmd", "stroke", "tension")]
-        shares.append(drops.decode(robot.machine, robot.values, *arrays))
-    _, low, high = drops.probability(shares)
-    assert low < 0.3 < high and sum(d.events for d in shares) > 20
-    clean = simulate(robot, reference, seed=9)
-    whole = drops.decode(robot.machine, robot.values, *(clean.array(k) for k in ("speed_cmd", "stroke", "tension")))
-    assert whole.lost <= 0.05 * max(whole.events, 1) + 1
-    assert drops.lossy(shares) and not drops.lossy([whole])
-
-
-def test_commands_lost_in_bursts_are_decoded(robot):
-    """A held command repeats in the log what the drive was last told: losses of two and three frames in a row."""
-    reference = np.concatenate([protocols.random_motion(robot, seed=seed).tension for seed in range(3)])
-    rng, packet_arrival = np.random.default_rng(5), np.ones((len(reference), 3))
-    for frame in rng.choice(len(reference) - 3, len(reference) // 12, replace=False):
-        packet_arrival[frame : frame + rng.integers(2, 4)] = 0.0
-    deaf = robot.splice("timing.dropped_commands", {"probability": 0.5})
-    problem = make_problem(short_case(robot), robot)
-    trial = replace(problem.fit[0], reference=reference, drops=drops.Drops(packet_arrival, 0, 0, 0))
-    log = problem.predict(problem.silent(deaf)[None], trial)[0]
-    kinds = problem.kinds
-    arrays = (log[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension"))
-    found = drops.decode(robot.machine, problem.silent(), *arrays)
-    lost = found.packet_arrival == 0.0
-    assert found.certain >= 5 and np.mean(packet_arrival[lost] == 0.0) > 0.9
-
-
-def test_a_slow_drive_loses_no_command(robot):
-    """It follows badly, but no stroke is the held command's."""
-    reference = Reference(protocols.steps(robot, dwell=0.6).tension, "steps")
-    log = simulate(robot.splice("motor.slow_velocity_loop", {"factor": 0.3}), reference, seed=3)
-    found = drops.decode(robot.machine, robot.values, *(log.array(k) for k in ("speed_cmd", "stroke", "tension")))
-    assert not drops.lossy([found])
 
 
 @pytest.mark.parametrize(
@@ -170,15 +102,6 @@ def test_the_nominal_robot_shows_no_gap(robot):
     held = problem.residual(problem.silent()[None], problem.holdout)[0]
     fitted = Fitted(point, held)
     assert decide(problem, Search(fitted, fitted)).verdict == "NO_GAP"
-
-
-def test_healthy_robots_scatter_every_number_and_no_effect(robot):
-    assert [item.role for item in healthy_case(robot, 5).logs] == ["fit", "fit", "fit", "holdout"]
-    drawn = scattered(robot, np.random.default_rng(5)).values
-    present = np.array([entry.null is not None for entry in robot.machine.parameters])
-    assert np.array_equal(drawn[present], robot.values[present])
-    stiffness = robot.machine.index["finger.kappa.PIP"]
-    assert 0.0 < abs(drawn[stiffness] / robot.values[stiffness] - 1.0) < 0.08
 
 
 def test_an_end_stop_on_the_other_side_is_found(robot):

@@ -1,7 +1,8 @@
 """Verdicts on a few robots with planted effects, judged together: a single case proves little either way.
 
-Robots scatter by 3 %, logs carry noise and rounding, the held-out motion is of another kind. `exodrake blind` is the
-real exam, in a reality that shares no equation with the model; this one keeps the way there open.
+Robots are drawn within their tolerances, logs carry noise and rounding, the held-out motion is of another kind.
+`exodrake blind` is the real exam, in a reality that shares no equation with the model; this one keeps the way there
+open.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import diagnose
-from exodrake.diagnosis.healthy import scattered
+from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -47,7 +48,7 @@ def nominal():
 def test_planted_effects_are_named(nominal):
     right = 0
     for seed, (identity, parameters) in enumerate(PLANTED.items()):
-        robot = scattered(nominal, np.random.default_rng(seed)).splice(identity, parameters)
+        robot = healthy_robot(nominal, np.random.default_rng(seed)).splice(identity, parameters)
         answer = diagnose(case_of(robot, seed), nominal)
         right += identity in {effect.id for effect in answer.effects} | set(answer.equivalents)
     assert right >= len(PLANTED) - 1  # at 90 % right each, as wanted, fewer are right in 5 % of such quartets
@@ -55,6 +56,7 @@ def test_planted_effects_are_named(nominal):
 
 def test_healthy_robots_raise_no_alarm(nominal):
     verdicts = [
-        diagnose(case_of(scattered(nominal, np.random.default_rng(seed)), seed), nominal).verdict for seed in HEALTHY
+        diagnose(case_of(healthy_robot(nominal, np.random.default_rng(seed)), seed), nominal).verdict
+        for seed in HEALTHY
     ]
     assert set(verdicts) <= {"NO_GAP", "RETUNE"}

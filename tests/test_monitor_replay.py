@@ -1,94 +1,105 @@
-"""The model beside a log: in pieces as in one, and as the batch twin and the interpreted replay have it."""
+"""The model beside a log: the same in pieces as in one, and the same as the simulator."""
 
 import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.replay import replayed, smoothed
-from exodrake.monitor.companion import Companion, channels, signals
-from exodrake.monitor.feed import LAG
-from exodrake.monitor.gap import SKIP, Gap, floors
-from exodrake.monitor.motion import session
-from exodrake.monitor.segments import FingerReplay, MotorReplay, TendonReplay
-from exodrake.monitor.simulator import KINDS, ClosedLoop, silent
-from exodrake.simulation.simulate import simulate
+from exodrake.monitor.channels import LOOP, channels
+from exodrake.monitor.gap import SKIP, Gap, measured_columns, noise_std
+from exodrake.monitor.online_replay import OnlineReplay, SegmentReplay
+from exodrake.monitor.work import work
 
 NOMINAL = exo.load_robot()
 LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.creep")
-
-
-def measured(log):
-    return np.concatenate([log.array(kind) for kind in KINDS], axis=1)
+LISTED = channels(NOMINAL.machine)
 
 
 @pytest.fixture(scope="module")
 def log():
-    return simulate(NOMINAL, session(NOMINAL, 4, 20.0), seed=4)
+    return exo.simulate(NOMINAL, work(NOMINAL, 4, 20.0), seed=4)
 
 
-@pytest.mark.parametrize("robot", [NOMINAL, LATE], ids=["nominal", "late pictures"])
-def test_stepped_twin_is_the_batch_twin(robot, log):
-    reference = log.array("tension_ref")
-    batch = exo.simulate(robot, exo.Reference(reference), seed=None, quantisation=False)
-    simulator = ClosedLoop(robot, LAG)
-    rows = [simulator.push(reference[i : i + 1], last=i == len(reference) - 1) for i in range(len(reference))]
-    np.testing.assert_array_equal(np.concatenate(rows), measured(batch))
+@pytest.mark.parametrize("robot", [NOMINAL, LATE], ids=["nominal", "delayed samples"])
+def test_closed_loop_stepped_by_frames_is_the_simulator(robot, log):
+    reference, rows = log.array("tension_ref"), measured_columns(robot, log)
+    batch = measured_columns(robot, exo.simulate(robot, exo.Reference(reference), seed=None, quantisation=False))
+    online, n = OnlineReplay(robot), len(rows)
+    residuals = np.concatenate([online.push(reference[i : i + 1], rows[i : i + 1], i == n - 1) for i in range(n)])
+    loop = np.array([c.segment == LOOP for c in LISTED])
+    np.testing.assert_array_equal(residuals[:, loop], rows - batch)
 
 
 def test_pieces_give_the_bits_of_the_whole(log):
-    reference, rows = log.array("tension_ref"), measured(log)
+    reference, rows = log.array("tension_ref"), measured_columns(NOMINAL, log)
     rows[200:230, 2], rows[400], reference[400] = np.nan, np.nan, np.nan
-    whole = Companion(LATE).push(reference, rows, last=True)
-    companion, cuts = Companion(LATE), np.sort(np.random.default_rng(1).integers(0, len(rows), 40))
-    parts = [companion.push(r, m) for r, m in zip(np.split(reference, cuts), np.split(rows, cuts))]
-    parts.append(companion.push(reference[:0], rows[:0], last=True))
+    whole = OnlineReplay(LATE).push(reference, rows, last=True)
+    online, cuts = OnlineReplay(LATE), np.sort(np.random.default_rng(1).integers(0, len(rows), 40))
+    parts = [online.push(r, m) for r, m in zip(np.split(reference, cuts), np.split(rows, cuts))]
+    parts.append(online.push(reference[:0], rows[:0], last=True))
     np.testing.assert_array_equal(np.concatenate(parts), whole)
-    assert whole.shape == (len(rows), len(channels(LATE))) and np.isnan(whole[400]).all()
+    assert whole.shape == (len(rows), len(LISTED)) and np.isnan(whole[400]).all()
 
 
-def test_replays_are_those_of_the_interpreted_loop(log):
-    n, reference = 250, log.array("tension_ref")
-    rows = measured(log)[:n]
-    columns = tuple(f"{kind}_{channel}" for kind, channel in signals(NOMINAL))
-    trial = Trial("log", "fit", reference[:n], rows)
-    case = Case("one log", {}, (CaseLog(log, "log", "fit", None, "log.csv"),))
-    problem = Problem(NOMINAL, columns, np.ones(12), (trial,), (trial,), case)
-    tension, stroke, angle = (smoothed(rows[:, at]) for at in (slice(0, 3), slice(3, 6), slice(9, 12)))
-    rates = [np.gradient(x, NOMINAL.machine.frame, axis=0) for x in (tension, stroke, angle)]
-    held = replayed(problem, silent(NOMINAL), trial, frozenset({"motor", "finger"}))[:, :3]
-    tendon = TendonReplay(NOMINAL).push(stroke, rates[1], angle, rates[2])  # the loop's path lengths are Python's
-    np.testing.assert_allclose(tendon, held, rtol=0, atol=1e-12)
-    free = replayed(problem, silent(NOMINAL), trial, frozenset({"motor", "tendon"}))[:, 9:]
-    np.testing.assert_array_equal(FingerReplay(NOMINAL, 0).push(tension, rates[0], last=True), free)
+def test_any_machine_is_replayed_and_its_own_log_has_the_gap_of_its_noise():
+    robot = exo.load_robot("emps")
+    reference = np.zeros((3000, 3))
+    reference[:, 0] = 0.05 * (1.0 - np.cos(np.arange(3000) * robot.machine.frame))
+    own = exo.simulate(robot, exo.Reference(reference), seed=1)
+    listed = channels(robot.machine)
+    assert [c.segment for c in listed] == [LOOP, LOOP, "carriage", "drive"]
+    residuals = OnlineReplay(robot).push(reference, measured_columns(robot, own), last=True)
+    gap = np.sqrt(np.nanmean(residuals**2, axis=0)) / noise_std(robot)
+    assert (gap[[0, 1, 3]] < 1.0).all()
 
 
 def test_replayed_motor_turns_commands_into_strokes():
-    """A constant speed command on an unloaded wire moves it at that speed, wherever it began."""
+    """A constant speed command on unloaded tendons moves them at that speed, wherever they began."""
     n, speed, frame = 200, 0.004, NOMINAL.machine.frame
-    command, still = np.full((n, 3), speed), np.zeros((n, 3))
-    strokes = MotorReplay(NOMINAL).push(command, still, still, np.full((n, 3), np.nan))
-    np.testing.assert_allclose(np.diff(strokes[50:], axis=0) / frame, speed, rtol=1e-6)
+    segment = next(s for s in NOMINAL.machine.segments if s.name == "motor")
+    stroke = exo.simulate(NOMINAL, exo.Reference(np.zeros((1, 3)))).columns.index("stroke_AF") - 3
+    inputs = [np.zeros((n, 3))] * 3 + [np.ones((n, 3))]
+    feed, held = np.zeros((n, 12)), np.zeros((n, 12))
+
+    def strokes(began):
+        measured = np.full((n, 12), np.nan)
+        measured[:, [c == "speed_cmd" for c in kinds]] = speed
+        measured[:, stroke : stroke + 3] = began
+        record = SegmentReplay(NOMINAL, segment).push(inputs, feed, feed, held, measured)
+        return record[:, at]
+
+    kinds = [kind for kind in NOMINAL.machine.compared for _ in range(3)]
+    signals = [s.name for s in NOMINAL.machine.signals for _ in range(NOMINAL.machine.width(s.axis))]
+    at = [name == "stroke_read" for name in signals]
+    np.testing.assert_allclose(np.diff(strokes(np.nan)[50:], axis=0) / frame, speed, rtol=0.1)
     began = 0.012 + speed * frame * np.arange(n)[:, None] * np.ones(3)
-    np.testing.assert_allclose(MotorReplay(NOMINAL).push(command, still, still, began)[100:], began[100:], atol=1e-5)
+    np.testing.assert_allclose(strokes(began)[100:], began[100:], atol=1e-5)
 
 
-def test_healthy_gap_is_one_floor_and_counts_by_the_second(log):
-    residuals = Companion(NOMINAL).push(log.array("tension_ref"), measured(log), last=True)
-    floor = floors(NOMINAL)
-    readings = Gap(floor, 0.02).push(residuals)
-    last, listed = readings[-1], channels(NOMINAL)
+def test_healthy_gap_is_one_noise_standard_deviation_and_counts_by_the_second(log):
+    residuals = OnlineReplay(NOMINAL).push(log.array("tension_ref"), measured_columns(NOMINAL, log), last=True)
+    noise = noise_std(NOMINAL)
+    readings = Gap(noise, 0.02).push(residuals)
+    last = readings[-1]
     assert last.second == 20 and len(readings) == 20 - SKIP and last.full
-    noisy = np.array([c.segment != "controller" for c in listed])
+    noisy = np.array([c.segment != "controller" for c in LISTED])
     assert (last.recent[noisy] < 3.0).all() and (last.recent[noisy] > 0.3).all() and (last.recent[~noisy] == 0.0).all()
-    rows = residuals[500:1000] / floor
+    rows = residuals[500:1000] / noise
     np.testing.assert_allclose(last.recent, np.sqrt(np.mean(rows**2, axis=0)), rtol=1e-9)
 
 
 def test_missing_columns_are_not_judged(log):
-    rows = measured(log)
+    rows = measured_columns(NOMINAL, log)
     rows[:, 9:] = np.nan
-    last = Gap(floors(NOMINAL), 0.02).push(Companion(NOMINAL).push(log.array("tension_ref"), rows, last=True))[-1]
-    for channel, gap in zip(channels(NOMINAL), last.recent):
+    last = Gap(noise_std(NOMINAL), 0.02).push(OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True))[-1]
+    for channel, gap in zip(LISTED, last.recent):
         assert np.isnan(gap) == (channel.kind == "angle" or channel.segment == "tendon")
+
+
+def test_missing_commands_are_those_of_the_control_law(log):
+    """Without speed commands the motor is replayed with the commands that the controller must have given."""
+    rows = measured_columns(NOMINAL, log)
+    whole = OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)
+    rows[:, 6:9] = np.nan
+    without = OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)
+    motor = np.array([c.segment == "motor" for c in LISTED])
+    np.testing.assert_allclose(without[:, motor], whole[:, motor], atol=1e-12)

@@ -15,23 +15,22 @@ import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.data.formats.csv import write
 from exodrake.data.log_file import write_log
-from exodrake.diagnosis.healthy import scattered
+from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.monitor.calibrate import limits_of, share_at_most
 from exodrake.monitor.check import first_alarm
 from exodrake.monitor.frames import Grid
-from exodrake.monitor.gap import floors
-from exodrake.monitor.motion import session
+from exodrake.monitor.gap import noise_std
 from exodrake.monitor.tail import Tail
-from exodrake.monitor.watcher import Watch, follow
+from exodrake.monitor.watcher import Monitor, follow
+from exodrake.monitor.work import work
 
 NOMINAL = exo.load_robot()
 CALM = write(exo.simulate(NOMINAL, exo.Reference(np.ones((6, 3))))).decode()
-TENDONS, JOINTS = NOMINAL.machine.axes
 
 
 @pytest.fixture(scope="module")
 def log():
-    return exo.simulate(NOMINAL, session(NOMINAL, 5, 30.0), seed=5)
+    return exo.simulate(NOMINAL, work(NOMINAL, 5, 30.0), seed=5)
 
 
 @pytest.fixture
@@ -41,11 +40,11 @@ def file(tmp_path, log):
 
 
 def tail_of(path):
-    return Tail(path, TENDONS, JOINTS)
+    return Tail(path, NOMINAL.machine)
 
 
 def rows_of(pieces):
-    return np.concatenate([p.rows for p in pieces])
+    return np.concatenate([p.values for p in pieces])
 
 
 def run(*arguments):
@@ -61,7 +60,7 @@ def test_half_lines_wait_and_units_are_converted(tmp_path, file, log):
             stream.write(lines[cut : cut + 7919])
         found += list(tail.poll())
     rows = rows_of(found)
-    assert [p.fresh for p in found] == [True] + [False] * (len(found) - 1)
+    assert [p.restart for p in found] == [True] + [False] * (len(found) - 1)
     np.testing.assert_array_equal(rows[:, 0], log.time)
     np.testing.assert_array_equal(rows[:, 1:4], log.array("tension_ref"))
     np.testing.assert_array_equal(rows[:, 13:], log.array("angle"))
@@ -75,16 +74,16 @@ def test_truncated_rotated_and_repeated_headings_begin_anew(file):
     tail = tail_of(file)
     list(tail.poll())
     file.write_text(heading + lines[0] + lines[1])  # shorter: truncated
-    assert [(p.fresh, len(p.rows)) for p in tail.poll()] == [(True, 2)]
+    assert [(p.restart, len(p.values)) for p in tail.poll()] == [(True, 2)]
     other = file.with_name("next.csv")
     with open(file, "a") as stream:
         stream.write(lines[2])
     other.write_text(heading + "".join(lines[:50]))
     os.replace(other, file)  # rotated: what the old file still holds comes first
-    assert [(p.fresh, len(p.rows)) for p in tail.poll()] == [(False, 1), (True, 50)]
+    assert [(p.restart, len(p.values)) for p in tail.poll()] == [(False, 1), (True, 50)]
     with open(file, "a") as stream:
         stream.write(lines[50] + heading + lines[0])
-    assert [(p.fresh, len(p.rows), p.first) for p in tail.poll()] == [(False, 1, 51), (True, 1, 52)]
+    assert [(p.restart, len(p.values), p.first) for p in tail.poll()] == [(False, 1, 51), (True, 1, 52)]
 
 
 @pytest.mark.parametrize(
@@ -114,11 +113,11 @@ def test_spoilt_logs_are_refused_or_read(tmp_path, data):
     path.write_bytes(data)
     grid = Grid(str(path), 0.02)
     try:
-        stretches = [s for piece in tail_of(path).poll() for s in grid.push(piece)]
+        frames = [s for rows in tail_of(path).poll() for s in grid.push(rows)]
     except exo.InputError as error:
         assert str(path) in str(error)
     else:
-        assert all(s.rows.shape[1] == 16 and not np.isinf(s.rows).any() for s in stretches)
+        assert all(s.values.shape[1] == 16 and not np.isinf(s.values).any() for s in frames)
 
 
 def test_a_file_that_never_comes_or_stays_empty(tmp_path):
@@ -128,20 +127,20 @@ def test_a_file_that_never_comes_or_stays_empty(tmp_path):
     assert "no rows" in run(tmp_path / "empty.csv", "--until-idle", 0).stderr
 
 
-def test_clock_gaps(file):
+def test_short_gaps_are_bridged_and_long_ones_restart_the_model(file):
     heading, *lines = file.read_text().splitlines(keepends=True)
     keep = [*lines[:100], lines[99], *lines[103:200], *lines[600:]]
     file.write_text(heading + "".join(keep))
     grid, found = Grid("log", 0.02), []
-    for piece in tail_of(file).poll():
-        found += list(grid.push(piece))
+    for rows in tail_of(file).poll():
+        found += list(grid.push(rows))
     assert grid.repeated == 1 and grid.missing == 3
-    assert [len(s.rows) for s in found] == [200, 900] and found[1].fresh and "8.0 s" in found[1].note
-    assert np.isnan(found[0].rows[100:103]).all() and np.isfinite(found[0].rows[103]).all()
+    assert [len(s.values) for s in found] == [200, 900] and found[1].restart and "8.0 s" in found[1].note
+    assert np.isnan(found[0].values[100:103]).all() and np.isfinite(found[0].values[103]).all()
 
 
 def test_a_log_that_grows_gives_the_readings_of_the_whole(file, log):
-    whole = [r for r in follow(Watch(NOMINAL), file, 0.0) if r]
+    whole = [r for r in follow(Monitor(NOMINAL), file, 0.0) if r]
     grows = file.with_name("grows.csv")
 
     def write():
@@ -153,7 +152,7 @@ def test_a_log_that_grows_gives_the_readings_of_the_whole(file, log):
 
     thread = threading.Thread(target=write)
     thread.start()
-    grown = [r for r in follow(Watch(NOMINAL), grows, 2.0) if r]
+    grown = [r for r in follow(Monitor(NOMINAL), grows, 2.0) if r]
     thread.join()
     assert [r.second for r in grown] == [r.second for r in whole] == list(range(4, 31))
     for a, b in zip(grown, whole):
@@ -162,15 +161,15 @@ def test_a_log_that_grows_gives_the_readings_of_the_whole(file, log):
 
 def test_a_log_cut_out_of_a_motion_raises_nothing(tmp_path, log):
     write_log(log.between(7.3, 30.0), tmp_path / "cut.csv")
-    watch = Watch(NOMINAL)
-    assert [r for r in follow(watch, tmp_path / "cut.csv", 0.0) if r] and not watch.alarms
+    monitor = Monitor(NOMINAL)
+    assert [r for r in follow(monitor, tmp_path / "cut.csv", 0.0) if r] and not monitor.alarms
 
 
-def test_alarms():
-    """Planted effects, and none: in 20 minutes some 2 % of healthy robots raise one, in a minute fewer."""
-    floor = floors(NOMINAL)
+def test_planted_effects_raise_an_alarm_in_their_segment_and_healthy_robots_none():
+    """Planted effects, and none: in 20 minutes some 2 % of healthy robots raise an alarm, in a minute fewer."""
+    noise = noise_std(NOMINAL)
     quiet = [
-        first_alarm(NOMINAL, scattered(NOMINAL, np.random.default_rng(k)), floor, k, 60.0) is None for k in range(8)
+        first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(k)), noise, k, 60.0) is None for k in range(8)
     ]
     assert sum(quiet) >= 7
     for effect, segment in [
@@ -179,11 +178,11 @@ def test_alarms():
         ("tendon.slack", "tendon"),
         ("tendon.capstan_friction", "finger"),  # the sheath lies between cell and finger
     ]:
-        alarm = first_alarm(NOMINAL, scattered(NOMINAL, np.random.default_rng(9)).splice(effect), floor, 9, 60.0)
+        alarm = first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(9)).splice(effect), noise, 9, 60.0)
         assert alarm is not None and alarm.channel.segment == segment and alarm.gap > alarm.limit
 
 
-def test_limits_promise_what_they_keep():
+def test_limits_have_the_stated_rate_of_false_alarms():
     """Limits from 2 x 59 draws: 95 % of them must leave out at most 5 % of the law (Wilks), whatever its shape."""
     rng = np.random.default_rng(3)
     shape, left_out = np.linspace(0.1, 0.8, 24), []
@@ -197,11 +196,11 @@ def test_limits_promise_what_they_keep():
     assert np.mean(left_out) == pytest.approx(1 / 60, abs=0.006)
 
 
-def test_command(tmp_path, file, log):
+def test_command_summarises_and_its_status_tells_an_alarm(tmp_path, file, log):
     result = run(file, "--until-idle", 0)
     assert result.exit_code == 0 and "30 s" in result.stdout and "no alarm" in result.stdout
     loose = NOMINAL.splice("tendon.slack", channels=["MF"])
-    write_log(exo.simulate(loose, session(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
+    write_log(exo.simulate(loose, work(NOMINAL, 5, 30.0)), tmp_path / "slack.mcap")
     result = run(tmp_path / "slack.mcap", "--until-idle", 0)
     assert result.exit_code == 1 and "ALARM at" in result.stdout and "exodrake diagnose" in result.stdout
     assert "tendon" in result.stdout and "tension_MF" in result.stdout
@@ -221,10 +220,22 @@ def test_screen_in_a_terminal(file):
 
     from exodrake.monitor.display import screen
 
-    watch = Watch(NOMINAL)
+    monitor = Monitor(NOMINAL)
     console = Console(record=True, width=110, file=open(os.devnull, "w"))  # noqa: SIM115
-    console.print(screen(watch, Path("not_yet.csv")))
-    list(follow(watch, file, 0.0))
-    console.print(screen(watch, file))
+    console.print(screen(monitor, Path("not_yet.csv")))
+    list(follow(monitor, file, 0.0))
+    console.print(screen(monitor, file))
     text = console.export_text()
     assert "waiting for the file" in text and "tendon" in text and "no alarm" in text
+
+
+def test_other_machines_are_watched_without_an_alarm(tmp_path):
+    robot = exo.load_robot("so101")
+    reference = np.zeros((300, 12))
+    reference[:, :6] = 0.3 * np.sin(np.arange(300) * 0.02)[:, None]
+    write_log(exo.simulate(robot, exo.Reference(reference), seed=1), tmp_path / "arm.csv")
+    result = run(tmp_path / "arm.csv", "--until-idle", 0, "--robot", "so101")
+    assert result.exit_code == 0 and "300 frames" in result.stdout and "closed loop" in result.stdout
+    assert "no limits are calibrated for so101" in result.stdout
+    result = run(tmp_path / "arm.csv", "--until-idle", 0, "--robot", "emps")
+    assert result.exit_code == 2 and "position_ref_carriage" in result.stderr

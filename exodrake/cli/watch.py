@@ -12,7 +12,7 @@ import click
 from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
-    from exodrake.monitor.watcher import Watch
+    from exodrake.monitor.watcher import Monitor
 
 REDRAW = 4  # times a second
 
@@ -23,25 +23,25 @@ REDRAW = 4  # times a second
 @click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="SECONDS",
               help="End when no row has come for so long [never]; 0 reads a complete log to its end.")  # fmt: skip
 def command(log: Path, robot: str, until_idle: float | None) -> None:
-    """Follow LOG, a CSV file that a robot is writing, and show how far each block is from its model.
+    """Follow LOG, a CSV file that a robot is writing, and show the gap between each of its segments and the model.
 
     The model runs beside the robot, frame by frame. Ctrl-C ends with a summary. The exit status is 1 if there was an
-    alarm. For the cause: `exodrake diagnose LOG`; for the finger in motion: `exodrake show LOG`.
+    alarm. For the cause: `exodrake diagnose LOG`; for an animation: `exodrake show LOG`.
     """
     from exodrake.machines.robot_file import load_robot
     from exodrake.monitor.display import summary
-    from exodrake.monitor.watcher import Watch
+    from exodrake.monitor.watcher import Monitor
 
     click.echo("loading the model (the first run compiles for half a minute)", err=True)
-    watch = Watch(load_robot(robot))
+    monitor = Monitor(load_robot(robot))
     with suppress(KeyboardInterrupt):
-        (in_terminal if sys.stdout.isatty() else in_lines)(watch, log, until_idle)
-    click.echo("\n".join([*watch.notes, *summary(watch, log)]))
-    if watch.alarms:
+        (in_terminal if sys.stdout.isatty() else in_lines)(monitor, log, until_idle)
+    click.echo("\n".join([*monitor.notes, *summary(monitor, log)]))
+    if monitor.alarms:
         sys.exit(1)
 
 
-def in_terminal(watch: Watch, log: Path, idle: float | None) -> None:
+def in_terminal(monitor: Monitor, log: Path, idle: float | None) -> None:
     """A display that is redrawn in place."""
     from rich.console import Console
     from rich.live import Live
@@ -49,20 +49,22 @@ def in_terminal(watch: Watch, log: Path, idle: float | None) -> None:
     from exodrake.monitor.display import screen
     from exodrake.monitor.watcher import follow
 
-    with Live(screen(watch, log), console=Console(highlight=False), refresh_per_second=REDRAW, transient=True) as live:
-        for _ in follow(watch, log, idle):
-            live.update(screen(watch, log))
+    with Live(
+        screen(monitor, log), console=Console(highlight=False), refresh_per_second=REDRAW, transient=True
+    ) as live:
+        for _ in follow(monitor, log, idle):
+            live.update(screen(monitor, log))
 
 
-def in_lines(watch: Watch, log: Path, idle: float | None) -> None:
+def in_lines(monitor: Monitor, log: Path, idle: float | None) -> None:
     """A line every ten seconds of the log, and one for each alarm."""
     from exodrake.monitor.display import EVERY, line, sentence
     from exodrake.monitor.watcher import follow
 
-    told = 0
-    for reading in follow(watch, log, idle):
+    printed = 0
+    for reading in follow(monitor, log, idle):
         if reading is not None and reading.second % EVERY == 0:
-            click.echo(line(watch, reading))
-        for alarm in watch.alarms[told:]:
-            click.echo(sentence(alarm, log))
-        told = len(watch.alarms)
+            click.echo(line(monitor, reading))
+        for alarm in monitor.alarms[printed:]:
+            click.echo(sentence(monitor, alarm, log))
+        printed = len(monitor.alarms)

@@ -194,8 +194,12 @@ def compile_machine(machine: Machine) -> ModuleType:
 
 def load_module(machine: Machine) -> ModuleType:
     """Prints and imports a machine."""
-    text = print_module(machine)
-    name = f"{machine.name}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    return load_text(machine.name, print_module(machine))
+
+
+def load_text(stem: str, text: str) -> ModuleType:
+    """Imports generated code from a file named by `stem` and the hash of its text."""
+    name = f"{stem}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if name not in _compiled:
         path = cache_folder() / f"{name}.py"
         if not path.exists():

@@ -8,9 +8,10 @@ from functools import cached_property
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.measured import Column, Observer, Regime
+from exodrake.core.measured import Column, Observer
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, module_name, part_modules
+from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
 from exodrake.core.wiring import check_effects, check_schedule, check_signals
 
@@ -35,7 +36,8 @@ class Machine:
         resolution: parameters that are 0 in a run without quantisation.
         compared: column kinds that a diagnosis compares.
         noise_std: noise of each compared kind [SI] from a function that gives a parameter by name.
-        segments: parts between two measured signals, and the column kind in which each ends.
+        segments: what lies between measured signals, in the order of reports.
+        command_link: where commands may be lost, if anywhere.
         tolerances: parameters that differ between machines of this kind, from the robot file.
         max_effects: effects that a diagnosis may name together.
         observer: how a simulation can be kept near a log; None if it cannot.
@@ -63,7 +65,8 @@ class Machine:
     resolution: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
     noise_std: Callable[[Callable[[str], float]], dict[str, float]] | None = None
-    segments: Mapping[str, str] = field(default_factory=dict)
+    segments: tuple[Segment, ...] = ()
+    command_link: CommandLink | None = None
     tolerances: tuple[Tolerance, ...] = ()
     max_effects: int = 2
     observer: Observer | None = None

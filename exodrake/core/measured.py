@@ -15,6 +15,7 @@ class Column:
         required: whether a log without it is refused.
         label: name in figures and reports; made from the kind by default.
         unit: unit in figures and reports; by default that of `display.SHOWN`.
+        delay: signal that says how late the samples are [s]; empty: on time.
     """
 
     kind: str
@@ -22,6 +23,7 @@ class Column:
     required: bool = True
     label: str = ""
     unit: str = ""
+    delay: str = ""
 
 
 @dataclass(frozen=True)
@@ -41,22 +43,3 @@ class Observer:
     state: tuple[str, str]
     divisor: str
     gain: float
-
-
-@dataclass(frozen=True)
-class Regime:
-    """Measured signals by which the frames of a gap are sorted: motion, load and slackness of a channel.
-
-    Attributes:
-        position: column kind whose rate of change is the motion.
-        load: column kind of the load.
-        joint: column kind of the joint position, or "".
-        still: speed below which a channel counts as at rest [unit of the position / s].
-        slack: load below which a channel counts as slack [unit of the load].
-    """
-
-    position: str
-    load: str
-    joint: str
-    still: float
-    slack: float

@@ -1,45 +1,33 @@
-"""Healthy robots of the model itself: every number that may scatter drawn anew, and logs of them, noise and rounding
-on.
+"""Healthy robots: parameters drawn within the tolerances of the robot file, no effect, and logs of such robots.
+
+Simulated healthy robots calibrate false alarms, those of the diagnosis and those of the monitor.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.nuisance import knobs, turned
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
-SCATTER, SCATTER_ANGLE, CLIP = 0.03, 0.01, 2.5  # relative; rad, for angles near 0; standard deviations
-EXACT = (
-    "sensor.sigma_F",
-    "sensor.q_F",
-    "encoder",
-    "mocap",
-    "controller",
-    "motor.N",
-    "motor.r_set",
-    "tendon.presliding",
-)
 
-
-def scattered(robot: Robot, rng: np.random.Generator) -> Robot:
-    """A healthy robot: every number that may scatter drawn anew."""
-    values = robot.values.copy()
-    for i, parameter in enumerate(robot.machine.parameters):
-        if parameter.null is not None or parameter.name.startswith(EXACT):
-            continue
-        draw = float(np.clip(rng.standard_normal(), -CLIP, CLIP))
-        values[i] += SCATTER_ANGLE * draw if parameter.name.startswith("finger.q_e") else SCATTER * draw * values[i]
-    return Robot(robot.machine, values, limits=robot.limits, source="scattered")
+def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
+    """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
+    tolerances = knobs(robot.machine)
+    largest = np.array([t.max_deviation for t in tolerances])
+    drawn = rng.standard_normal(len(tolerances)) * [t.prior_std for t in tolerances]
+    return replace(robot, values=turned(robot.values, tolerances, np.clip(drawn, -largest, largest)), source="healthy")
 
 
 def healthy_case(nominal: Robot, seed: int) -> Case:
     """Logs of a healthy robot: short sweeps, a chirp and holds to fit, random motion held out."""
-    rng = np.random.default_rng(seed)
-    robot = scattered(nominal, rng)
+    robot = healthy_robot(nominal, np.random.default_rng(seed))
     plan: tuple[tuple[str, str, Reference], ...] = (
         ("sweeps", "fit", protocols.short_sweeps(nominal)),
         ("chirp", "fit", protocols.chirp(nominal)),

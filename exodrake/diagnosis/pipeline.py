@@ -15,10 +15,10 @@ from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.diagnosis import nuisance
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.drops import probability
+from exodrake.diagnosis.detect.packet_loss import loss_probability
 from exodrake.diagnosis.intervals import describe, spread
 from exodrake.diagnosis.line import named
-from exodrake.diagnosis.place import place
+from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
 from exodrake.diagnosis.search import LOSING, Fitted, Search
@@ -88,7 +88,7 @@ def effects_of(view: View) -> tuple[NamedEffect, ...]:
 def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
     """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
     drops = [t.drops for t in (*problem.fit, *problem.holdout) if t.drops]
-    return replace(effect, parameters={"probability": Interval(*probability(drops))})
+    return replace(effect, parameters={"probability": Interval(*loss_probability(drops))})
 
 
 def equivalents_of(decision: Decision) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float,
         rows = np.array([ranking.full.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
         experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
     progress(Stage.LOCALISE, "")
-    where = place(problem, ranking.full, search, chosen, effects)
+    where = localise(problem, ranking.full, search, chosen, effects)
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,

@@ -15,7 +15,7 @@ from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
-from exodrake.diagnosis.drops import Drops, decode
+from exodrake.diagnosis.detect.packet_loss import PacketLoss, detect
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.simulation.delayed_samples import seen_late
@@ -33,7 +33,7 @@ class Trial:
     role: str
     reference: np.ndarray
     measured: np.ndarray
-    drops: Drops | None = None
+    drops: PacketLoss | None = None
     follow: np.ndarray | None = None
 
     def first(self, n: int) -> Trial:
@@ -125,16 +125,6 @@ class Problem:
         floor = noise_std(self.case, self.robot, self.columns, bands)
         return replace(self, stopped=bands, noise_std=np.minimum(floor, self.noise_std))
 
-    def with_drops(self, trial: Trial) -> Trial:
-        """The trial with the commands that its log shows to be lost; as it is if the log has no commands."""
-        kinds = self.kinds
-        if not {"speed_cmd", "stroke", "tension"} <= set(kinds):
-            return trial
-        command, stroke, tension = (
-            trial.measured[:, [k == kind for k in kinds]] for kind in ("speed_cmd", "stroke", "tension")
-        )
-        return replace(trial, drops=decode(self.robot.machine, self.silent(), command, stroke, tension))
-
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
         return replace(self, fit=tuple(t.first(max(2, int(share * len(t.reference)))) for t in self.fit))
@@ -224,5 +214,4 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         held = [fit.pop()]
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
-    with_losses = {"fit": map(problem.with_drops, fit), "holdout": map(problem.with_drops, held or fit)}
-    return replace(problem, tried=tried, **{role: tuple(trials) for role, trials in with_losses.items()})
+    return detect(replace(problem, tried=tried))

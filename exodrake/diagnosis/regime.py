@@ -1,71 +1,57 @@
-"""Regime of a gap: how much of the residual's variance each condition explains.
+"""Regime of a gap: conditional variance of the residual under each condition that a machine declares.
 
-A condition sorts the frames into bins; the share explained is the correlation ratio: variance of the bin means over the
-whole variance, less what chance would explain. `frequency` is the share of the residual's power below 1 Hz.
+A condition sorts the frames into bins. The share explained is the correlation ratio, the variance of the bin means over
+the whole variance. `frequency` is the share of the residual's power below 1 Hz.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from exodrake.core.signal import JOINTS, TENDONS
 from exodrake.diagnosis.filters import filled
 from exodrake.diagnosis.problem import Problem, Trial
 
 BINS = 10
 SLOW = 1.0  # Hz: below it a residual counts as slow
-STILL = 2e-4  # m/s: slower wires count as at rest; a few encoder counts a second
-SMOOTH = 15  # frames over which the encoder's steps are averaged for direction and speed
+SMOOTH = 15  # frames over which the steps of an encoder are averaged for direction and speed
+CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
 
 
 def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
-    """Conditions of each frame (n,) for the wire or joint number `channel`, from what was measured."""
-    table = {name: trial.measured[:, i] for i, name in enumerate(problem.columns)}
-    if not any(name.startswith("stroke_") for name in table):
-        return plain_conditions(problem, trial, channel)
-    wires, joints = problem.robot.machine.axes
-    period = problem.robot.machine.frame
-    time = period * np.arange(len(trial.reference))
-    stroke = filled(table[f"stroke_{wires[channel]}"])
-    speed = np.gradient(np.convolve(stroke, np.full(SMOOTH, 1.0 / SMOOTH), "same"), period)
-    direction = np.where(np.abs(speed) < STILL, 0.0, np.sign(speed))
-    load = filled(table[f"tension_{wires[channel]}"])
-    found = {
+    """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
+    declared, period = problem.robot.machine.regime, problem.robot.machine.frame
+    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel}
+    table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
+    if declared is None or declared.position not in table:
+        first, last = next(iter(table)), next(reversed(table))
+        width = min(SMOOTH, max(1, len(trial.reference) // SMOOTH))
+        found = motion(table[first], width, None, period)
+        return found | {"position": table[first]} | ({"load": table[last]} if last != first else {})
+    found = motion(table[declared.position], SMOOTH, declared.still, period)
+    if declared.load in table:
+        found |= {"load": table[declared.load], "slack": (table[declared.load] < declared.slack).astype(float)}
+    return found | ({"joint angle": table[declared.joint]} if declared.joint in table else {})
+
+
+def motion(position: np.ndarray, width: int, still: float | None, period: float) -> dict[str, np.ndarray]:
+    """Conditions of the motion of a position (n,), averaged over `width` frames of `period` [s].
+
+    still: speed below which it is at rest [unit/s]; None: a share of the fastest motion.
+    """
+    speed = np.gradient(np.convolve(position, np.full(width, 1.0 / width), "same"), period)
+    still = CRAWL * np.abs(speed).max() if still is None else still
+    direction = np.where(np.abs(speed) < still, 0.0, np.sign(speed))
+    return {
         "direction of motion": direction,
         "speed": np.abs(speed),
-        "load": load,
         "time since reversal": since_reversal(direction, period),
-        "time in trial": time,
-        "slack": (load < SLACK).astype(float),
+        "time in trial": period * np.arange(len(position)),
     }
-    if f"angle_{joints[channel]}" in table:
-        found["joint angle"] = filled(table[f"angle_{joints[channel]}"])
-    return found
-
-
-def plain_conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
-    """The same for a machine without wires: motion is that of the joint's first measured signal, load its last one."""
-    period = problem.robot.machine.frame
-    mine = [i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel]
-    place, last = (filled(trial.measured[:, i]) for i in (mine[0], mine[-1]))
-    width = min(SMOOTH, max(1, len(place) // SMOOTH))
-    speed = np.gradient(np.convolve(place, np.full(width, 1.0 / width), "same"), period)
-    direction = np.where(np.abs(speed) < CRAWL * np.abs(speed).max(), 0.0, np.sign(speed))
-    found = {
-        "direction of motion": direction,
-        "speed": np.abs(speed),
-        "position": place,
-        "time since reversal": since_reversal(direction, period),
-        "time in trial": period * np.arange(len(trial.reference)),
-    }
-    return found | ({"load": last} if len(mine) > 1 else {})
-
-
-CRAWL = 0.02  # of the fastest motion: slower joints count as at rest; assumed
-SLACK = 0.15  # N: a wire below half the anti-slack floor of 0.3 N counts as slack
 
 
 def since_reversal(direction: np.ndarray, period: float) -> np.ndarray:
-    """Time since the direction last changed [s]."""
+    """Time since the direction (n,) last changed, (n,) [s]."""
     changed = np.concatenate([[True], direction[1:] != direction[:-1]])
     last = np.maximum.accumulate(np.where(changed, np.arange(len(direction)), 0))
     return period * (np.arange(len(direction)) - last)
@@ -90,9 +76,14 @@ def explained(residual: np.ndarray, condition: np.ndarray) -> float:
 
 
 def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, float]:
-    """Share of the residual explained by each condition, weighted over signals by their power.
+    """Share of the residual that each condition explains, weighted over signals by their power.
 
-    Args: residuals: trial name -> (n, columns) [floors].
+    Args:
+        problem: columns, trials and machine.
+        residuals: trial name -> (n, columns) normalised residual.
+
+    Returns:
+        Condition -> share, largest first.
     """
     shares: dict[str, float] = {}
     weight = 0.0
@@ -110,22 +101,21 @@ def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, floa
 
 
 def channel_of(problem: Problem, column: str) -> int:
-    """EffectParameter of the wire or joint that a column belongs to."""
-    channel = column.rsplit("_", 1)[1]
-    wires, joints = problem.robot.machine.axes
-    return wires.index(channel) if channel in wires else joints.index(channel)
+    """Index of a column's channel on its axis."""
+    channel, axes = column.rsplit("_", 1)[1], problem.robot.machine.axes
+    return next(axes.of(axis).index(channel) for axis in (TENDONS, JOINTS) if channel in axes.of(axis))
 
 
 def slow_share(residual: np.ndarray, problem: Problem) -> float:
-    """Share of the power below SLOW."""
+    """Share of a residual's power below `SLOW`."""
     power = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
     frequency = np.fft.rfftfreq(len(residual), problem.robot.machine.frame)
     return float(power[frequency < SLOW].sum() / max(power.sum(), 1e-12))
 
 
-def spectrum(residual: np.ndarray, period: float, pieces: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Frequency [Hz] and power density of a residual (n,), averaged over pieces (Welch, Hann)."""
+def spectrum(residual: np.ndarray, period: float, sections: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over sections (Welch, Hann)."""
     from scipy.signal import welch
 
-    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // pieces))
+    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))
     return frequency, power

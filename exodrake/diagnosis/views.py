@@ -16,7 +16,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.deeper import deeper
-from exodrake.diagnosis.drops import lossy
+from exodrake.diagnosis.detect.packet_loss import evident
 from exodrake.diagnosis.line import WINGS, Line, Tremor, seen, tremor
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
@@ -156,7 +156,7 @@ def causes(problem: Problem, ranking: Ranking, known: Search, limits: Thresholds
     singles, pairs = seconds(problem, ranking, singles, retuned, limits)
     if problem.robot.machine.max_effects > 2:
         pairs += deeper(problem, ranking, pairs, limits)
-    losing = LOSING in problem.tried and lossy([t.drops for t in problem.fit if t.drops])
+    losing = LOSING in problem.tried and evident([t.drops for t in problem.fit if t.drops])
     if losing:
         singles, pairs = with_losses(problem, ranking, singles, pairs, retuned, limits)
     return replace(found, singles=tuple(singles), pairs=tuple(pairs), lossy=losing)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
+from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, SCALAR, Axes, Signal
 from exodrake.systems import angle_reading, joint, joint_command
 
@@ -67,6 +68,6 @@ def joint_machine(
         resolution=tuple(f"reading.step.{j}" for j in joints),
         compared=("angle",),
         noise_std=noise_std,
-        segments={part: "angle"},
+        segments=(Segment(part, "angle"),),
         max_effects=max_effects,
     )

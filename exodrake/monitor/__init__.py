@@ -1,1 +1,1 @@
-"""Live use: a log that still grows, the simulated twin in step with it, the gap of each block, and an alarm."""
+"""Monitor of a growing log: the model beside the robot, the gap of each segment, and an alarm."""

@@ -1,4 +1,4 @@
-"""The alarm: a gap over the last 10 s above the limit that healthy robots stay below (`live.calibrate`)."""
+"""The alarm: a gap over the last seconds above the limit that healthy robots stay below (`monitor.calibrate`)."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.robot import Robot
-from exodrake.monitor.companion import LOOP, Channel, channels
+from exodrake.core.machine import Machine
+from exodrake.monitor.channels import LOOP, Channel, channels
 from exodrake.monitor.gap import Reading
 
-LIMITS = "limits.yaml"
+LIMITS = "alarm_limits.yaml"  # in the folder of the machine
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """What stands out: the segment whose replay is furthest above its limit (`LOOP` if only the closed loop is), the
-    channel in it, its gap and its limit [floors], the second since the start, and how many channels are above
-    theirs."""
+    """What exceeds its limit.
+
+    Attributes:
+        second: seconds since the start.
+        channel: the replayed channel furthest above its limit; one of the closed loop only if no replay is above.
+        gap: its gap [noise standard deviations].
+        limit: its limit [noise standard deviations].
+        above: number of channels above their limits.
+    """
 
     second: int
     channel: Channel
@@ -30,27 +36,33 @@ class Alarm:
 
 
 @cache
-def calibration() -> dict[str, Any]:
-    """The shipped file of limits."""
+def calibration(name: str) -> dict[str, Any] | None:
+    """The machine's file of limits; None of a machine that has none."""
     import yaml
 
-    return yaml.safe_load((files("exodrake.monitor") / LIMITS).read_text())
+    file = files("exodrake.machines") / name / LIMITS
+    return yaml.safe_load(file.read_text()) if file.is_file() else None
 
 
-def limits(robot: Robot) -> np.ndarray:
-    """Limit of each channel (24,) [floors]."""
-    table = calibration()["limits"]
-    return np.array([table[c.segment][c.column] for c in channels(robot)])
+def limits(machine: Machine) -> np.ndarray | None:
+    """Limit of each channel (channels,) [noise standard deviations]; None of a machine without calibrated limits."""
+    found = calibration(machine.name)
+    return None if found is None else np.array([found["limits"][c.segment][c.column] for c in channels(machine)])
 
 
 def judge(reading: Reading, listed: tuple[Channel, ...], limit: np.ndarray) -> Alarm | None:
-    """The alarm of a reading; None below all limits, and until a whole window has passed."""
+    """The alarm of a reading; None below all limits, and until a whole window has passed.
+
+    Args:
+        reading: gap of each channel.
+        listed: the channels.
+        limit: (channels,) limits [noise standard deviations].
+    """
     ratio = np.nan_to_num(reading.recent / limit)
     if not reading.full or ratio.max() <= 1.0:
         return None
-    replayed = np.array([c.segment != LOOP for c in listed])
-    beyond = ratio * replayed
-    worst = int(beyond.argmax() if beyond.max() > 1.0 else ratio.argmax())
+    replayed = ratio * np.array([c.segment != LOOP for c in listed])
+    worst = int(replayed.argmax() if replayed.max() > 1.0 else ratio.argmax())
     return Alarm(
         reading.second, listed[worst], float(reading.recent[worst]), float(limit[worst]), int((ratio > 1.0).sum())
     )

@@ -1,7 +1,7 @@
-"""Whether the alarm keeps what it promises: on healthy robots that the limits were not made from, and with one effect.
+"""Error rates of the alarm: on healthy robots that its limits were not made from, and on robots with one effect.
 
-python -m exodrake.monitor.check healthy --seed 22 --robots 60      # how many raise an alarm in 20 minutes
-python -m exodrake.monitor.check effects --seed 23 --robots 3       # how many effects do, at typical values
+python -m exodrake.monitor.check healthy --seed 22 --robots 60      # share that raises an alarm in 20 minutes
+python -m exodrake.monitor.check effects --seed 23 --robots 3       # share of effects that do, at typical values
 """
 
 from __future__ import annotations
@@ -12,26 +12,29 @@ from dataclasses import dataclass
 import click
 import numpy as np
 
+from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.healthy import scattered
+from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.alarm import Alarm, judge, limits
 from exodrake.monitor.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
-from exodrake.monitor.companion import channels
-from exodrake.monitor.gap import floors
+from exodrake.monitor.channels import channels
+from exodrake.monitor.gap import noise_std
 
 SOON, LATE = 1.0, 20.0  # minutes
 
 
-def first_alarm(nominal: Robot, robot: Robot, floor: np.ndarray, seed: int, duration: float) -> Alarm | None:
-    """The first alarm of a robot at work for `duration` [s]."""
-    listed, limit = channels(nominal), limits(nominal)
-    found = (judge(r, listed, limit) for r in readings(nominal, robot, floor, seed, duration))
+def first_alarm(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duration: float) -> Alarm | None:
+    """The first alarm of a robot at work; arguments as of `calibrate.readings`."""
+    listed, limit = channels(nominal.machine), limits(nominal.machine)
+    if limit is None:
+        raise InputError(f"{nominal.source}: {nominal.machine.name} has no calibrated limits")
+    found = (judge(r, listed, limit) for r in readings(nominal, robot, noise, seed, duration))
     return next((alarm for alarm in found if alarm), None)
 
 
 def share(hits: int, total: int) -> str:
-    """A share with its two-sided 95 % Clopper-Pearson interval."""
+    """A share with its two-sided 95 % interval (Clopper-Pearson)."""
     from scipy.stats import binomtest
 
     interval = binomtest(hits, total).proportion_ci(CONFIDENCE)
@@ -59,9 +62,10 @@ def main() -> None:
 def healthy(seed: int, robots: int, minutes: float) -> None:
     """Count healthy robots that raise an alarm."""
     nominal = load_robot()
-    floor, hits = floors(nominal), 0
+    noise, hits = noise_std(nominal), 0
     for k, own in enumerate(seeds(seed, robots)):
-        alarm = first_alarm(nominal, scattered(nominal, np.random.default_rng(own)), floor, own, minutes * MINUTE)
+        robot = healthy_robot(nominal, np.random.default_rng(own))
+        alarm = first_alarm(nominal, robot, noise, own, minutes * MINUTE)
         hits += alarm is not None
         if alarm or k % 10 == 9:
             click.echo(f"robot {k}: {shown(alarm)}; {time.process_time():.0f} s of CPU")
@@ -77,18 +81,19 @@ class Found:
     alarm: Alarm | None
 
 
-def tried(nominal: Robot, floor: np.ndarray, effect: str, seed: int, robots: int) -> Found:
-    """Scattered robots with an effect of typical size on all its channels; the long run is made only where the short
-    one raised nothing."""
-    soon, late, shown_one = 0, 0, None
-    for k in range(robots):
-        own = seed + k
-        robot = scattered(nominal, np.random.default_rng(own)).splice(effect)
-        alarm = first_alarm(nominal, robot, floor, own, SOON * MINUTE)
+def tried(nominal: Robot, noise: np.ndarray, effect: str, seed: int, robots: int) -> Found:
+    """Healthy robots with an effect of typical size on all its channels.
+
+    The long run is made only where the short one raised nothing.
+    """
+    soon, late, example = 0, 0, None
+    for own in range(seed, seed + robots):
+        robot = healthy_robot(nominal, np.random.default_rng(own)).splice(effect)
+        alarm = first_alarm(nominal, robot, noise, own, SOON * MINUTE)
         soon += alarm is not None
-        alarm = alarm or first_alarm(nominal, robot, floor, own, LATE * MINUTE)
-        late, shown_one = late + (alarm is not None), shown_one or alarm
-    return Found(soon, late, shown_one)
+        alarm = alarm or first_alarm(nominal, robot, noise, own, LATE * MINUTE)
+        late, example = late + (alarm is not None), example or alarm
+    return Found(soon, late, example)
 
 
 @main.command()
@@ -97,10 +102,10 @@ def tried(nominal: Robot, floor: np.ndarray, effect: str, seed: int, robots: int
 def effects(seed: int, robots: int) -> None:
     """Count robots with one effect of typical size that raise an alarm."""
     nominal = load_robot()
-    floor, total = floors(nominal), []
+    noise, total = noise_std(nominal), []
     click.echo(f"| effect | within {SOON:g} min | within {LATE:g} min | first alarm |\n|---|---|---|---|")
     for k, effect in enumerate(nominal.machine.effects):
-        found = tried(nominal, floor, effect.id, SPAN * seed + 100 * k, robots)
+        found = tried(nominal, noise, effect.id, SPAN * seed + 100 * k, robots)
         total.append(found)
         click.echo(f"| `{effect.id}` | {found.soon}/{robots} | {found.late}/{robots} | {shown(found.alarm)} |")
     runs = robots * len(total)

@@ -1,4 +1,4 @@
-"""What a terminal shows: blocks coloured by their gap, and the alarm."""
+"""Terminal output of the monitor: segments coloured by their gap, and the alarm."""
 
 from __future__ import annotations
 
@@ -9,55 +9,60 @@ import numpy as np
 
 from exodrake.monitor.alarm import Alarm, calibration
 from exodrake.monitor.calibrate import share_at_most
-from exodrake.monitor.companion import LOOP
+from exodrake.monitor.channels import LOOP
 from exodrake.monitor.gap import SKIP, WINDOW, Reading
-from exodrake.monitor.watcher import BLOCKS, Watch
+from exodrake.monitor.watcher import Monitor
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-NAMES = {LOOP: "whole loop"}
-HOLDS = {
-    "controller": "controller",
-    "motor": "motor (bus, drive, encoder)",
-    "tendon": "tendon (wire, load cell)",
-    "finger": "finger (sheath, joints, motion capture)",
-    LOOP: "whole loop, no block alone",
-}
+WHOLE = "closed loop"
 CALM, HIGH = 0.5, 1.0  # of the limit: below the first green, above the second red
 BAR = 24  # characters
 EVERY = 10  # s of the log between plain lines
 
 
-def rate() -> str:
-    """The stated rate of false alarms."""
-    made = calibration()
-    return f"at most {share_at_most(made['robots']):.0%} of healthy robots raise one in {made['minutes']:g} minutes"
+def rate(monitor: Monitor) -> str:
+    """The stated rate of false alarms, or why there is no alarm."""
+    made = calibration(monitor.machine.name)
+    if made is None:
+        return f"no limits are calibrated for {monitor.machine.name}: gaps only, no alarm"
+    share = share_at_most(made["robots"])
+    return f"no alarm (at most {share:.0%} of healthy robots raise one in {made['minutes']:g} minutes)"
 
 
-def sentence(alarm: Alarm, path: Path) -> str:
+def named(segment: str) -> str:
+    """Name of a segment in tables."""
+    return WHOLE if segment == LOOP else segment
+
+
+def sentence(monitor: Monitor, alarm: Alarm, path: Path) -> str:
     """An alarm in words."""
-    where = HOLDS[alarm.channel.segment]
+    contents = next((s.contents for s in monitor.machine.segments if s.name == alarm.channel.segment), "")
+    where = f"{named(alarm.channel.segment)} ({contents})" if contents else named(alarm.channel.segment)
     more = f" and {alarm.above - 1} more" if alarm.above > 1 else ""
     return (
-        f"ALARM at {alarm.second} s: {where}, {alarm.channel.column} is {alarm.gap:.1f} floors off over {WINDOW} s "
-        f"(limit {alarm.limit:.1f}){more}; for the cause: exodrake diagnose {path}"
+        f"ALARM at {alarm.second} s: {where}, gap of {alarm.channel.column} is {alarm.gap:.1f} noise standard "
+        f"deviations over {WINDOW} s (limit {alarm.limit:.1f}){more}; for the cause: exodrake diagnose {path}"
     )
 
 
-def worst(watch: Watch, values: np.ndarray, block: str) -> tuple[str, float, float]:
-    """A block's channel that is nearest its limit: column, gap [floors], share of the limit; ("", nan, nan) if nothing
-    is measured."""
-    places = [k for k, c in enumerate(watch.listed) if c.segment == block and np.isfinite(values[k])]
+def worst(monitor: Monitor, values: np.ndarray, segment: str) -> tuple[str, float, float]:
+    """A segment's worst channel: column, gap and share of the limit; "" and NaN if nothing is measured.
+
+    The worst channel is the one nearest its limit, or the one of the largest gap on a machine without limits.
+    """
+    places = [k for k, c in enumerate(monitor.channels) if c.segment == segment and np.isfinite(values[k])]
     if not places:
         return "", float("nan"), float("nan")
-    k = max(places, key=lambda i: values[i] / watch.limit[i])
-    return watch.listed[k].column, float(values[k]), float(values[k] / watch.limit[k])
+    shares = values if monitor.limit is None else values / monitor.limit
+    k = max(places, key=lambda i: shares[i])
+    return monitor.channels[k].column, float(values[k]), float("nan" if monitor.limit is None else shares[k])
 
 
 def colour(share: float) -> str:
     """Colour of a share of the limit."""
-    return "dim" if share != share else "green" if share < CALM else "yellow" if share <= HIGH else "bold red"
+    return "default" if share != share else "green" if share < CALM else "yellow" if share <= HIGH else "bold red"
 
 
 def bar(share: float) -> str:
@@ -69,64 +74,50 @@ def bar(share: float) -> str:
     return "".join("│" if k == at and k >= full else "█" if k < full else " " for k in range(BAR))
 
 
-def screen(watch: Watch, path: Path) -> RenderableType:
+def screen(monitor: Monitor, path: Path) -> RenderableType:
     """The whole display."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    if watch.reading is None:
-        what = "waiting for rows" if path.exists() else "waiting for the file"
-        return Group(Text(f"{path}: {what}", style="dim"), *footer(watch))
+    notes = [Text(note, style="dim") for note in monitor.notes[-3:]]
+    if monitor.reading is None:
+        state = "waiting for rows" if path.exists() else "waiting for the file"
+        return Group(Text(f"{path}: {state}", style="dim"), *notes)
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title, side in (
-        ("block", "left"),
-        (f"{WINDOW} s", "right"),
-        ("so far", "right"),
-        ("nearest its limit", "left"),
-    ):
-        table.add_column(title, justify=side)  # pyright: ignore
-    table.add_column("floors", justify="right")
-    table.add_column("of the limit│", width=BAR)
-    for block in BLOCKS:
-        column, gap, share = worst(watch, watch.reading.recent, block)
-        tint = colour(share)
-        cells = [
-            NAMES.get(block, block),
-            *(shown(watch.block(v, block)) for v in (watch.reading.recent, watch.reading.overall)),
-        ]
-        table.add_row(*(Text(c, style=tint) for c in (*cells, column or "not measured", shown(gap), bar(share))))
-    return Group(Text(head(watch, path), style="bold"), table, *verdict(watch, path), *footer(watch))
+    nearest = "largest" if monitor.limit is None else "nearest its limit"
+    for title in ("segment", f"{WINDOW} s", "so far", nearest, "gap"):
+        table.add_column(title, justify="left" if title in ("segment", nearest) else "right")
+    table.add_column("" if monitor.limit is None else "of the limit│", width=BAR)
+    for segment in monitor.segments:
+        column, gap, share = worst(monitor, monitor.reading.recent, segment)
+        means = (shown(monitor.rms(v, segment)) for v in (monitor.reading.recent, monitor.reading.overall))
+        cells = (named(segment), *means, column or "not measured", shown(gap), bar(share))
+        table.add_row(*(Text(c, style=colour(share) if column else "dim") for c in cells))
+    return Group(Text(head(monitor, path), style="bold"), table, state_of(monitor, path), *notes)
 
 
-def verdict(watch: Watch, path: Path) -> list[RenderableType]:
-    """The alarm that is on, the last that was, or the rate that is to be expected."""
+def state_of(monitor: Monitor, path: Path) -> RenderableType:
+    """The present alarm, the last one, or the rate that is to be expected."""
     from rich.text import Text
 
-    if watch.reading is not None and not watch.reading.full:
-        return [Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")]
-    if watch.alarm is not None:
-        return [Text(sentence(watch.alarm, path), style="bold red")]
-    if watch.alarms:
-        return [
-            Text(f"quiet now; {len(watch.alarms)} so far, the last: {sentence(watch.alarms[-1], path)}", style="yellow")
-        ]
-    return [Text(f"no alarm ({rate()})", style="green")]
+    if monitor.limit is None:
+        return Text(rate(monitor), style="dim")
+    if monitor.reading is not None and not monitor.reading.full:
+        return Text(f"the alarm begins after {SKIP + WINDOW} s", style="dim")
+    if monitor.alarm is not None:
+        return Text(sentence(monitor, monitor.alarm, path), style="bold red")
+    if monitor.alarms:
+        last = sentence(monitor, monitor.alarms[-1], path)
+        return Text(f"no alarm now; {len(monitor.alarms)} so far, the last: {last}", style="yellow")
+    return Text(rate(monitor), style="green")
 
 
-def footer(watch: Watch) -> list[RenderableType]:
-    """Notes on what happened to the log."""
-    from rich.text import Text
-
-    return [Text(note, style="dim") for note in watch.notes[-3:]]
-
-
-def head(watch: Watch, path: Path) -> str:
-    """File, time in the log, and what a frame costs."""
-    second = watch.reading.second if watch.reading else 0
-    frame = watch.robot.machine.frame
-    cost = watch.busy / max(watch.frames, 1)
-    return f"{path}  {second} s  gap in floors (1 = sensor noise)  {1e3 * cost:.2f} of {1e3 * frame:g} ms a frame"
+def head(monitor: Monitor, path: Path) -> str:
+    """File, time in the log, and the cost of a frame."""
+    second = monitor.reading.second if monitor.reading else 0
+    frame, cost = monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
+    return f"{path}  {second} s  gap in noise standard deviations  {1e3 * cost:.2f} of {1e3 * frame:g} ms a frame"
 
 
 def shown(value: float) -> str:
@@ -134,20 +125,22 @@ def shown(value: float) -> str:
     return "-" if value != value else f"{value:.1f}"
 
 
-def line(watch: Watch, reading: Reading) -> str:
+def line(monitor: Monitor, reading: Reading) -> str:
     """A reading as one line of plain text."""
-    blocks = "  ".join(f"{NAMES.get(b, b)} {shown(watch.block(reading.recent, b)):>5s}" for b in BLOCKS)
-    return f"{reading.second:6d} s  {blocks}"
+    gaps = "  ".join(f"{named(s)} {shown(monitor.rms(reading.recent, s)):>5s}" for s in monitor.segments)
+    return f"{reading.second:6d} s  {gaps}"
 
 
-def summary(watch: Watch, path: Path) -> list[str]:
-    """What is said in the end."""
-    if watch.reading is None:
-        return [f"{path}: {watch.frames} frames, too short for a gap"]
-    blocks = "  ".join(f"{NAMES.get(b, b)} {shown(watch.block(watch.reading.overall, b))}" for b in BLOCKS)
-    seconds = watch.frames * watch.robot.machine.frame
-    said = [f"{path}: {seconds:.0f} s, {watch.frames} frames, {1e3 * watch.busy / max(watch.frames, 1):.2f} ms each"]
-    said += [f"gap since the start in floors: {blocks}"]
-    if not watch.alarms:
-        return [*said, f"no alarm ({rate()})"]
-    return [*said, f"{len(watch.alarms)} alarms, the first: {sentence(watch.alarms[0], path)}"]
+def summary(monitor: Monitor, path: Path) -> list[str]:
+    """Last lines of a run."""
+    if monitor.reading is None:
+        return [f"{path}: {monitor.frames} frames, too short for a gap"]
+    gaps = "  ".join(f"{named(s)} {shown(monitor.rms(monitor.reading.overall, s))}" for s in monitor.segments)
+    duration, cost = monitor.frames * monitor.machine.frame, monitor.busy / max(monitor.frames, 1)
+    lines = [
+        f"{path}: {duration:.0f} s, {monitor.frames} frames, {1e3 * cost:.2f} ms each",
+        f"gap since the start in noise standard deviations: {gaps}",
+    ]
+    if not monitor.alarms:
+        return [*lines, rate(monitor)]
+    return [*lines, f"{len(monitor.alarms)} alarms, the first: {sentence(monitor, monitor.alarms[0], path)}"]

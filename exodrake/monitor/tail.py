@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
 from exodrake.monitor.columns import Columns, read_heading
 
 HEAD = 512  # bytes at the start of a file by which it is known again
@@ -22,34 +24,39 @@ MOST = 1 << 20  # bytes taken at once, so that a long log shows how far it is
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Rows (n, columns) [SI] of a log in the order of `Columns`; `first` row of the file's (1 below the heading);
-    `fresh`: a log begins."""
+class Rows:
+    """Consecutive rows of a file.
 
-    rows: np.ndarray
+    Attributes:
+        values: (n, columns) in the order of `Columns` [SI].
+        first: number of the first row, 1 below the heading.
+        restart: whether a log begins.
+    """
+
+    values: np.ndarray
     first: int
-    fresh: bool
+    restart: bool
 
 
 class Tail:
     """The lines of a file that have come since the last look."""
 
-    def __init__(self, path: Path, wires: tuple[str, ...], joints: tuple[str, ...]) -> None:
-        self.path, self.channels = path, (wires, joints)
+    def __init__(self, path: Path, machine: Machine) -> None:
+        self.path, self.machine = path, machine
         self.stream: io.BufferedReader | None = None
-        self.columns: Columns | None = None
-        self.begin_file()
+        self.forget()
 
-    def begin_file(self) -> None:
+    def forget(self) -> None:
         """Forgets what is known of the file."""
         if self.stream is not None:
             self.stream.close()
-        self.stream, self.columns, self.part, self.head, self.row, self.fresh = None, None, b"", b"", 0, True
+        self.columns: Columns | None = None
+        self.stream, self.part, self.head, self.row, self.restart = None, b"", b"", 0, True
 
-    def poll(self) -> Iterator[Piece]:
-        """What has come. InputError naming file, column and row for a heading or a row that is none of a log's."""
+    def poll(self) -> Iterator[Rows]:
+        """New rows. InputError naming file, column and row for a heading or a row that does not belong to a log."""
         if self.stream is not None and self.rewritten():
-            self.begin_file()
+            self.forget()
         if self.stream is None:
             self.open()
         while self.stream is not None:
@@ -57,7 +64,7 @@ class Tail:
             if data:
                 yield from self.taken(data)
             elif self.replaced():
-                self.begin_file()
+                self.forget()
                 self.open()
             else:
                 return
@@ -72,7 +79,7 @@ class Tail:
             raise InputError(f"{self.path}: cannot be read ({error.strerror})") from None
 
     def rewritten(self) -> bool:
-        """Whether the file that is open became shorter than what was read of it, or starts with other bytes."""
+        """Whether the open file became shorter than what was read of it, or starts with other bytes."""
         assert self.stream is not None
         at = self.stream.tell()
         if self.stream.seek(0, io.SEEK_END) < at:
@@ -83,19 +90,16 @@ class Tail:
         return not same
 
     def replaced(self) -> bool:
-        """Whether another file stands where the one that is open stood."""
-        import os
-
+        """Whether another file stands in the place of the open one."""
         assert self.stream is not None
         try:
             there = os.stat(self.path)
         except OSError:
             return False
-        here = os.fstat(self.stream.fileno())
-        return (there.st_dev, there.st_ino) != (here.st_dev, here.st_ino)
+        return not os.path.samestat(there, os.fstat(self.stream.fileno()))
 
-    def taken(self, data: bytes) -> Iterator[Piece]:
-        """The pieces in more bytes: whole lines, cut where the heading comes again."""
+    def taken(self, data: bytes) -> Iterator[Rows]:
+        """Rows of the whole lines so far, cut where the heading comes again."""
         if len(self.head) < HEAD:
             self.head += data[: HEAD - len(self.head)]
         whole, end, self.part = (self.part + data).rpartition(b"\n")
@@ -106,23 +110,23 @@ class Tail:
         for cells in self.cells(whole):
             if self.columns is None or tuple(cells) == self.columns.heading:
                 if found:
-                    yield self.piece(found, first)
-                self.columns, found, first = read_heading(cells, str(self.path), *self.channels), [], self.row + 1
-                self.fresh = True
+                    yield self.rows(found, first)
+                self.columns, found, first = read_heading(cells, str(self.path), self.machine), [], self.row + 1
+                self.restart = True
                 continue
             self.row += 1
             if cells:
                 found.append(self.columns.values(cells, self.row))
         if found:
-            yield self.piece(found, first)
+            yield self.rows(found, first)
 
-    def piece(self, found: list[np.ndarray], first: int) -> Piece:
-        """Rows as a piece."""
-        fresh, self.fresh = self.fresh, False
-        return Piece(np.array(found), first, fresh)
+    def rows(self, found: list[np.ndarray], first: int) -> Rows:
+        """Rows with the mark of a new log, which holds for the first of them only."""
+        restart, self.restart = self.restart, False
+        return Rows(np.array(found), first, restart)
 
     def cells(self, lines: bytes) -> Iterator[list[str]]:
-        """Cells of whole lines; InputError for what is no text."""
+        """Cells of whole lines; InputError for bytes that are not text."""
         try:
             text = lines.decode("utf-8-sig")
             yield from csv.reader(io.StringIO(text, newline=""), strict=True)

@@ -134,9 +134,10 @@ def segments(diagnosis: Diagnosis, runs: HeldOutRuns) -> Drawing | None:
     if not found.segments:
         return None
     titles = {}
-    for name, kind in runs.problem.robot.machine.segments.items():
-        label = runs.display(kind).label.lower()
-        titles[name], before = f"{name}: {before} to {label}", label
+    for segment in runs.problem.robot.machine.segments:
+        if segment.name in found.segments:
+            label = runs.display(segment.output).label.lower()
+            titles[segment.name], before = f"{segment.name}: {before} to {label}", label
     named = {titles.get(s, s): v for s, v in found.segments.items()}
     alone = n.listed([f"{s} {n.digits(v, 2)}" for s, v in found.replay.items()])
     caption = (

@@ -205,6 +205,16 @@ def output_tension(x, z, n, e, stroke, tension):
         tension[j] = cell_tension(e, z, j, stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j]), n.k[j])
 
 
+def hold(x, z, n, e, angle):
+    """Puts the finger at rest into a posture [rad]."""
+    for i in range(3):
+        x[Q + i], x[RATE + i] = angle[i], 0.0
+    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
+    taken, _, _ = paths(n, cosines, sines, heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2])))
+    for j in range(3):
+        x[TAKEN + j] = taken[j]
+
+
 def start(x, z, n, e, start_stroke):
     """At rest in q0; writes the strokes [m] at which the wires are just taut there."""
     x[:] = 0.0

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from exodrake.core.machine import Column, Machine
+from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
 from exodrake.effects import effects_of
 from exodrake.systems import carriage, linear_scale, position_drive
@@ -51,6 +52,6 @@ def machine() -> Machine:
         resolution=("scale.step",),
         compared=("position", "force"),
         noise_std=noise_std,
-        segments={"drive": "force", "carriage": "position"},
+        segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
         max_effects=4,
     )

@@ -7,9 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from exodrake.core.machine import Column, Machine, Observer, Regime
+from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
 from exodrake.effects import effects_of
+from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
 from exodrake.systems import (
     bus,
     controller,
@@ -52,7 +53,7 @@ COLUMNS = (
     Column("tension", "tension_read"),
     Column("stroke", "stroke_read"),
     Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
-    Column("angle", "angle_read", required=False, label="Joint angle"),
+    Column("angle", "angle_read", required=False, label="Joint angle", delay="mocap_delay"),
 )
 
 
@@ -96,7 +97,9 @@ def machine() -> Machine:
         resolution=("sensor.q_F", "encoder.q_theta"),
         compared=("tension", "stroke", "speed_cmd", "angle"),
         noise_std=noise_std,
-        segments={"motor": "stroke", "tendon": "tension", "finger": "angle"},
+        segments=SEGMENTS,
+        regime=REGIME,
+        command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         variants_available={
             "controller_as_printed": ("controller.damping", controller_as_printed.damping),
@@ -111,7 +114,6 @@ def machine() -> Machine:
             "random motion": "random-motion:seed=0",
         },
         end_stops=("finger.q_f", "finger.q_e"),
-        regime=Regime("stroke", "tension", "angle", still=STILL, slack=SLACK),
         colours=COLOURS,
         operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
     )

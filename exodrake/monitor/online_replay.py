@@ -1,0 +1,133 @@
+"""A robot's model beside its growing log: in closed loop, and each segment replayed from measured inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
+from exodrake.compiled.replay import Replay
+from exodrake.compiled.replay_code import reading_places
+from exodrake.core.machine import Machine
+from exodrake.core.robot import Robot
+from exodrake.core.segment import Segment
+from exodrake.monitor.channels import channels, compared_columns, replayed_segments
+from exodrake.monitor.streams import LAG, Delay, DelayedSamples, Hold, Smoother
+
+ANCHOR = 10.0  # s, time constant with which an integrating segment is drawn to its measured output
+EASE = 0.9  # a log may begin in motion: the first gain is 1, each further one this share of the last, down to ANCHOR's
+
+
+def silent(robot: Robot) -> np.ndarray:
+    """Flat parameters without noise and rounding."""
+    values = prepared(robot, quantisation=False)
+    for name in robot.machine.noise:
+        values[robot.machine.index[name]] = 0.0
+    return values
+
+
+class SegmentReplay:
+    """One segment simulated while all the others are fixed; the observer's one is drawn to its measured output."""
+
+    def __init__(self, robot: Robot, segment: Segment) -> None:
+        machine = self.machine = robot.machine
+        others = [s.name for s in machine.segments if s is not segment and not s.exact]
+        self.segment, self.replay = segment, Replay(machine, silent(robot), others)
+        self.places = reading_places(machine)
+        observer = machine.observer
+        self.drawn = observer is not None and observer.output == segment.output
+        self.known = np.zeros(machine.column_width(segment.output))
+
+    def push(
+        self, inputs: list[np.ndarray], feed: np.ndarray, rate: np.ndarray, held: np.ndarray, measured: np.ndarray
+    ) -> np.ndarray:
+        """Signals (n, signals) [SI] of the next n frames.
+
+        Args:
+            inputs: exogenous inputs, (n, channels) each [SI].
+            feed: (n, feeds) smoothed outputs of all segments [SI].
+            rate: (n, feeds) their rates [SI/s].
+            held: (n, compared columns) measured, the last known value where a sample is missing [SI].
+            measured: (n, compared columns), NaN where a sample is missing [SI].
+        """
+        targets, gains = NOTHING, NOTHING
+        if self.drawn:
+            targets = measured[:, self.places[self.segment.output]]
+            gains = self.gains(np.isfinite(targets))
+        return self.replay.step(inputs, feed, rate, self.readings(held, measured), targets, gains)
+
+    def readings(self, held: np.ndarray, measured: np.ndarray) -> np.ndarray:
+        """What software of known law reads and writes, (n, compared columns); NaN where the simulated value stays."""
+        found = np.full_like(measured, np.nan)
+        for software in (s for s in self.machine.segments if s.exact):
+            for kind in software.inputs:
+                found[:, self.places[kind]] = held[:, self.places[kind]]
+            if software is not self.segment:
+                found[:, self.places[software.output]] = measured[:, self.places[software.output]]
+        found[:, self.places[self.segment.output]] = np.nan
+        return found
+
+    def gains(self, known: np.ndarray) -> np.ndarray:
+        """Share of the difference by which each frame moves the observer's state, for frames (n, channels) known."""
+        before = self.known + np.cumsum(known, axis=0) - known
+        self.known = self.known + known.sum(axis=0)
+        return np.maximum(EASE**before, self.machine.frame / ANCHOR)
+
+
+class OnlineReplay:
+    """Residuals of a robot from the start of its log on."""
+
+    def __init__(self, robot: Robot) -> None:
+        machine = self.machine = robot.machine
+        self.channels, self.references = channels(machine), reference_width(machine)
+        self.columns = len(compared_columns(machine))
+        self.fed = fed_columns(machine)
+        self.loop = Replay(machine, silent(robot))
+        self.segments = {k: SegmentReplay(robot, s) for k, s in replayed_segments(machine).items()}
+        self.hold_reference, self.hold, self.smooth = Hold(self.references), Hold(self.columns), Smoother(machine.frame)
+        self.rows = Delay(self.references + 2 * self.columns, LAG)
+        self.seen = {k: DelayedSamples(machine) for k in ("", *self.segments)}
+        self.measured = Delay(2 * self.columns, self.seen[""].ahead)
+        self.known = np.zeros(self.columns, dtype=bool)
+
+    def push(self, reference: np.ndarray, measured: np.ndarray, last: bool = False) -> np.ndarray:
+        """Residuals of the frames whose time has come: they lag by a few frames of smoothing and interpolation.
+
+        Args:
+            reference: (n, references) of the next n frames [SI].
+            measured: (n, compared columns), NaN where a sample is missing [SI].
+            last: whether the log ends, so that the frames that wait come out too.
+
+        Returns:
+            (m, channels) measured - simulated [SI], NaN where the sample, or an input of its replay, is missing.
+        """
+        held = self.hold.push(measured)
+        feed, rate = self.smooth.push(held[:, self.fed], last)
+        rows = self.rows.push(np.concatenate([self.hold_reference.push(reference), held, measured], axis=1), last)
+        references, held, was = np.split(rows, [self.references, self.references + self.columns], axis=1)
+        inputs = list(input_rows(self.machine, references, NoiseInputs.draw(len(rows), None, self.machine)).values())
+        usable = self.usable(was)
+        both = self.measured.push(np.concatenate([was, np.where(usable, was, np.nan)], axis=1), last)
+        was, judged = np.split(both, 2, axis=1)
+        found = [was - self.seen[""].push(self.loop.step(inputs), last)]
+        for kind, at in reading_places(self.machine).items():
+            if kind in self.segments:
+                record = self.segments[kind].push(inputs, feed, rate, held, rows[:, -self.columns :])
+                found.append((judged - self.seen[kind].push(record, last))[:, at])
+        return np.concatenate(found, axis=1)
+
+    def usable(self, measured: np.ndarray) -> np.ndarray:
+        """Where the replay of each compared column had its inputs, in this frame and in the one before."""
+        here, places = np.isfinite(measured), reading_places(self.machine)
+        both = here & np.concatenate([self.known[None], here[:-1]])[: len(here)]
+        self.known = here[-1] if len(here) else self.known
+        found = np.ones_like(both)
+        for kind, replay in self.segments.items():
+            for needed in replay.segment.inputs:
+                found[:, places[kind]] &= both[:, places[needed]].all(axis=1)[:, None]
+        return found
+
+
+def fed_columns(machine: Machine) -> list[int]:
+    """Compared columns in the order of the feeds."""
+    places = reading_places(machine)
+    return [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]

@@ -1,0 +1,90 @@
+"""Replay between measured signals: against an interpreted loop, against the simulator, and in pieces."""
+
+import numpy as np
+import pytest
+from interpreted_replay import interpreted
+
+import exodrake as exo
+from exodrake.compiled.inputs import NoiseInputs, input_rows, reference_width
+from exodrake.compiled.replay import Replay
+from exodrake.compiled.replay_code import feed_places, reading_places
+from exodrake.core.machine import offsets
+from exodrake.diagnosis.segment_shares import smoothed, subsets
+from exodrake.simulation import protocols
+
+FRAMES = 60
+ROBOT = exo.load_robot()
+MACHINE = ROBOT.machine
+SEGMENTS = ("motor", "tendon", "finger")
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A log of another robot, 1.2 s of steps."""
+    other = ROBOT.splice("tendon.capstan_friction").splice("motor.slow_velocity_loop")
+    return exo.simulate(other, exo.Reference(protocols.steps(ROBOT, dwell=0.4).tension[:FRAMES]), seed=3)
+
+
+@pytest.fixture(scope="module")
+def inputs(log):
+    return input_rows(MACHINE, log.array("tension_ref"), NoiseInputs.draw(FRAMES, None, MACHINE))
+
+
+@pytest.fixture(scope="module")
+def feed(log):
+    """Outputs of all segments, smoothed, and their rates."""
+    rows = np.concatenate([smoothed(log.array(s.output)) for s in MACHINE.segments], axis=1)
+    return rows, np.gradient(rows, MACHINE.frame, axis=0)
+
+
+@pytest.mark.parametrize("fixed", subsets(SEGMENTS), ids=lambda s: "+".join(sorted(s)) or "none")
+def test_replay_is_that_of_an_interpreted_loop(inputs, feed, fixed):
+    """Path lengths of the loop are Python's; stiff tendons turn their last bits into 1e-11 N."""
+    at = feed_places(MACHINE)
+    values, rates = ({s: rows[:, at[s]] for s in fixed} for rows in feed)
+    rows = Replay(MACHINE, ROBOT.values, fixed).step(inputs.values(), *feed)
+    np.testing.assert_allclose(rows, interpreted(MACHINE, ROBOT.values, inputs, values, rates), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["exo_index", "so101", "emps", "tendon_sheath"])
+def test_replay_without_fixed_segments_is_the_simulator(name):
+    robot = exo.load_robot(name)
+    rng = np.random.default_rng(1)
+    reference = np.cumsum(0.01 * rng.standard_normal((200, reference_width(robot.machine))), axis=0)
+    given = input_rows(robot.machine, reference, NoiseInputs.draw(200, 5, robot.machine))
+    rows = Replay(robot.machine, robot.values).step(given.values())
+    run = exo.record(robot, exo.Reference(reference), seed=5)
+    late = {c.signal for c in robot.machine.columns if c.delay}
+    for signal, at in offsets(robot.machine).items():
+        if signal not in late:
+            np.testing.assert_array_equal(rows[:, at], run.signals[signal])
+
+
+def test_fixed_segment_of_any_machine_carries_what_was_measured():
+    """The drive of EMPS is fed measured positions: its force is the law's, whatever the carriage does."""
+    robot = exo.load_robot("emps")
+    reference = np.zeros((100, reference_width(robot.machine)))
+    position = 0.01 * np.sin(np.arange(100) * 0.05)[:, None]
+    feed = np.concatenate([np.zeros_like(position), position], axis=1)
+    given = input_rows(robot.machine, reference, NoiseInputs.draw(100, None, robot.machine))
+    rows = Replay(robot.machine, robot.values, ["carriage"]).step(given.values(), feed, np.zeros_like(feed))
+    force = rows[:, offsets(robot.machine)["force"]][:, 0]
+    rate = (position[2:, 0] - position[:-2, 0]) / (2 * robot["drive.period"])
+    law = robot["drive.gain"] * robot["drive.kv"] * (-robot["drive.kp"] * position[2:, 0] - rate)
+    np.testing.assert_allclose(force[2:], law, rtol=1e-9)
+
+
+def test_replay_in_pieces_gives_the_bits_of_the_whole(inputs, feed):
+    whole = Replay(MACHINE, ROBOT.values, ["tendon"]).step(inputs.values(), *feed)
+    replay = Replay(MACHINE, ROBOT.values, ["tendon"])
+    cuts = np.split(np.arange(FRAMES), [1, 2, 17, 40])
+    parts = [replay.step([v[i] for v in inputs.values()], *(x[i] for x in feed)) for i in cuts]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_readings_are_imposed_and_missing_ones_are_simulated(inputs, feed):
+    places, at = reading_places(MACHINE), offsets(MACHINE)
+    readings = np.full((FRAMES, 12), np.nan)
+    readings[::2, places["tension"]] = 1.25
+    rows = Replay(MACHINE, ROBOT.values).step(inputs.values(), *feed, readings)
+    assert (rows[::2, at["tension_read"]] == 1.25).all() and (rows[1::2, at["tension_read"]] != 1.25).all()

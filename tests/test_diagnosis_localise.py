@@ -1,0 +1,84 @@
+"""Localisation: Shapley shares of segments, affected channels, conditions of a regime."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.compiled.inputs import Reference
+from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis import segment_shares
+from exodrake.diagnosis.localise import affected
+from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.regime import conditions, explained, since_reversal
+from exodrake.simulation import protocols
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return exo.load_robot()
+
+
+def problem_of(robot, planted, frames=400):
+    """Steps of a robot with a planted effect, as the only log."""
+    reference = Reference(protocols.steps(robot, dwell=1.0).tension[:frames], "steps")
+    log = exo.simulate(planted, reference, seed=4)
+    return make_problem(Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),)), robot)
+
+
+def test_shapley_of_an_additive_game_is_the_additive_part():
+    worth = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
+    power = {s: 10.0 - sum(worth[x] for x in s) for s in segment_shares.subsets(worth)}
+    assert segment_shares.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
+
+
+def test_replay_of_nothing_fixed_is_the_prediction(robot):
+    problem = problem_of(robot, robot)
+    trial = problem.fit[0]
+    whole = problem.predict(problem.silent()[None], replace(trial, drops=None))[0]
+    np.testing.assert_array_equal(segment_shares.replayed(problem, problem.silent(), trial, ()), whole)
+
+
+@pytest.mark.parametrize(
+    "identity, parameters, segment",
+    [("sensor.gain", {"gain": 0.1}, "tendon"), ("finger.stiffness", {"factor": 1.5}, "finger")],
+)
+def test_segment_of_a_planted_effect_has_the_largest_share_and_replay_gap(robot, identity, parameters, segment):
+    problem = problem_of(robot, robot.splice(identity, parameters))
+    shares, gaps = segment_shares.segment_gaps(problem, problem.silent(), problem.fit[0])
+    assert max(gaps, key=lambda s: gaps[s]) == max(shares, key=lambda s: shares[s]) == segment
+    assert sum(shares.values()) == pytest.approx(1.0) and set(shares) == {"motor", "tendon", "finger"}
+
+
+def test_machine_without_tendons_has_no_affected_tendon(robot):
+    so101 = replace(problem_of(robot, robot, 100), robot=exo.load_robot("so101"), columns=("angle_Pitch",))
+    assert affected(so101, {"log": np.ones((5, 1))}, "tendons") == ()
+    assert affected(so101, {"log": np.ones((5, 1))}, "joints") == ("Pitch",)
+
+
+def test_condition_that_makes_the_residual_explains_it_and_another_does_not():
+    rng = np.random.default_rng(1)
+    condition = rng.standard_normal(4000)
+    assert explained(np.sign(condition), condition) > 0.9
+    assert explained(rng.standard_normal(4000), condition) < 0.02
+
+
+def test_time_since_reversal():
+    assert since_reversal(np.array([1.0, 1.0, -1.0, -1.0, -1.0]), 0.5) == pytest.approx([0.0, 0.5, 0.0, 0.5, 1.0])
+
+
+def test_conditions_are_those_that_the_machine_declares(robot):
+    problem = problem_of(robot, robot)
+    trial = problem.fit[0]
+    found = conditions(problem, trial, 1)
+    np.testing.assert_array_equal(found["load"], trial.measured[:, problem.columns.index("tension_MF")])
+    np.testing.assert_array_equal(found["joint angle"], trial.measured[:, problem.columns.index("angle_PIP")])
+    np.testing.assert_array_equal(found["slack"], found["load"] < 0.15)
+    so101 = exo.load_robot("so101")
+    angle = np.linspace(0.0, 1.0, 400)[:, None] ** 2
+    plain = replace(problem, robot=so101, columns=("angle_Pitch",))
+    found = conditions(plain, replace(trial, measured=angle), 1)
+    np.testing.assert_array_equal(found["position"], angle[:, 0])
+    assert found["speed"][200] == pytest.approx(2 * (200 / 399) / 399 / so101.machine.frame, rel=0.02)
+    assert set(found) == {"direction of motion", "speed", "position", "time since reversal", "time in trial"}
