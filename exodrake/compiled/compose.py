@@ -17,8 +17,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from exodrake.compiled.events import generate_events
 from exodrake.compiled.flatten import Flatten
-from exodrake.compiled.fused import print_fused
 from exodrake.compiled.leaf_functions import print_leaves
 from exodrake.compiled.schedule import print_frame
 from exodrake.compiled.splice import compose_point
@@ -163,12 +163,12 @@ def print_module(machine: Machine) -> str:
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
-        "import numpy as np\nfrom numba import njit, prange",
+        "import numpy as np\nfrom numba import njit, prange\n\nfrom exodrake.compiled.memory import vector",
         *sorted(imports),
         *print_leaves(machine),
         *print_pages(machine, pages),
         *print_frame(machine),
-        *print_fused(machine),
+        *(line for part in machine.parts for line in generate_events(machine, part)),
     ]
     return "\n\n".join(lines) + "\n"
 

@@ -31,13 +31,12 @@ def simulator() -> None:
 
 
 def leaves() -> None:
-    """What the Drake leaves call, fused and part by part."""
+    """What the Drake leaves call."""
     from exodrake.diagrams.diagram import run_diagram
 
     robot = load_robot()
     noise_inputs = NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
-    for fused in (True, False):
-        run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1, fused)
+    run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1)
 
 
 JOBS = {"the compiled simulator": "twin", "the Drake leaves": "leaves"}
