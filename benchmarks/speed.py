@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
@@ -71,7 +71,7 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     """
     machine, module = robot.machine, compile_machine(robot.machine)
     noise_inputs = NoiseInputs.draw(len(reference.tension), 1, machine)
-    given = (reference.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
+    given = input_rows(machine, reference.tension, noise_inputs).values()
     parameters = np.tile(prepared(robot), (rows, 1))
     records = np.zeros((rows, len(reference.tension), signal_count(machine)))
 

@@ -9,7 +9,7 @@ leaves the new memory in the scratch.
 from __future__ import annotations
 
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
-from exodrake.core.machine import Machine, module_name
+from exodrake.core.machine import Machine, prefix
 from exodrake.core.part import Part, Task
 
 FIRST_SIGNAL = 3  # in the table: after memory, parameters and scratch
@@ -102,7 +102,7 @@ def function(
     for signal in reads:
         place = FIRST_SIGNAL + table.index(signal)
         body.append(f"{signal} = vector(table[{place}], {machine.width(machine.signal[signal].axis)})")
-    module = module_name(part.module)
+    module = prefix(part.module.__name__)
     body += [f"{module}__{called}(x, z, n, e, {', '.join(arguments)})" for called, arguments in calls]
     head = f"@njit(cache=True)\ndef {part.name}__{name}(table, {own[0] if own else '_'}):\n"
     return head + "\n".join("    " + line for line in body)

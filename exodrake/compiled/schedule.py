@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import signature
+
 from exodrake.core.machine import Machine, feedthrough_order, prefix
 from exodrake.core.part import Part, Task
 
@@ -67,11 +69,17 @@ def task_lines(machine: Machine, slot: int, channel: str = "") -> list[str]:
 
 
 def print_begin(machine: Machine) -> str:
-    """`begin(p, state)`: every part's start; the plant's block comes first and says where the wires are taut."""
-    first = sorted(machine.parts, key=lambda b: b.name != "finger")
-    lines = [*views(machine, wires=False), "start_stroke = np.zeros(3)"]
-    lines += [call(b, "start", ["start_stroke"]) for b in first]
+    """`begin(p, state)`: the start of every part, from the shared start vectors, which their writers fill first."""
+    vectors = dict.fromkeys(name for part in machine.parts for name in start_vectors(part))
+    first = sorted(machine.parts, key=lambda part: not part.fills_start)
+    lines = [*views(machine, wires=False), *(f"{name} = np.zeros({len(machine.axes.tendons)})" for name in vectors)]
+    lines += [call(part, "start", list(start_vectors(part))) for part in first]
     return "@njit(cache=True)\ndef begin(p, state):\n" + indent(lines)
+
+
+def start_vectors(part: Part) -> tuple[str, ...]:
+    """Vectors over the tendons that a part's `start(x, z, n, e, ...)` reads, or fills if `fills_start`."""
+    return tuple(signature(part.module.start).parameters)[4:]
 
 
 def imposing(machine: Machine, slot: int) -> list[str]:

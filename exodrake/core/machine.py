@@ -12,7 +12,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, Task
-from exodrake.core.signal import Axes, Signal
+from exodrake.core.signal import Axes, Delay, Signal
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Column:
     required: bool = True
     label: str = ""
     unit: str = ""
+    delay: Delay | None = None
 
 
 @dataclass(frozen=True)

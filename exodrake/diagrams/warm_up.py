@@ -10,7 +10,7 @@ from time import sleep
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
@@ -24,7 +24,7 @@ def simulator() -> None:
     machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
     record(robot, SHORT)
     records = np.zeros((1, len(SHORT.tension), signal_count(machine)))
-    given = (SHORT.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
+    given = input_rows(machine, SHORT.tension, noise_inputs).values()
     compile_machine(machine).batch(
         prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
     )
