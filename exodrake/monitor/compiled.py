@@ -10,7 +10,8 @@ import os
 import sys
 from types import ModuleType
 
-from exodrake.compiled.compose import cache_folder, compile_machine
+from exodrake.compiled.cache import cache_folder
+from exodrake.compiled.compose import compile_machine
 from exodrake.core.machine import Machine
 from exodrake.monitor import kernels
 
