@@ -70,6 +70,11 @@ def separate_inputs(machine: Machine, part: Part) -> dict[str, InputSpec]:
     return {name: InputSpec(width, {name: slice(0, width)}) for name, width in widths.items()}
 
 
+def reads_in(tasks: list[Task]) -> tuple[str, ...]:
+    """Signals that some tasks read."""
+    return tuple(name for task in tasks for name in task.reads)
+
+
 def part_spec(
     machine: Machine,
     part: Part,
@@ -91,11 +96,11 @@ def part_spec(
     def needed(reads: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(dict.fromkeys(carrier[name] for name in reads_of(part, reads)))
 
-    updates = []
-    for event, tasks in event_tasks(part).items():
-        function = getattr(module, f"{part.name}__event__{event}")
-        reads = needed(tuple(name for task in tasks for name in task.reads))
-        updates += [PeriodicUpdate(function, own, reads, *when) for own, *when in times(machine, tasks[0], substeps)]
+    updates = [
+        PeriodicUpdate(getattr(module, f"{part.name}__event__{event}"), constant, needed(reads_in(tasks)), *when)
+        for event, tasks in event_tasks(part).items()
+        for constant, *when in times(machine, tasks[0], substeps)
+    ]
     through = [
         Feedthrough(getattr(module, f"{part.name}__port__{o.function}"), needed(o.reads), o.writes)
         for o in part.outputs

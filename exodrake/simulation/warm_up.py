@@ -39,15 +39,15 @@ def leaves() -> None:
     run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1)
 
 
-JOBS = {"the compiled simulator": "twin", "the Drake leaves": "leaves"}
+JOBS = {"the compiled simulator": "simulator", "the Drake leaves": "leaves"}
 
 
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:
     """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
-    compile_machine(load_robot().machine)  # prints the module, once for all processes
+    compile_machine(load_robot().machine)  # writes the module, once for all processes
     running = {
         name: Popen(
-            [sys.executable, "-c", f"from exodrake.diagrams.warm_up import {job}; {job}()"], stderr=PIPE, text=True
+            [sys.executable, "-c", f"from exodrake.simulation.warm_up import {job}; {job}()"], stderr=PIPE, text=True
         )
         for name, job in JOBS.items()
     }
