@@ -76,11 +76,13 @@ class Rename(ast.NodeTransformer):
         self.table, self.local = table, local
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
+        """A name that is not local."""
         if node.id not in self.local and node.id in self.table:
             node.id = self.table[node.id]
         return node
 
     def visit_arg(self, node: ast.arg) -> ast.arg:
+        """An argument without its annotation."""
         node.annotation = None
         return node
 

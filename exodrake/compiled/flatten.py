@@ -33,12 +33,14 @@ class Flatten(ast.NodeTransformer):
         return None
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        """`n.name[channel]`."""
         found = self.index(node.value)
         if found is None:
             return self.generic_visit(node)
         return item(ast.BinOp(ast.Constant(found[0]), ast.Add(), self.visit(node.slice)))
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        """`n.name`."""
         found = self.index(node)
         if found is None:
             return self.generic_visit(node)

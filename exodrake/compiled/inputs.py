@@ -75,6 +75,7 @@ def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInpu
     """The exogenous signals, (frames, channels) arrays in the order of `machine.inputs`.
 
     Args:
+        machine: whose `inputs` they are.
         references: (frames, channels) array in the order of `machine.references`.
         noise_inputs: the noise inputs of the same frames.
     """

@@ -57,8 +57,9 @@ def tick(machine: Machine) -> list[str]:
 
 
 def task_lines(machine: Machine, slot: int, channel: str = "") -> list[str]:
-    """The tasks in one slot and the outputs that follow; `channel`: source of the channel's index, if not the slot's
-    own.
+    """The tasks in one slot and the outputs that follow.
+
+    `channel`: source of the channel's index, if not the slot's own.
     """
     here: list[tuple[Part, Task]] = [(b, t) for b in machine.parts for t in b.tasks if slot in t.slots]
     lines = [

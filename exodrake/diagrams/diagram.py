@@ -87,6 +87,7 @@ def assemble(
     """The Diagram of a robot.
 
     Args:
+        robot, substeps, fine_log, estimator: as in `build_diagram`.
         rows: exogenous signal -> (frames, channels) array in its unit; None: they are exported as input ports.
     """
     machine, builder = robot.machine, DiagramBuilder()
@@ -122,6 +123,7 @@ def inputs_of(machine: Machine, part: Part, rows: bool) -> dict[str, InputSpec]:
     """Input ports of a part in the Diagram: the memory of each part that it reads, and the signals of feedthrough.
 
     Args:
+        machine, part: the machine and one of its parts.
         rows: whether the exogenous signals come from `ExogenousInputs`; else each is a port of its own.
     """
     holder, ports = held_by(machine), {}
@@ -203,6 +205,7 @@ def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG)
     """All signals of a log.
 
     Args:
+        machine, diagram, context: the machine, its Diagram, and the Context of the Diagram that has run.
         log: `LOG`, one row for each frame that has ended, or `FINE_LOG`, one for each slot.
 
     Returns:

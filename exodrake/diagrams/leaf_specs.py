@@ -85,6 +85,8 @@ def part_spec(
     """The specification of one part, in the state in which the whole machine starts.
 
     Args:
+        machine, part: the machine and one of its parts.
+        substeps: plant ticks per slot.
         values: (n,) array of all parameters of the machine [SI].
         inputs: the input ports; None: one for each signal read.
     """

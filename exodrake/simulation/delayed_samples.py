@@ -23,6 +23,7 @@ def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.nda
     """Some channels of noise-free runs as a log shows them, delayed columns at t - delay.
 
     Args:
+        machine: whose columns they are.
         records: (runs, frames, channels) array of all signals.
         indices: the channels wanted.
 
@@ -43,6 +44,7 @@ def delay_samples(machine: Machine, rows: np.ndarray, values: np.ndarray, noise_
     """Replaces delayed columns in the rows of a run by their values at t - delay; the noise stays where it was.
 
     Args:
+        machine: whose columns they are.
         rows: (frames, channels) array of all signals.
         values: (n,) array of all parameters [SI].
         noise_inputs: those of the run.
