@@ -54,6 +54,7 @@ real: $(STAMP)
 	$(BIN)/python -m studies.real_machines --data $(or $(DATA),../shared/data/real) --out docs $(ARGS)
 
 bench: $(STAMP)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --group bench
 	$(BIN)/python -m benchmarks $(ARGS)
 
 clean:

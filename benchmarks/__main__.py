@@ -16,7 +16,7 @@ from exodrake.cli.main import OneLineErrors
 )
 @click.option("--engines-only", is_flag=True, help="Leave out the figures of other modules.")
 def command(out: Path | None, seconds: float, engines_only: bool) -> None:
-    """Measure simulated seconds per second of the Drake Diagram, the compiled simulator and a MultibodyPlant finger."""
+    """Measure simulated seconds per second of the Diagram, the compiled simulator and fingers of others."""
     import json
     from dataclasses import asdict
 
@@ -26,8 +26,9 @@ def command(out: Path | None, seconds: float, engines_only: bool) -> None:
     from benchmarks.speed import bench
     from exodrake.core.files import write_text
 
-    with Console(stderr=True).status("measuring") as status:
-        rows = bench(seconds, not engines_only, lambda text: status.update(f"measuring: {text}"))
+    console = Console(stderr=True)
+    with console.status("measuring"):
+        rows = bench(seconds, not engines_only, console.log)
     table = Table("figure", "value", "unit", "target")
     for column in table.columns[1:2]:
         column.justify = "right"

@@ -35,9 +35,9 @@ def speed(simulator: Simulator, seconds: float, pieces: int) -> float:
     return seconds / pieces / best
 
 
-def diagram_speed(robot: Robot, reference: Reference, fused: bool, seconds: float, pieces: int = 5) -> float:
+def diagram_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> float:
     """Simulated seconds per wall second of the closed loop, its log included."""
-    return speed(Simulator(build_diagram(robot, reference, seed=1, fused=fused)), seconds, pieces)
+    return speed(Simulator(build_diagram(robot, reference, seed=1)), seconds, pieces)
 
 
 class WireTorques(LeafSystem):

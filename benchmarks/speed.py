@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
@@ -71,7 +71,7 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     """
     machine, module = robot.machine, compile_machine(robot.machine)
     noise_inputs = NoiseInputs.draw(len(reference.tension), 1, machine)
-    given = (reference.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
+    given = input_rows(machine, reference.tension, noise_inputs).values()
     parameters = np.tile(prepared(robot), (rows, 1))
     records = np.zeros((rows, len(reference.tension), signal_count(machine)))
 
@@ -87,30 +87,48 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
 
 
-def engine_rows(robot: Robot, seconds: float) -> list[Row]:
-    """Speeds of the engines, of a MultibodyPlant finger in the same run, and their ratios."""
+def engine_rows(robot: Robot, seconds: float, tell: Callable[[str], object]) -> list[Row]:
+    """Speeds of the engines, of MultibodyPlant's and MuJoCo's finger in the same run, and their ratios."""
     from benchmarks.diagram import diagram_speed, multibody_speed
 
     reference, rows = wavy(1.1 * seconds), 4 * (os.cpu_count() or 1)
-    fused = diagram_speed(robot, reference, True, seconds)
-    parts = diagram_speed(robot, reference, False, seconds)
+    diagram = diagram_speed(robot, reference, seconds)
     compiled = compiled_speed(robot, reference, rows, batch=False)
     batch = compiled_speed(robot, reference, rows, batch=True)
     discrete, discrete_apart = multibody_speed(robot, reference, robot.machine.slot, seconds)
     continuous, continuous_apart = multibody_speed(robot, reference, 0.0, seconds / 4)
     return [
-        Row("Diagram, parts before the bus in one leaf", fused, SPEED, least=100),
-        Row("Diagram, a leaf per part", parts, SPEED),
+        Row("Diagram, a leaf per part", diagram, SPEED),
         Row("compiled simulator, one core", compiled, SPEED),
         Row(f"compiled simulator, batch on {os.cpu_count()} cores", batch, SPEED),
-        Row("MultibodyPlant finger alone, wires in a Python leaf, 2 ms", discrete, SPEED),
+        Row("MultibodyPlant finger alone, tendons in a Python leaf, 2 ms", discrete, SPEED),
         Row("  RMS of its angles from ours", discrete_apart, "rad"),
-        Row("MultibodyPlant finger alone, wires in a Python leaf, continuous", continuous, SPEED),
+        Row("MultibodyPlant finger alone, tendons in a Python leaf, continuous", continuous, SPEED),
         Row("  RMS of its angles from ours", continuous_apart, "rad"),
-        Row("compiled / Diagram", compiled / fused, "-", least=20),
+        *mujoco_rows(robot, reference, seconds, tell),
+        Row("compiled / Diagram", compiled / diagram, "-"),
         Row("batch / compiled", batch / compiled, "-", least=1.7),
-        Row("Diagram / MultibodyPlant finger alone, 2 ms", fused / discrete, "-"),
-        Row("Diagram / MultibodyPlant finger alone, continuous", fused / continuous, "-", least=3),
+        Row("Diagram / MultibodyPlant finger alone, 2 ms", diagram / discrete, "-"),
+        Row("Diagram / MultibodyPlant finger alone, continuous", diagram / continuous, "-", least=3),
+    ]
+
+
+def mujoco_rows(robot: Robot, reference: Reference, seconds: float, tell: Callable[[str], object]) -> list[Row]:
+    """MuJoCo's finger under a Python loop, if the package is there; measured in turns with the Diagram."""
+    from benchmarks.diagram import diagram_speed
+
+    if find_spec("mujoco") is None:
+        tell("no package mujoco (dependency group bench): its rows are left out")
+        return []
+    from benchmarks.mujoco_finger import mujoco_speed
+
+    turns = [
+        (diagram_speed(robot, reference, seconds / 4), mujoco_speed(robot, reference, seconds / 4)[0]) for _ in range(4)
+    ]
+    diagram, loop = (max(speeds) for speeds in zip(*turns, strict=True))
+    return [
+        Row("MuJoCo finger alone, 2 ms, controller in Python every 20 ms", loop, SPEED),
+        Row("Diagram / MuJoCo finger under a Python loop", diagram / loop, "-", least=0.25),
     ]
 
 
@@ -169,7 +187,7 @@ def bench(seconds: float = 20.0, others: bool = True, tell: Callable[[str], obje
     """
     robot = load_robot()
     tell("engines")
-    rows = engine_rows(robot, seconds)
+    rows = engine_rows(robot, seconds, tell)
     tell("sessions")
     rows += session_rows(robot)
     if others:

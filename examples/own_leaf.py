@@ -1,4 +1,4 @@
-"""A Drake system of one's own in the loop: a limiter that lets go of the wires when the DIP bends too far."""
+"""A Drake system of one's own in the loop: a limiter that lets go of the tendons when the DIP joint bends too far."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,6 @@ from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
 import exodrake as exo
 from exodrake.data.plot import save_png
-from exodrake.diagrams.diagram import build_diagram
 
 TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 
@@ -24,7 +23,7 @@ class Limiter(LeafSystem):
         self.DeclareVectorInputPort("angle", 3)
         self.DeclareDiscreteState([1.0])  # share of the references that passes
         self.DeclareVectorOutputPort("tension_ref", 3, self.limited, {self.time_ticket(), self.xd_ticket()})
-        self.DeclarePeriodicDiscreteUpdateEvent(0.02, 0.0015, self.watch)  # after the pictures of slot 0, before slot 1
+        self.DeclarePeriodicDiscreteUpdateEvent(0.02, 0.0015, self.watch)  # after motion capture in slot 0
 
     def watch(self, context, discrete):
         if self.get_input_port().Eval(context)[2] > self.limit:
@@ -37,18 +36,15 @@ class Limiter(LeafSystem):
 
 def run(robot, wanted, limit):
     builder = DiagramBuilder()
-    plant, limiter = builder.AddSystem(build_diagram(robot)), builder.AddSystem(Limiter(wanted, limit))
+    plant, limiter = builder.AddSystem(exo.build_diagram(robot)), builder.AddSystem(Limiter(wanted, limit))
     builder.Connect(plant.GetOutputPort("mocap.angle_read"), limiter.get_input_port())
     builder.Connect(limiter.get_output_port(), plant.GetInputPort("tension_ref"))
-    for name, value in {
-        "noise_tension": 0.0,
-        "noise_angle": 0.0,
-        "packet_arrival": 1.0,
-    }.items():  # no packet is lost
-        still = builder.AddSystem(ConstantVectorSource([value] * 3))
-        builder.Connect(still.get_output_port(), plant.GetInputPort(name))
-    ports = {"tension_ref": limiter.get_output_port(), "tension": plant.GetOutputPort("sensor.tension_read")}
-    ports["angle"] = plant.GetOutputPort("mocap.angle_read")
+    for name, value in {"noise_tension": 0.0, "noise_angle": 0.0, "packet_arrival": 1.0}.items():  # 1: none is lost
+        builder.Connect(
+            builder.AddSystem(ConstantVectorSource([value] * 3)).get_output_port(), plant.GetInputPort(name)
+        )
+    ports = {"tension_ref": limiter.get_output_port()}
+    ports |= {"tension": plant.GetOutputPort("sensor.tension_read"), "angle": plant.GetOutputPort("mocap.angle_read")}
     sinks = {kind: LogVectorOutput(port, builder, 0.02) for kind, port in ports.items()}
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(0.02 * (len(wanted) - 1))

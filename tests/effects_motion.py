@@ -36,7 +36,7 @@ def run_rows(rows: np.ndarray, seed: int = SEED) -> np.ndarray:
     """Records (rows, FRAMES, signals) of noise-free runs; the packet_arrival of lost frames is drawn."""
     machine = nominal().machine
     module = compile_machine(machine)
-    still, packet_arrival = np.zeros((FRAMES, 3)), NoiseInputs.draw(FRAMES, seed, machine).packet_arrival
+    still, packet_arrival = np.zeros((FRAMES, 3)), NoiseInputs.draw(FRAMES, seed, machine)["packet_arrival"]
     records = np.zeros((len(rows), FRAMES, signal_count(machine)))
     reference = np.ascontiguousarray(motion())
     for i, row in enumerate(rows):

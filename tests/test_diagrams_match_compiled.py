@@ -15,21 +15,18 @@ from exodrake.machines.exo_index.machine import exo_index
 from exodrake.simulation.simulate import record
 
 EFFECTS = exo_index().effects
-FORMS = pytest.mark.parametrize("fused", [True, False], ids=["fused", "leaf per part"])
 TIGHT = {"tension_read": 1e-3, "stroke_read": 0.5e-6, "angle_read": 5e-5}  # RMS [N], [m], [rad]
 COLUMN = {"tension_read": "tension", "stroke_read": "stroke", "angle_read": "angle"}
 
 
-@FORMS
-def test_a_minute_of_sweeps_with_noise_and_rounding(fused):
-    compiled, drake = both(nominal(), Reference(reference_log("sweeps").array("tension_ref")), fused=fused)
+def test_a_minute_of_sweeps_with_noise_and_rounding():
+    compiled, drake = both(nominal(), Reference(reference_log("sweeps").array("tension_ref")))
     assert len(compiled) == 3000
     np.testing.assert_array_equal(compiled, drake)
 
 
-@FORMS
-def test_sub_steps(fused):
-    compiled, drake = both(nominal(), wavy(2.0), substeps=3, fused=fused)
+def test_sub_steps():
+    compiled, drake = both(nominal(), wavy(2.0), substeps=3)
     np.testing.assert_array_equal(compiled, drake)
 
 
@@ -41,7 +38,7 @@ def test_an_effect_at_typical_values(effect):
     assert np.isfinite(compiled).all()
     np.testing.assert_array_equal(compiled, drake)
     short = Reference(reference.tension[:50])
-    np.testing.assert_array_equal(*both(robot, short, fused=False))
+    np.testing.assert_array_equal(*both(robot, short))
 
 
 PRINTED = """
@@ -50,7 +47,7 @@ from diagram_runs import both, nominal, wavy
 printed = nominal().with_part("controller_as_printed").with_part("routers_as_printed")
 compiled, drake = both(printed, wavy(2.0))
 np.testing.assert_array_equal(compiled, drake)
-np.testing.assert_array_equal(compiled, both(printed, wavy(2.0), fused=False)[1])
+np.testing.assert_array_equal(compiled, both(printed, wavy(2.0))[1])
 print(np.abs(compiled - both(nominal(), wavy(2.0))[0]).max())
 """
 

@@ -15,7 +15,7 @@ from types import ModuleType
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
@@ -110,8 +110,8 @@ class FrameMap:
         x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
         noise_inputs = NoiseInputs.draw(frames, seed, machine)
         self.module.run(
-            self.parameters, x, w, np.ascontiguousarray(references, dtype=float),
-            noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival, machine.slot, 1, rows, fine, NOTHING,
+            self.parameters, x, w, *input_rows(machine, references, noise_inputs).values(), machine.slot, 1, rows, fine,
+            NOTHING,
         )  # fmt: skip
         return x, rows, fine
 
@@ -128,10 +128,7 @@ class FrameMap:
                 parameters,
                 x,
                 w,
-                r[None, :],
-                calm.tension,
-                calm.angle,
-                calm.packet_arrival,
+                *input_rows(machine, r[None, :], calm).values(),
                 slot,
                 1,
                 row,

@@ -10,7 +10,7 @@ def command() -> None:
 
     from rich.console import Console
 
-    from exodrake.diagrams.warm_up import JOBS, warm_up
+    from exodrake.simulation.warm_up import JOBS, warm_up
 
     start = perf_counter()
     with Console(stderr=True).status(f"compiling {', '.join(JOBS)}") as status:

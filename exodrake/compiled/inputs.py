@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from zlib import crc32
 
 import numpy as np
 
@@ -10,15 +11,18 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
-from exodrake.core.signal import TENDONS
+from exodrake.core.signal import NORMAL, Signal
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the robot is asked to do: `tension` (n, wires) [N], one row per frame; `name` of the protocol.
+    """What the robot follows.
 
-    For a machine that is asked for something else: the columns of `machine.asked` side by side, in SI.
+    Attributes:
+        tension: (frames, tendons) array [N]; for a machine that follows something else, the columns of
+            `machine.references` side by side [SI].
+        name: of the protocol.
     """
 
     tension: np.ndarray
@@ -34,27 +38,31 @@ class Reference:
         object.__setattr__(self, "tension", rows)
 
 
-@dataclass(frozen=True)
-class NoiseInputs:
-    """Draws of one run: standard normal `tension` and `angle` noise (n, 3) and uniform `packet_arrival` (n, 3)."""
-
-    tension: np.ndarray
-    angle: np.ndarray
-    packet_arrival: np.ndarray
+class NoiseInputs(dict[str, np.ndarray]):
+    """Noise inputs of one run: signal -> (frames, channels) array, as its `distribution` says."""
 
     @staticmethod
     def draw(frames: int, seed: int | None, machine: Machine) -> NoiseInputs:
-        """Seeded draws; all zero, and a packet_arrival that never wins, without a seed."""
-        wires, joints = len(machine.axes.tendons), len(machine.axes.joints)
-        if seed is None:
-            return NoiseInputs(np.zeros((frames, wires)), np.zeros((frames, joints)), np.ones((frames, wires)))
-        rng = np.random.default_rng(seed)
-        normal = rng.standard_normal((frames, wires + joints))
-        return NoiseInputs(
-            np.ascontiguousarray(normal[:, :wires]),
-            np.ascontiguousarray(normal[:, wires:]),
-            rng.random((frames, wires)),
-        )
+        """Draws every noise input of a machine from a stream of its own.
+
+        A stream is seeded by the seed and the signal's name: a further sensor leaves the noise of the others as it is,
+        and a longer run begins like a shorter one.
+
+        Args:
+            frames: rows.
+            seed: of the streams; None: normal noise is 0 and uniform noise 1, so that every packet arrives.
+            machine: whose `inputs` they are.
+        """
+        signals = [machine.signal[name] for name in machine.inputs if machine.signal[name].distribution]
+        return NoiseInputs({s.name: stream(s, (frames, machine.width(s.axis)), seed) for s in signals})
+
+
+def stream(signal: Signal, shape: tuple[int, int], seed: int | None) -> np.ndarray:
+    """One noise input, an array of that shape."""
+    if seed is None:
+        return np.zeros(shape) if signal.distribution == NORMAL else np.ones(shape)
+    rng = np.random.default_rng([seed, crc32(signal.name.encode())])
+    return rng.standard_normal(shape) if signal.distribution == NORMAL else rng.random(shape)
 
 
 NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
@@ -65,22 +73,21 @@ def reference_width(machine: Machine) -> int:
     return sum(machine.width(machine.signal[c.signal].axis) for c in machine.references)
 
 
-def input_rows(machine: Machine, asked: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
-    """Signals from outside, (frames, channels) [SI] each, in the order of the table.
+def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
+    """The exogenous signals, (frames, channels) arrays in the order of `machine.inputs`.
 
-    asked: (frames, references) in the order of `machine.asked`. Others are named `noise_...` (standard normal) or
-    `packet_arrival` (uniform).
+    Args:
+        machine: whose `inputs` they are.
+        references: (frames, channels) array in the order of `machine.references`.
+        noise_inputs: the noise inputs of the same frames.
     """
     found, at = {}, 0
     for name in machine.inputs:
-        axis = machine.signal[name].axis
-        if name.startswith("noise_"):
-            found[name] = noise_inputs.tension if axis == TENDONS else noise_inputs.angle
-        elif name == "packet_arrival":
-            found[name] = noise_inputs.packet_arrival
+        if name in noise_inputs:
+            found[name] = noise_inputs[name]
         else:
-            found[name] = np.ascontiguousarray(asked[:, at : at + machine.width(axis)])
-            at += machine.width(axis)
+            width = machine.width(machine.signal[name].axis)
+            found[name], at = np.ascontiguousarray(references[:, at : at + width], dtype=float), at + width
     return found
 
 
@@ -89,7 +96,7 @@ def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
     values = robot.values.copy()
     if np.isnan(values).any():
         missing = robot.machine.parameters[int(np.isnan(values).argmax())].name
-        raise InputError(f"{robot.source}: number {missing} is missing")
+        raise InputError(f"{robot.source}: parameter {missing} is missing")
     if not quantisation:
         for name in robot.machine.resolution:
             values[robot.machine.index[name]] = 0.0

@@ -12,7 +12,7 @@ from exodrake.core.machine import Machine, signal_count, state_size
 def run_compiled(
     machine: Machine, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, substeps: int
 ) -> np.ndarray:
-    """All wires (frames, wires) at each frame's end, by the compiled simulator."""
+    """All signals (frames, channels) at each frame's end, by the compiled simulator."""
     module = compile_machine(machine)
     rows = np.zeros((len(reference.tension), signal_count(machine)))
     state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))

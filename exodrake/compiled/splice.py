@@ -1,7 +1,7 @@
-"""Prints the named points with the effects that sit on them.
+"""Generates the named points with the effects that sit on them.
 
-A point's function asks one flag whether any effect is present there; only then does it call its spliced twin, in which
-the value passes through each present effect in the effect library's order. Flags and numbers of a block's effects
+A point's function asks one flag whether any effect is present there; only then does it call its spliced form, in which
+the value passes through each present effect in the effect library's order. Flags and parameters of a part's effects
 travel as one array: as arguments of their own, some hundred of them, they would cost more than the physics.
 """
 
@@ -16,8 +16,8 @@ from exodrake.core.part import Part, Point, module_name, prefix
 from exodrake.core.signal import SCALAR
 
 
-def print_effects(machine: Machine, part: Part) -> str:
-    """`fill_block_e(p)`: a flag for each point of the block (is an effect present?), then the effects' numbers."""
+def generate_effects(machine: Machine, part: Part) -> str:
+    """`fill_part_e(p)`: a flag for each point of the part (is an effect present?), then the effects' parameters."""
     start, flags = sum(machine.width(f.axis) for f in part.fields), len(part.points)
     size = sum(machine.width(n.axis) for e in machine.effects_on(part) for n in e.parameters)
     lines = ["@njit", f"def fill_{part.name}_e(p):", f"    e = np.zeros({flags + size})"]
@@ -30,33 +30,33 @@ def print_effects(machine: Machine, part: Part) -> str:
 
 
 def point_key(part: Part, point: Point) -> str:
-    """`page.function` of a point."""
+    """`module.function` of a point."""
     return f"{module_name(point.module or part.module)}.{point.name}"
 
 
-def place(machine: Machine, part: Part, effect: Effect, number: EffectParameter) -> int:
-    """Where a number of an effect starts in the block's array of flags and numbers."""
+def start_of(machine: Machine, part: Part, effect: Effect, parameter: EffectParameter) -> int:
+    """Where a parameter of an effect starts in the part's array of flags and parameters."""
     at = len(part.points)
     for other in machine.effects_on(part):
         for n in other.parameters:
-            if other.id == effect.id and n.name == number.name:
+            if other.id == effect.id and n.name == parameter.name:
                 return at
             at += machine.width(n.axis)
-    raise KeyError(f"{effect.id}.{number.name}")
+    raise KeyError(f"{effect.id}.{parameter.name}")
 
 
-def value_of(machine: Machine, part: Part, effect: Effect, number: EffectParameter, channel: str | None) -> str:
-    """A number of a channel as source, or all of them where the point has no channel."""
-    at = place(machine, part, effect, number)
-    if number.axis == SCALAR:
+def value_of(machine: Machine, part: Part, effect: Effect, parameter: EffectParameter, channel: str | None) -> str:
+    """A parameter of a channel as source, or all of them where the point has no channel."""
+    at = start_of(machine, part, effect, parameter)
+    if parameter.axis == SCALAR:
         return f"e[{at}]"
     if channel:
         return f"e[{at} + {channel}]"
-    return "(" + ", ".join(f"e[{at + i}]" for i in range(machine.width(number.axis))) + ")"
+    return "(" + ", ".join(f"e[{at + i}]" for i in range(machine.width(parameter.axis))) + ")"
 
 
 def compose_point(machine: Machine, part: Part, point: Point, function: ast.FunctionDef, effects: list[Effect]) -> str:
-    """The function of a point and its spliced twin."""
+    """The function of a point and its spliced form."""
     key = point_key(part, point)
     names = [a.arg for a in function.args.args]
     name, flag = (
@@ -66,7 +66,7 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
     header, summary = f"({', '.join(names)}):", f'    """{ast.get_docstring(function)}"""'
     body, value = spliced_body(machine, part, point, names, effects)
     call = f"        return {name}__spliced({', '.join(names)})"
-    simulator = [
+    spliced = [
         "@njit(_nrt=False)",
         f"def {name}__spliced{header}",
         *body,
@@ -74,7 +74,7 @@ def compose_point(machine: Machine, part: Part, point: Point, function: ast.Func
     ]
     plain = ["@njit(_nrt=False, forceinline=True)", f"def {name}{header}", summary, f"    if e[{flag}] != 0.0:"]
     plain += [call if value else call.replace("return ", "")]
-    return "\n".join([*simulator, "\n", *plain, *([f"    return {value}"] if value else [])])
+    return "\n".join([*spliced, "\n", *plain, *([f"    return {value}"] if value else [])])
 
 
 def spliced_body(
@@ -86,7 +86,7 @@ def spliced_body(
     body, advances = [], False
     for effect in effects:
         act, own = effect.at[key], channel if effect.axis == point.axis or effect.axis == SCALAR else None
-        states = state_places(machine, part, effect, own)
+        states = state_indices(machine, part, effect, own)
         parameters = [value_of(machine, part, effect, n, own) for n in effect.parameters]
         arguments = ", ".join([value, *context, *parameters, *states])
         call = f"{prefix(act.__module__)}__{act.__name__}({arguments})"
@@ -97,7 +97,7 @@ def spliced_body(
 
 
 def literal(value: float) -> str:
-    """A neutral value as source."""
+    """A null value as source."""
     return "inf" if math.isinf(value) else repr(float(value))
 
 
@@ -106,12 +106,12 @@ def guard(machine: Machine, part: Part, effect: Effect, channel: str | None) -> 
     first = effect.parameters[0]
     if first.axis == SCALAR or channel:
         return f"{value_of(machine, part, effect, first, channel)} != {literal(first.null)}"
-    at = place(machine, part, effect, first)
+    at = start_of(machine, part, effect, first)
     return " or ".join(f"e[{at + i}] != {literal(first.null)}" for i in range(machine.width(first.axis)))
 
 
-def state_places(machine: Machine, part: Part, effect: Effect, channel: str | None) -> list[str]:
-    """Where the effect's own states lie in the block's vector z, as source."""
+def state_indices(machine: Machine, part: Part, effect: Effect, channel: str | None) -> list[str]:
+    """Where the effect's own states lie in the part's vector z, as source."""
     offset, places = 0, []
     for other in machine.effects_on(part):
         for state in other.states:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exodrake.core.signal import Delay
+
 
 @dataclass(frozen=True)
 class Column:
@@ -15,7 +17,7 @@ class Column:
         required: whether a log without it is refused.
         label: name in figures and reports; made from the kind by default.
         unit: unit in figures and reports; by default that of `display.SHOWN`.
-        delay: signal that says how late the samples are [s]; empty: on time.
+        delay: what makes the samples late; None: they are on time.
     """
 
     kind: str
@@ -23,7 +25,7 @@ class Column:
     required: bool = True
     label: str = ""
     unit: str = ""
-    delay: str = ""
+    delay: Delay | None = None
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,7 @@ class Part:
     states: tuple[State, ...] = ()
     points: tuple[Point, ...] = ()
     group: str = ""
+    fills_start: bool = False  # its `start` fills the shared start vectors that those of other parts read
 
     @property
     def fields(self) -> tuple[Field, ...]:

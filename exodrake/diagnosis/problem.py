@@ -18,7 +18,7 @@ from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.detect.packet_loss import PacketLoss, detect
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
-from exodrake.simulation.delayed_samples import seen_late
+from exodrake.simulation.delayed_samples import delayed
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Problem:
         n = len(trial.reference)
         noise_inputs = NoiseInputs.draw(n, None, machine)
         if trial.drops:
-            noise_inputs = replace(noise_inputs, packet_arrival=trial.drops.packet_arrival[:n])
+            noise_inputs["packet_arrival"] = trial.drops.packet_arrival[:n]
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
@@ -99,7 +99,7 @@ class Problem:
             if len(rows) > 1:
                 return np.concatenate([self.predict(row[None], trial) for row in rows])
         with np.errstate(invalid="ignore"):
-            return seen_late(machine, records, self.signal_indices)
+            return delayed(machine, records, self.signal_indices)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
         """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was

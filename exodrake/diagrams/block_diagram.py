@@ -1,7 +1,7 @@
-"""Draws a machine's wiring and its schedule as SVG, from the table alone.
+"""Draws a machine's signals and its schedule as SVG.
 
 Parts stand on the diagonal. What a part writes leaves along its row, to the right or, against the stream, to the left;
-what it reads arrives along its column. The label where row and column meet names the wires. Below, a frame of slots.
+what it reads arrives along its column. The label where row and column meet names the signals. Below, a frame of slots.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ HUES = ("#4c78a8", "#d9822b", "#3f9b7f", "#b65d86", "#8a6fb0", "#b8862e", "#5b8c
 STYLE = f"""text {{ font-family: 'Inter', 'Segoe UI', 'Helvetica Neue', Arial, sans-serif; fill: {INK}; }}
 .title {{ font-size: 21px; font-weight: 650; }} .sub {{ font-size: 13px; fill: {SOFT}; }}
 .part {{ font-size: 15px; font-weight: 650; text-anchor: middle; }} .when {{ font-size: 11px; text-anchor: middle; }}
-.wire {{ font-size: 11.5px; text-anchor: middle; }} .unit {{ fill: {SOFT}; }}
+.signal {{ font-size: 11.5px; text-anchor: middle; }} .unit {{ fill: {SOFT}; }}
 .small {{ font-size: 11px; fill: {SOFT}; }}
 .chip {{ font-size: 11px; fill: white; font-weight: 600; text-anchor: middle; }}
 .mid {{ text-anchor: middle; }} .line {{ fill: none; stroke-width: 1.7; }}"""
 
 
 def links(machine: Machine) -> dict[tuple[str, str], list[str]]:
-    """(writer, reader) -> wires, with what comes from outside and what the log shows."""
+    """(writer, reader) -> signals, with what comes from outside and what the log shows."""
     writer = {w: b.name for b in machine.parts for o in b.outputs for w in o.writes} | dict.fromkeys(
         machine.inputs, OUTSIDE
     )
     found: dict[tuple[str, str], list[str]] = {}
     reads = [(b.name, w) for b in machine.parts for item in (*b.tasks, *b.outputs) for w in item.reads]
-    for reader, wire in [*reads, *((LOG, column.signal) for column in machine.columns)]:
-        wires = found.setdefault((writer[wire], reader), [])
-        if wire not in wires and writer[wire] != reader:
-            wires.append(wire)
-    return {pair: wires for pair, wires in found.items() if wires}
+    for reader, signal in [*reads, *((LOG, column.signal) for column in machine.columns)]:
+        signals = found.setdefault((writer[signal], reader), [])
+        if signal not in signals and writer[signal] != reader:
+            signals.append(signal)
+    return {pair: signals for pair, signals in found.items() if signals}
 
 
 def stream_order(machine: Machine) -> list[str]:
-    """Parts in the order of the signal: fewest links against the stream, then shortest; the table's if too many."""
+    """Parts in the order of the signal: fewest links against the stream, then shortest; the machine's if too many."""
     names = [part.name for part in machine.parts]
     pairs = [(a, b) for a, b in links(machine) if a in names and b in names]
 
     def cost(order: tuple[str, ...]) -> tuple[int, int]:
-        place = {name: i for i, name in enumerate(order)}
-        back = [pair for pair in pairs if place[pair[0]] > place[pair[1]]]
-        return len(back), sum(abs(place[a] - place[b]) for a, b in pairs)
+        rank = {name: i for i, name in enumerate(order)}
+        back = [pair for pair in pairs if rank[pair[0]] > rank[pair[1]]]
+        return len(back), sum(abs(rank[a] - rank[b]) for a, b in pairs)
 
     return list(min(permutations(names), key=cost)) if len(names) <= 7 else names
 
@@ -70,11 +70,11 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     chips = max(len(tasks_in(machine, slot)) for slot in range(machine.slots))
     height = grid + (96 + STRIP + (CHIP + 4) * chips if schedule else 16)
     body = [
-        f'<text class="title" x="{MARGIN}" y="42">{escape(machine.name.replace("_", "-"))}: parts and wires</text>',
+        f'<text class="title" x="{MARGIN}" y="42">{escape(machine.name.replace("_", "-"))}: parts and signals</text>',
         f'<text class="sub" x="{MARGIN}" y="64">A part writes along its row and reads along its column. '
         f"Frame {1e3 * machine.frame:g} ms, {machine.slots} slots.</text>",
-        *(draw_link(machine, order, hue, pair, wires) for pair, wires in links(machine).items()),
-        *(draw_label(machine, order, hue, pair, wires) for pair, wires in links(machine).items()),
+        *(draw_link(machine, order, hue, pair, signals) for pair, signals in links(machine).items()),
+        *(draw_label(machine, order, hue, pair, signals) for pair, signals in links(machine).items()),
         *(draw_part(machine, order, hue, name, shares) for name in order),
         *(draw_strip(machine, hue, grid + 40, width - 2 * MARGIN) if schedule else ()),
     ]
@@ -110,7 +110,7 @@ def centre(order: list[str], name: str) -> tuple[float, float]:
 
 
 def draw_link(
-    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], wires: list[str]
+    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], signals: list[str]
 ) -> str:
     """A line along the writer's row, then along the reader's column, with a rounded corner."""
     (x0, y0), (x1, y1) = centre(order, pair[0]), centre(order, pair[1])
@@ -121,19 +121,19 @@ def draw_link(
 
 
 def draw_label(
-    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], wires: list[str]
+    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], signals: list[str]
 ) -> str:
-    """Names and units of the wires where row and column meet."""
+    """Names and units of the signals where row and column meet."""
     x, y = centre(order, pair[1])[0], centre(order, pair[0])[1]
-    units = {wire: machine.signal[wire].unit for wire in wires}
-    longest = max(len(wire) + (len(unit) + 2 if unit != "-" else 0) for wire, unit in units.items())
-    w, h = 6.3 * longest + 14, LINE * len(wires) + 8
+    units = {signal: machine.signal[signal].unit for signal in signals}
+    longest = max(len(signal) + (len(unit) + 2 if unit != "-" else 0) for signal, unit in units.items())
+    w, h = 6.3 * longest + 14, LINE * len(signals) + 8
     lines = [
         f'<rect x="{x - w / 2}" y="{y - h / 2}" width="{w}" height="{h}" rx="5" fill="white" stroke="{hue[pair[0]]}"/>'
     ]
-    for k, wire in enumerate(wires):
-        unit = f' <tspan class="unit">{escape(units[wire])}</tspan>' if units[wire] != "-" else ""
-        lines.append(f'<text class="wire" x="{x}" y="{y - h / 2 + 15 + LINE * k}">{escape(wire)}{unit}</text>')
+    for k, signal in enumerate(signals):
+        unit = f' <tspan class="unit">{escape(units[signal])}</tspan>' if units[signal] != "-" else ""
+        lines.append(f'<text class="signal" x="{x}" y="{y - h / 2 + 15 + LINE * k}">{escape(signal)}{unit}</text>')
     return "\n".join(lines)
 
 

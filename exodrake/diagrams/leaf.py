@@ -1,30 +1,41 @@
-"""Turns a part into a Drake system: ports named like wires, numbers as a parameter, one discrete update a task.
+"""A part as a Drake system: ports named by signals, named parameters, one discrete update a periodic event.
 
-What a part is made of arrives as a `Plan` of plain functions and vectors: this file knows Drake, not tables or robots.
+What the system is made of arrives as a `LeafSpec` of compiled functions and arrays: this module knows Drake alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 from weakref import ref
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteStateIndex,
+    LeafSystem,
+    ValueProducer,
+)
+
+from exodrake.compiled.events import FIRST_SIGNAL
+from exodrake.core.errors import InputError, nearest
 
 
 @dataclass(frozen=True)
 class PeriodicUpdate:
-    """A periodic task: `function(state, held..., numbers, *constants, *reads)`, which changes state and held wires.
+    """A periodic event: `function(table, constant)` leaves the leaf's new memory in the scratch.
 
     Attributes:
-        constants: arguments before the wires, such as the tick's length [s] or the channel's index.
-        reads: wires, by the name of an input port or of an output port of direct feedthrough.
+        constant: the tick's length [s], or the channel's index.
+        reads: input ports that must be up to date.
         period, offset: when it runs [s].
     """
 
     function: Callable
-    constants: tuple
+    constant: float
     reads: tuple[str, ...]
     period: float
     offset: float
@@ -32,11 +43,20 @@ class PeriodicUpdate:
 
 @dataclass(frozen=True)
 class Feedthrough:
-    """Wires of direct feedthrough: `function(state, numbers, *reads, *writes)`, which fills `writes`."""
+    """Signals of direct feedthrough: `function(table, 0)` leaves `writes` in the scratch; `reads`: input ports."""
 
     function: Callable
     reads: tuple[str, ...]
     writes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class InputSpec:
+    """An input port: its width, the signals in it, and whether it is connected to another leaf for good."""
+
+    width: int
+    signals: dict[str, slice]
+    connected: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,23 +64,70 @@ class LeafSpec:
     """All that a leaf is made of.
 
     Attributes:
-        name: of the system. inputs: wire -> width.
-        numbers: (n,) parameters [SI]. state: (m,) at the start.
-        held: wire -> (width,) value at the start, of the wires that follow from the state alone; they are kept as
-            discrete state, so that their ports never ask for an input and cost no call.
-        through: wires that answer their input at once, with `widths`.
-        show: name of a port for the state itself; none if empty.
+        name: of the system.
+        inputs: name of an input port -> what it carries.
+        parameters: (n,) array [SI], with `parameter_names`.
+        memory: (m,) array at the start: the state, then the signals that follow from the state alone.
+        signals: name -> place in the scratch memory: the memory, then the signals of direct feedthrough.
+        reads: signals read, in the order of the table of addresses.
     """
 
     name: str
-    inputs: dict[str, int]
+    inputs: dict[str, InputSpec]
     parameters: np.ndarray
-    state: np.ndarray
-    held: dict[str, np.ndarray]
+    parameter_names: tuple[str, ...]
+    memory: np.ndarray
+    signals: dict[str, slice]
+    reads: tuple[str, ...]
     updates: tuple[PeriodicUpdate, ...]
-    through: tuple[Feedthrough, ...] = ()
-    widths: dict[str, int] = field(default_factory=dict)
-    show: str = ""
+    feedthrough: tuple[Feedthrough, ...] = ()
+    scratch_size: int = field(default=0)
+
+
+class Binding:
+    """A leaf's table of addresses for one Context.
+
+    It lives in the cache of that Context, dies with it, and is filled again in a copy of the Context. Parameters and
+    discrete state of a Context keep their place in memory whenever they are set.
+    """
+
+    __slots__ = ("__weakref__", "arrays", "bound", "context", "outputs", "read", "scratch", "table")
+
+    def __init__(self) -> None:
+        self.context: Context | None = None
+
+    def __deepcopy__(self, memo: dict) -> Binding:
+        return Binding()
+
+    def fill(self, leaf: Leaf, context: Context) -> None:
+        """Finds the Context's memory; arrays are kept as long as their addresses."""
+        spec = leaf.spec
+        self.context, self.read = context, leaf.EvalVectorInput
+        memory = context.get_discrete_state(0).value()
+        parameters = context.get_numeric_parameter(0).value()
+        scratch = np.zeros(spec.scratch_size)
+        self.scratch = scratch[: len(spec.memory)]
+        self.outputs = {name: scratch[at] for name, at in spec.signals.items()}
+        self.bound: list[BasicVector | None] = [None] * len(spec.inputs)
+        self.arrays = [memory, parameters, scratch, *(np.zeros(port.width) for port in spec.inputs.values())]
+        self.table = np.zeros(FIRST_SIGNAL + len(spec.reads), dtype=np.uint64)
+        self.table[:FIRST_SIGNAL] = [array.ctypes.data for array in self.arrays[:FIRST_SIGNAL]]
+        for i in range(len(spec.inputs)):
+            self.point(spec, i)
+
+    def point(self, spec: LeafSpec, i: int) -> None:
+        """Puts the addresses of the signals of input port i into the table."""
+        start = self.arrays[FIRST_SIGNAL + i].ctypes.data
+        for name, at in list(spec.inputs.values())[i].signals.items():
+            self.table[FIRST_SIGNAL + spec.reads.index(name)] = start + 8 * at.start
+
+    def take(self, spec: LeafSpec, i: int, vector: BasicVector) -> None:
+        """Input port i has a vector that is not bound: binds it if it stays in place, else copies its values."""
+        if list(spec.inputs.values())[i].connected:
+            self.arrays[FIRST_SIGNAL + i], self.bound[i] = vector.value(), vector
+            self.point(spec, i)
+        else:
+            self.arrays[FIRST_SIGNAL + i][:] = vector.value()
 
 
 class Leaf(LeafSystem):
@@ -70,84 +137,109 @@ class Leaf(LeafSystem):
 
         name: Leaf
         input_ports:
-        - a wire read from another part
+        - a signal read from another part
         - ...
         output_ports:
-        - a wire that the part writes
+        - a signal that the part writes
         - ...
+        - memory
 
-    The ports are the part's wires, by name. Numeric parameter 0 holds the part's numbers, discrete state 0 its state,
-    and discrete states 1, 2, ... the wires that it holds. A wire of direct feedthrough is calculated from the inputs
-    that it reads, and its port says so.
+    Numeric parameter 0 holds the parameters (`parameter_index` finds one by its name), discrete state 0 the memory: the
+    part's state, then the signals that follow from it alone. Port `memory` shows it as a whole. A signal of direct
+    feedthrough is calculated from the inputs that it reads, and its port says so.
+
+    An input port that `LeafSpec` calls connected is bound to the vector that it is connected to, once for a Context:
+    do not fix its value.
     """
 
-    def __init__(self, plan: LeafSpec) -> None:
+    def __init__(self, spec: LeafSpec) -> None:
         super().__init__()
-        self.set_name(plan.name)
-        self.plan = plan
-        for wire, width in plan.inputs.items():
-            self.DeclareVectorInputPort(wire, width)
-        self.DeclareNumericParameter(BasicVector(plan.parameters))
-        state = DiscreteStateIndex(int(self.DeclareDiscreteState(plan.state)))
-        if plan.show:
-            self.DeclareStateOutputPort(plan.show, state)
-        for wire, value in plan.held.items():
-            self.DeclareStateOutputPort(wire, DiscreteStateIndex(int(self.DeclareDiscreteState(value))))
-        for item in plan.through:
-            for wire in item.writes:
-                self._declare_through(item, wire)
-        for update in plan.updates:
-            self.DeclarePeriodicDiscreteUpdateEvent(update.period, update.offset, self._update(update))
+        self.set_name(spec.name)
+        self.spec = spec
+        for name, port in spec.inputs.items():
+            self.DeclareVectorInputPort(name, port.width)
+        self.DeclareNumericParameter(BasicVector(spec.parameters))
+        memory = DiscreteStateIndex(int(self.DeclareDiscreteState(spec.memory)))
+        producer = ValueProducer(allocate=lambda: AbstractValue.Make(Binding()), calc=lambda context, value: None)
+        entry = self.DeclareCacheEntry("memory of this Context", producer, {self.nothing_ticket()})
+        self._binding = entry.cache_index()  # the entry itself would keep the leaf alive for ever
+        self._last: list[Callable[[], Binding | None]] = [lambda: None]  # of the Context used last
+        written = {name for item in spec.feedthrough for name in item.writes}
+        for name, at in spec.signals.items():
+            if name not in written:
+                self.DeclareVectorOutputPort(name, at.stop - at.start, slice_of_memory(at), {self.xd_ticket()})
+        for item in spec.feedthrough:
+            for name in item.writes:
+                self._declare_feedthrough(item, name)
+        self.DeclareStateOutputPort("memory", memory)
+        for update in spec.updates:
+            handler = self._handler(update.function, update.constant, update.reads)
+            self.DeclarePeriodicDiscreteUpdateEvent(update.period, update.offset, handler)
 
-    def _update(self, task: PeriodicUpdate) -> Callable[[Context, DiscreteValues], None]:
-        """The handler of a task. It knows the leaf weakly: Drake holds it, and a circle through C++ is never freed."""
-        here, function, constants = ref(self), task.function, task.constants
-        if any(wire not in self.plan.inputs for wire in task.reads):
-            return self._update_from_own(task)
-        ports = tuple(int(self.GetInputPort(wire).get_index()) for wire in task.reads)
-        groups = tuple(range(1 + len(self.plan.held)))
+    def parameter_index(self, name: str) -> int:
+        """Index of a parameter in numeric parameter 0 by its full name, `finger.kappa.MCP`.
 
-        def update(context: Context, discrete: DiscreteValues) -> None:
-            read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
-            vectors = [discrete.get_mutable_value(i) for i in groups]
-            parameters = context.get_numeric_parameter(0).value()
-            function(*vectors, parameters, *constants, *[read(context, i).value() for i in ports])
+        Raises:
+            InputError: the part has no parameter of that name.
+        """
+        if name not in self.spec.parameter_names:
+            raise InputError(
+                f"{self.get_name()} has no parameter {name!r}{nearest(name, list(self.spec.parameter_names))}"
+            )
+        return self.spec.parameter_names.index(name)
 
-        return update
+    def set_part(self, context: Context, spec: LeafSpec) -> None:
+        """Puts parameters and initial memory of a specification of the same part into the leaf's own Context."""
+        context.get_mutable_numeric_parameter(0).SetFromVector(spec.parameters)
+        context.SetDiscreteState(0, spec.memory)
 
-    def _update_from_own(self, task: PeriodicUpdate) -> Callable[[Context, DiscreteValues], None]:
-        """The handler of a task that also reads wires of direct feedthrough of its own leaf."""
-        here, inputs, held = ref(self), self.plan.inputs, len(self.plan.held)
+    def bind(self, context: Context) -> Binding:
+        """The table of addresses of a Context, which becomes the one used last."""
+        binding: Any = self.get_cache_entry(self._binding).Eval(context)
+        if binding.context is not context:
+            binding.fill(self, context)
+        self._last[0] = ref(binding)
+        return binding
 
-        def update(context: Context, discrete: DiscreteValues) -> None:
-            leaf = here()
-            assert leaf is not None
-            reads = [(leaf.GetInputPort if w in inputs else leaf.GetOutputPort)(w).Eval(context) for w in task.reads]
-            vectors = [discrete.get_mutable_value(i) for i in range(1 + held)]
-            task.function(*vectors, context.get_numeric_parameter(0).value(), *task.constants, *reads)
+    def _handler(
+        self, function: Callable, constant: float, reads: tuple[str, ...], shown: str = ""
+    ) -> Callable[[Context, Any], None]:
+        """The handler of an event, or of the output port of the signal `shown`.
 
-        return update
+        It knows the leaf weakly: Drake holds it, and a circle through C++ is never freed.
+        """
+        here, last, names = ref(self), self._last, list(self.spec.inputs)
+        ports = tuple(names.index(name) for name in reads)
 
-    def _declare_through(self, item: Feedthrough, wire: str) -> None:
-        """A port of direct feedthrough; other wires of the same function go to scratch memory."""
-        here, function, widths = ref(self), item.function, self.plan.widths
-        ports = tuple(int(self.GetInputPort(read).get_index()) for read in item.reads)
-        scratch = [None if write == wire else np.zeros(widths[write]) for write in item.writes]
+        def handler(context: Context, target: Any) -> None:
+            binding = last[0]()
+            if binding is None or binding.context is not context:
+                binding = here().bind(context)  # pyright: ignore[reportOptionalMemberAccess]
+            for i in ports:
+                vector = binding.read(context, i)
+                if vector is not binding.bound[i]:
+                    binding.take(here().spec, i, vector)  # pyright: ignore[reportOptionalMemberAccess]
+            function(binding.table, constant)
+            if shown:
+                target.set_value(binding.outputs[shown])
+            else:
+                target.set_value(0, binding.scratch)
 
-        def calculate(context: Context, out: BasicVector) -> None:
-            read = here().EvalVectorInput  # pyright: ignore[reportOptionalMemberAccess]
-            state, parameters = context.get_discrete_state(0).value(), context.get_numeric_parameter(0).value()
-            reads = [read(context, i).value() for i in ports]
-            writes = [out.get_mutable_value() if vector is None else vector for vector in scratch]
-            function(state, parameters, *reads, *writes)
+        return handler
 
+    def _declare_feedthrough(self, item: Feedthrough, name: str) -> None:
+        """A port of direct feedthrough."""
         needs = {self.input_port_ticket(self.GetInputPort(read).get_index()) for read in item.reads}
-        self.DeclareVectorOutputPort(
-            wire, widths[wire], calculate, needs | {self.xd_ticket(), self.all_parameters_ticket()}
-        )
+        needs |= {self.xd_ticket(), self.all_parameters_ticket()}
+        at = self.spec.signals[name]
+        calculate = self._handler(item.function, 0, item.reads, name)
+        self.DeclareVectorOutputPort(name, at.stop - at.start, calculate, needs)
 
-    def set_part(self, context: Context, plan: LeafSpec) -> None:
-        """Puts the numbers, the state and the held wires of a plan for the same part into the leaf's own Context."""
-        context.get_mutable_numeric_parameter(0).SetFromVector(plan.parameters)
-        for i, vector in enumerate((plan.state, *plan.held.values())):
-            context.SetDiscreteState(i, vector)
+
+def slice_of_memory(at: slice) -> Callable[[Context, BasicVector], None]:
+    """The function of an output port that shows a part of discrete state 0."""
+
+    def calculate(context: Context, out: BasicVector) -> None:
+        out.set_value(context.get_discrete_state(0).value()[at])
+
+    return calculate

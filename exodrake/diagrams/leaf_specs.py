@@ -1,20 +1,22 @@
-"""What the Drake leaves of a machine are made of: one plan per part, or one for all parts in front of the bus."""
+"""What the Drake leaf of a part is made of."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.fused import GROUP, outside, plant_machine, plant_tasks, sampled, slot_function, state_size
-from exodrake.compiled.leaf_functions import held_signals, outer_reads
+from exodrake.compiled.events import event_tasks, layout, memory_size, reads_of, signals_read
+from exodrake.compiled.leaf_functions import held_signals
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, state_size
 from exodrake.core.part import Part, Task
-from exodrake.diagrams.leaf import Feedthrough, LeafSpec, PeriodicUpdate
+from exodrake.diagrams.leaf import Feedthrough, InputSpec, LeafSpec, PeriodicUpdate
 
 
 def parameters_of(machine: Machine, part: Part) -> slice:
-    """Where a part's numbers lie in the flat vector."""
+    """Where a part's parameters lie in the flat vector."""
     places = [i for i, parameter in enumerate(machine.parameters) if parameter.part == part.name]
     return slice(places[0], places[-1] + 1) if places else slice(0, 0)
 
@@ -31,81 +33,92 @@ def state_of(machine: Machine, part: Part) -> slice:
 
 
 def start_state(machine: Machine, values: np.ndarray) -> np.ndarray:
-    """The flat state of all parts at the start, for these numbers [SI]."""
+    """The flat state of all parts at the start, for these parameters [SI]."""
     state = np.zeros(state_size(machine))
     compile_machine(machine).begin(values, state)
     return state
 
 
-def times(machine: Machine, task: Task, substeps: int) -> list[tuple[tuple, float, float]]:
-    """(constants, period [s], offset [s]) of the beats of a task.
+def times(machine: Machine, task: Task, substeps: int) -> list[tuple[float, float, float]]:
+    """(constant, period [s], offset [s]) of the periodic events of a task.
 
-    A sampled task runs in the middle of its slot, all sub-ticks of the plant in the half slot before it, a log at the
+    A sampled task runs in the middle of its slot, all ticks of the plant in the half slot before it, a log at the
     slot's end: no two of them ever at the same time, where a rounding error would decide which comes first.
     """
     if task.slots:
         return [
-            ((k,) if task.per_channel else (), machine.frame, (slot + 0.5) * machine.slot)
+            (k if task.per_channel else 0, machine.frame, (slot + 0.5) * machine.slot)
             for k, slot in enumerate(task.slots)
         ]
     dt, half = machine.slot / substeps, 0.5 * machine.slot
-    return [((dt,), machine.slot, half * (i + 0.5) / substeps) for i in range(substeps)]
+    return [(dt, machine.slot, half * (i + 0.5) / substeps) for i in range(substeps)]
 
 
-def held_at_start(machine: Machine, part: Part, parameters: np.ndarray, state: np.ndarray) -> dict[str, np.ndarray]:
-    """Values of the wires that a part holds, for its own state."""
-    held = {wire: np.zeros(machine.width(machine.signal[wire].axis)) for wire in held_signals(part)}
-    getattr(compile_machine(machine), f"{part.name}__leaf__hold")(state, *held.values(), parameters)
-    return held
+def initial_memory(machine: Machine, part: Part, parameters: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """A leaf's memory for its own state: the state, then the signals that it holds."""
+    memory, size = np.zeros(memory_size(machine, part)), len(state)
+    memory[:size] = state
+    where = layout(machine, part)
+    held = [memory[where[name]] for name in held_signals(part)]
+    getattr(compile_machine(machine), f"{part.name}__leaf__hold")(memory[:size], *held, parameters)
+    return memory
 
 
-def part_spec(machine: Machine, part: Part, values: np.ndarray, substeps: int = 1) -> LeafSpec:
-    """The plan of one part, with the machine's numbers [SI] and the state in which the whole machine starts."""
-    module = compile_machine(machine)
-    parameters, state = values[parameters_of(machine, part)], start_state(machine, values)[state_of(machine, part)]
-    updates = []
-    for task in part.tasks:
-        function, reads = getattr(module, f"{part.name}__leaf__{task.function}"), outer_reads(part, task.reads)
-        updates += [
-            PeriodicUpdate(function, own, reads, period, offset)
-            for own, period, offset in times(machine, task, substeps)
-        ]
+def separate_inputs(machine: Machine, part: Part) -> dict[str, InputSpec]:
+    """An input port for each signal read."""
+    widths = {name: machine.width(machine.signal[name].axis) for name in signals_read(part)}
+    return {name: InputSpec(width, {name: slice(0, width)}) for name, width in widths.items()}
+
+
+def reads_in(tasks: list[Task]) -> tuple[str, ...]:
+    """Signals that some tasks read."""
+    return tuple(name for task in tasks for name in task.reads)
+
+
+def part_spec(
+    machine: Machine,
+    part: Part,
+    values: np.ndarray,
+    substeps: int = 1,
+    inputs: Mapping[str, InputSpec] | None = None,
+) -> LeafSpec:
+    """The specification of one part, in the state in which the whole machine starts.
+
+    Args:
+        machine, part: the machine and one of its parts.
+        substeps: plant ticks per slot.
+        values: (n,) array of all parameters of the machine [SI].
+        inputs: the input ports; None: one for each signal read.
+    """
+    module, place = compile_machine(machine), parameters_of(machine, part)
+    state = start_state(machine, values)[state_of(machine, part)]
+    ports = dict(separate_inputs(machine, part) if inputs is None else inputs)
+    carrier = {signal: name for name, port in ports.items() for signal in port.signals}
+
+    def needed(reads: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(carrier[name] for name in reads_of(part, reads)))
+
+    updates = [
+        PeriodicUpdate(getattr(module, f"{part.name}__event__{event}"), constant, needed(reads_in(tasks)), *when)
+        for event, tasks in event_tasks(part).items()
+        for constant, *when in times(machine, tasks[0], substeps)
+    ]
     through = [
-        Feedthrough(getattr(module, f"{part.name}__leaf__{o.function}"), o.reads, o.writes)
+        Feedthrough(getattr(module, f"{part.name}__port__{o.function}"), needed(o.reads), o.writes)
         for o in part.outputs
         if o.reads
     ]
-    widths = {wire.name: machine.width(wire.axis) for wire in machine.signals}
-    own = {wire for item in through for wire in item.writes}
-    read = dict.fromkeys(wire for item in (*updates, *through) for wire in item.reads if wire not in own)
-    inputs = {wire: widths[wire] for wire in read}
-    held = held_at_start(machine, part, parameters, state)
-    return LeafSpec(part.name, inputs, parameters, state, held, tuple(updates), tuple(through), widths)
-
-
-def plant_spec(machine: Machine, values: np.ndarray, substeps: int = 1) -> LeafSpec:
-    """The plan of all parts in front of the bus as one leaf; its port shows states and wires of `plant_machine`."""
-    plant, module = fusible(machine), compile_machine(machine)
-    last = plant.parts[-1]
-    parameters, size = values[: parameters_of(machine, last).stop], state_size(plant)
-    memory = np.zeros(size + sum(machine.width(wire.axis) for wire in plant.signals))
-    memory[:size] = start_state(machine, values)[:size]
-    getattr(module, f"{GROUP}__leaf__hold")(memory, parameters)
-    updates = []
-    for slots, tasks in {(): plant_tasks(plant), **sampled(plant)}.items():
-        function, reads = getattr(module, f"{GROUP}__leaf__{slot_function(slots)}"), outside(plant, tasks)
-        for own, period, offset in times(machine, tasks[0], 1):
-            constants = own if slots else (machine.slot / substeps, substeps)
-            updates.append(PeriodicUpdate(function, constants, reads, period, offset))
-    inputs = {name: machine.width(machine.signal[name].axis) for name in plant.inputs}
-    return LeafSpec(GROUP, inputs, parameters, memory, {}, tuple(updates), show="memory")
-
-
-def fusible(machine: Machine) -> Machine:
-    """The group of parts in front of the bus; InputError if this machine has none."""
-    plant = plant_machine(machine)
-    if plant is None:
-        raise InputError(
-            f"{machine.name}: the parts that tick with the plant do not stand first, or feed through; cannot fuse them"
-        )
-    return plant
+    where = layout(machine, part)
+    memory = initial_memory(machine, part, values[place], state)
+    return LeafSpec(
+        name=part.name,
+        inputs=ports,
+        parameters=values[place],
+        parameter_names=tuple(parameter.name for parameter in machine.parameters[place]),
+        memory=memory,
+        signals=where,
+        reads=signals_read(part),
+        updates=tuple(updates),
+        feedthrough=tuple(through),
+        scratch_size=max([len(memory), *(at.stop for at in where.values())]),
+    )

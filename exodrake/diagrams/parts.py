@@ -6,25 +6,32 @@ every slot (2 ms); sampled tasks run once a frame (20 ms) in the middle of their
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.diagrams.leaf import Leaf
+from exodrake.diagrams.leaf import InputSpec, Leaf
 from exodrake.diagrams.leaf_specs import part_spec
 from exodrake.machines.robot_file import load_robot
 
 
 class Part(Leaf):
-    """A part of a robot as a Drake system; the nominal robot if none is given. substeps: plant ticks a slot."""
+    """A part of a robot as a Drake system; the nominal robot if none is given.
+
+    substeps: plant ticks a slot. inputs: the input ports; None: one for each signal read.
+    """
 
     part = ""
 
-    def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
+    def __init__(
+        self, robot: Robot | None = None, substeps: int = 1, inputs: Mapping[str, InputSpec] | None = None
+    ) -> None:
         robot = robot or load_robot()
         parts = {part.name: part for part in robot.machine.parts}
         if self.part not in parts:
             raise InputError(f"{robot.machine.name} has no part {self.part!r}{nearest(self.part, list(parts))}")
-        super().__init__(part_spec(robot.machine, parts[self.part], robot.values, substeps))
+        super().__init__(part_spec(robot.machine, parts[self.part], robot.values, substeps, inputs))
 
 
 class TendonFinger(Part):
@@ -41,6 +48,7 @@ class TendonFinger(Part):
         - rate
         - tension_finger
         - tension
+        - memory
 
     tension [N] answers stroke [m] at once; the other outputs are state.
     """
@@ -61,6 +69,7 @@ class MotorDynamics(Part):
         - stroke
         - wire_speed
         - spool_angle
+        - memory
     """
 
     part = "motor"
@@ -79,6 +88,7 @@ class TensionSensor(Part):
         output_ports:
         - tension_read
         - cell
+        - memory
 
     cell [N], the amplified tension, answers tension [N] at once; tension_read is state.
     """
@@ -96,6 +106,7 @@ class Encoder(Part):
         - spool_angle
         output_ports:
         - stroke_read
+        - memory
     """
 
     part = "encoder"
@@ -113,6 +124,7 @@ class MotionCapture(Part):
         output_ports:
         - angle_read
         - mocap_delay
+        - memory
     """
 
     part = "mocap"
@@ -129,6 +141,7 @@ class AdmittanceController(Part):
         - tension_read
         output_ports:
         - speed_cmd
+        - memory
     """
 
     part = "controller"
@@ -145,6 +158,7 @@ class MotorBus(Part):
         - packet_arrival
         output_ports:
         - speed_applied
+        - memory
     """
 
     part = "bus"

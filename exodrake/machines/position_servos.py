@@ -8,13 +8,13 @@ from dataclasses import replace
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, SCALAR, Axes, Signal
+from exodrake.core.signal import JOINTS, NORMAL, SCALAR, Axes, Signal
 from exodrake.systems import angle_reading, joint, joint_command
 
 REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
 BEND = Signal("bend", "rad", JOINTS)
 REST = (
-    Signal("noise_angle", "-", JOINTS),
+    Signal("noise_angle", "-", JOINTS, NORMAL),
     Signal("command", "rad", JOINTS),
     Signal("origin", "rad", JOINTS),
     Signal("setting", "rad", JOINTS),

@@ -89,7 +89,7 @@ class DelayedSamples:
         for kind in machine.compared:
             column, width = machine.column(kind), machine.column_width(kind)
             if column.delay:
-                self.late.append((slice(len(self.places), len(self.places) + width), at[column.delay].start))
+                self.late.append((slice(len(self.places), len(self.places) + width), at[column.delay.signal].start))
             self.places += range(at[column.signal].start, at[column.signal].stop)
         self.ahead = AHEAD if self.late else 0
         self.rows, self.first, self.done = np.zeros((0, signal_count(machine))), 0, 0

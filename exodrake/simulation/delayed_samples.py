@@ -1,10 +1,11 @@
-"""Motion capture on a clock of its own: pictures show the past, and the two clocks meet where the log is written."""
+"""Sensors on a clock of their own: a sample shows the past, and the two clocks meet where the log is written."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from exodrake.core.machine import Machine
+from exodrake.compiled.inputs import NoiseInputs
+from exodrake.core.machine import Machine, offsets
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -18,17 +19,40 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     return p1 + 0.5 * f * (p2 - p0 + f * (2.0 * p0 - 5.0 * p1 + 4.0 * p2 - p3 + f * (3.0 * (p1 - p2) + p3 - p0)))
 
 
-def seen_late(machine: Machine, records: np.ndarray, places: list[int]) -> np.ndarray:
-    """The wires `places` of noise-free records (rows, n, wires), angles taken at t - lateness: (rows, n, places)."""
-    from exodrake.core.machine import offsets
+def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
+    """Some channels of noise-free runs as a log shows them, delayed columns at t - delay.
 
-    at = offsets(machine)
-    chosen = records[:, :, places]
-    if "mocap_delay" not in at:
-        return chosen
-    angles = [k for k, p in enumerate(places) if at["angle_read"].start <= p < at["angle_read"].stop]
-    for row, record in enumerate(records):
-        late = record[:, at["mocap_delay"].start]
-        if angles and late.any():
-            chosen[row][:, angles] = cubic(chosen[row][:, angles], np.arange(len(late)) - late / machine.frame)
+    Args:
+        machine: whose columns they are.
+        records: (runs, frames, channels) array of all signals.
+        indices: the channels wanted.
+
+    Returns:
+        (runs, frames, indices) array.
+    """
+    at, chosen = offsets(machine), records[:, :, indices]
+    for column in (column for column in machine.columns if column.delay):
+        assert column.delay
+        own = [k for k, i in enumerate(indices) if at[column.signal].start <= i < at[column.signal].stop]
+        for row, late in enumerate(records[:, :, at[column.delay.signal].start]):
+            if own and late.any():
+                chosen[row][:, own] = cubic(chosen[row][:, own], np.arange(len(late)) - late / machine.frame)
     return chosen
+
+
+def delay_samples(machine: Machine, rows: np.ndarray, values: np.ndarray, noise_inputs: NoiseInputs) -> None:
+    """Replaces delayed columns in the rows of a run by their values at t - delay; the noise stays where it was.
+
+    Args:
+        machine: whose columns they are.
+        rows: (frames, channels) array of all signals.
+        values: (n,) array of all parameters [SI].
+        noise_inputs: those of the run.
+    """
+    at = offsets(machine)
+    for column in (column for column in machine.columns if column.delay):
+        assert column.delay
+        late, own = rows[:, at[column.delay.signal].start], at[column.signal]
+        if late.any():
+            noise = values[machine.index[column.delay.noise_std]] * noise_inputs[column.delay.noise_input]
+            rows[:, own] = cubic(rows[:, own] - noise, np.arange(len(rows)) - late / machine.frame) + noise

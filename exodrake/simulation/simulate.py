@@ -9,18 +9,22 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, offsets
+from exodrake.core.machine import offsets
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
-from exodrake.simulation.delayed_samples import cubic
+from exodrake.simulation.delayed_samples import delay_samples
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """All wires of a run: `time` (n,) [s], start of each frame, and `wires` name -> (n, channels) at the frame's
-    end.
+    """All signals of a run.
+
+    Attributes:
+        robot, reference: what was simulated.
+        time: (frames,) array, start of each frame [s].
+        signals: name -> (frames, channels) array at the frame's end, in the unit of the signal.
     """
 
     robot: Robot
@@ -37,15 +41,25 @@ def record(
     engine: str = "compiled",
     substeps: int = 1,
 ) -> Recording:
-    """Runs a robot on a reference and returns all its wires.
+    """Runs a robot on a reference and returns all its signals.
 
     Args:
-        seed: of the noise; None runs without. quantisation: whether readings are rounded.
-        engine: "compiled" or "drake": the same numbers to the last bit. substeps: plant ticks per 2 ms slot.
+        robot: the robot.
+        reference: what it follows.
+        seed: of the noise; None runs without.
+        quantisation: whether readings are rounded.
+        engine: "compiled" or "drake": the same results to the last bit.
+        substeps: plant ticks per slot.
+
+    Returns:
+        The signals at each frame's end.
+
+    Raises:
+        InputError: the reference has another width than the machine, or a parameter divides by zero.
     """
     machine, frames = robot.machine, len(reference.tension)
-    if reference.tension.shape[1] != (asked := reference_width(machine)):
-        raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {asked}")
+    if reference.tension.shape[1] != (width := reference_width(machine)):
+        raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {width}")
     noise_inputs = NoiseInputs.draw(frames, seed, machine)
     values = prepared(robot, quantisation)
     if engine not in ("compiled", "drake"):
@@ -54,8 +68,7 @@ def record(
         rows = rows_of(robot, values, reference, noise_inputs, engine, substeps)
     except ZeroDivisionError:
         raise InputError(f"{robot.source or machine.name}: a number is 0 that the equations divide by") from None
-    if "mocap_delay" in machine.signal:
-        see_late(machine, rows, values[machine.index["mocap.sigma_q"]] * noise_inputs.angle)
+    delay_samples(machine, rows, values, noise_inputs)
     time = machine.frame * np.arange(frames)
     return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
 
@@ -71,16 +84,8 @@ def rows_of(
     return run_compiled(robot.machine, values, reference, noise_inputs, substeps)
 
 
-def see_late(machine: Machine, rows: np.ndarray, noise: np.ndarray) -> None:
-    """Late pictures replace the angles read in `rows` where motion capture is late; noise (frames, joints) [rad]."""
-    at = offsets(machine)
-    late, angle = rows[:, at["mocap_delay"].start], at["angle_read"]
-    if late.any():
-        rows[:, angle] = cubic(rows[:, angle] - noise, np.arange(len(rows)) - late / machine.frame) + noise
-
-
 def log_of(recording: Recording) -> Log:
-    """The log that the robot would have written: the columns of the machine's table."""
+    """The log that the robot would have written: the columns of its machine."""
     machine, signals, units = recording.robot.machine, {}, {}
     for column in machine.columns:
         values = recording.signals[column.signal]
@@ -98,5 +103,5 @@ def simulate(
     engine: str = "compiled",
     substeps: int = 1,
 ) -> Log:
-    """The log of a robot asked to follow tension references; arguments as in `record`."""
+    """The log of a robot that follows a reference; arguments as in `record`."""
     return log_of(record(robot, reference, seed, quantisation, engine, substeps))

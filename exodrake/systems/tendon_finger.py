@@ -230,6 +230,7 @@ PART = Part(
     name="finger",
     module=sys.modules[__name__],
     parameters=Parameters,
+    fills_start=True,
     states=(
         State("angle", JOINTS, unit="rad"),
         State("rate", JOINTS, unit="rad/s"),

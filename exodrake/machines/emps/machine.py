@@ -7,7 +7,7 @@ from functools import cache
 
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, Axes, Signal
+from exodrake.core.signal import JOINTS, NORMAL, Axes, Signal
 from exodrake.effects import effects_of
 from exodrake.systems import carriage, linear_scale, position_drive
 
@@ -16,7 +16,7 @@ SIGNALS = (
     Signal("position_ref", "m", JOINTS),
     Signal("position_start", "m", JOINTS),
     Signal("speed_start", "m/s", JOINTS),
-    Signal("noise_position", "-", JOINTS),
+    Signal("noise_position", "-", JOINTS, NORMAL),
     Signal("force", "N", JOINTS),
     Signal("position", "m", JOINTS),
     Signal("position_read", "m", JOINTS),

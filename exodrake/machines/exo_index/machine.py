@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from exodrake.core.machine import Column, Machine, Observer
-from exodrake.core.signal import JOINTS, SCALAR, TENDONS, Axes, Signal
+from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.effects import effects_of
 from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
 from exodrake.systems import (
@@ -27,9 +27,9 @@ AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
 
 SIGNALS = (
     Signal("tension_ref", "N", TENDONS),
-    Signal("noise_tension", "-", TENDONS),
-    Signal("noise_angle", "-", JOINTS),
-    Signal("packet_arrival", "-", TENDONS),
+    Signal("noise_tension", "-", TENDONS, NORMAL),
+    Signal("noise_angle", "-", JOINTS, NORMAL),
+    Signal("packet_arrival", "-", TENDONS, UNIFORM),
     Signal("speed_cmd", "m/s", TENDONS),
     Signal("speed_applied", "m/s", TENDONS),
     Signal("stroke", "m", TENDONS),
@@ -48,12 +48,13 @@ SIGNALS = (
 
 PARTS = (tendon_finger.PART, motor.PART, sensor.PART, encoder.PART, mocap.PART, controller.PART, bus.PART)
 
+LATE = Delay("mocap_delay", "noise_angle", "mocap.sigma_q")
 COLUMNS = (
     Column("tension_ref", "tension_ref"),
     Column("tension", "tension_read"),
     Column("stroke", "stroke_read"),
     Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
-    Column("angle", "angle_read", required=False, label="Joint angle", delay="mocap_delay"),
+    Column("angle", "angle_read", required=False, label="Joint angle", delay=LATE),
 )
 
 

@@ -10,7 +10,7 @@ from time import sleep
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, prepared
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
@@ -24,31 +24,30 @@ def simulator() -> None:
     machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
     record(robot, SHORT)
     records = np.zeros((1, len(SHORT.tension), signal_count(machine)))
-    given = (SHORT.tension, noise_inputs.tension, noise_inputs.angle, noise_inputs.packet_arrival)
+    given = input_rows(machine, SHORT.tension, noise_inputs).values()
     compile_machine(machine).batch(
         prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
     )
 
 
 def leaves() -> None:
-    """What the Drake leaves call, fused and part by part."""
+    """What the Drake leaves call."""
     from exodrake.diagrams.diagram import run_diagram
 
     robot = load_robot()
     noise_inputs = NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
-    for fused in (True, False):
-        run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1, fused)
+    run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1)
 
 
-JOBS = {"the compiled simulator": "twin", "the Drake leaves": "leaves"}
+JOBS = {"the compiled simulator": "simulator", "the Drake leaves": "leaves"}
 
 
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:
     """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
-    compile_machine(load_robot().machine)  # prints the module, once for all processes
+    compile_machine(load_robot().machine)  # writes the module, once for all processes
     running = {
         name: Popen(
-            [sys.executable, "-c", f"from exodrake.diagrams.warm_up import {job}; {job}()"], stderr=PIPE, text=True
+            [sys.executable, "-c", f"from exodrake.simulation.warm_up import {job}; {job}()"], stderr=PIPE, text=True
         )
         for name, job in JOBS.items()
     }
