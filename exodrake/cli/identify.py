@@ -70,8 +70,7 @@ def synthesise(
     swap: tuple[str, str] | None,
     seed: int,
 ) -> None:
-    """Write a synthetic 14-marker recording with known truth, CSV or C3D by its name; FILE.truth.yaml gets the
-    truth."""
+    """Write a synthetic 14-marker recording, CSV or C3D by its name; its truth goes to FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
     from exodrake.identification.kinematics.labels import Swap

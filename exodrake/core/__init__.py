@@ -1,0 +1,1 @@
+"""What everything is made of: signals, parts, parameters, effects, machines, robots, units and errors."""

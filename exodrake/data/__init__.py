@@ -1,0 +1,1 @@
+"""Logs, cases and their files."""

@@ -1,0 +1,1 @@
+"""Foreign recordings as logs, by a mapping file."""

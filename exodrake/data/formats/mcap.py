@@ -19,7 +19,7 @@ from exodrake.data.log import Log
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
 LATEST = 2.0**64  # ns, MCAP's stamps
-BARE = "value"  # field of a column that has no wire or joint in its name
+BARE = "value"  # field of a column that has no channel in its name
 
 
 def read(data: bytes, source: str) -> Log:
@@ -70,7 +70,7 @@ def write(log: Log) -> bytes:
 
 
 def _places(log: Log) -> dict[str, dict[str, str]]:
-    """topic -> field -> column."""
+    """Topic -> field -> column."""
     places: dict[str, dict[str, str]] = {"/time": {BARE: "time"}}
     for column in log.columns:
         kind = kind_of(column)

@@ -1,0 +1,1 @@
+"""Cable-driven wrist of a da Vinci instrument."""

@@ -1,0 +1,1 @@
+"""EMPS, an electro-mechanical positioning system."""

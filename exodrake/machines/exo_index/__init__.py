@@ -1,0 +1,1 @@
+"""The Exo-Index, a tendon-driven index finger."""

@@ -1,0 +1,1 @@
+"""SO-101, an arm of six position servos."""

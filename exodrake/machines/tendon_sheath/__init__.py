@@ -1,0 +1,1 @@
+"""Bending joint of a flexible endoscope."""
