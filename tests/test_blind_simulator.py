@@ -15,7 +15,7 @@ from exodrake.blind.protocols import grasps, protocols_of
 from exodrake.blind.robot_spec import FRAME, InjectedFault, Protocol, RobotSpec
 from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
-from exodrake.machines.exo_index.machine import exo_index
+from exodrake.machines.exo_index.machine import machine as exo_index
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad

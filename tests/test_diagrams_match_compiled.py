@@ -11,7 +11,7 @@ import pytest
 from diagram_runs import both, nominal, reference_log, wavy
 
 from exodrake.compiled.inputs import Reference
-from exodrake.machines.exo_index.machine import exo_index
+from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.simulate import record
 
 EFFECTS = exo_index().effects

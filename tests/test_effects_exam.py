@@ -7,7 +7,7 @@ import pytest
 from effects_motion import motion, nominal, place, row_of, run_rows
 
 from exodrake.core.effect import Effect
-from exodrake.machines.exo_index.machine import exo_index
+from exodrake.machines.exo_index.machine import machine as exo_index
 
 EFFECTS = exo_index().effects
 PERIOD = 0.02

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.cli.main import cli
-from exodrake.machines.exo_index.machine import exo_index
+from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
 
 EFFECTS = exo_index().effects

@@ -1,4 +1,4 @@
-"""`exodrake draw`: the robot's parts, wires and slots as an SVG."""
+"""`exodrake draw`: the robot's parts, signals and slots as an SVG."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from exodrake.cli.options import robot_option
 @robot_option()
 @click.option("--out", default="wiring.svg", show_default=True, type=click.Path(path_type=Path, dir_okay=False))
 def command(robot: str, out: Path) -> None:
-    """Draw the robot's wiring: parts, wires with their units, and the tasks in the slots of a frame."""
+    """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_text
     from exodrake.diagrams.block_diagram import wiring_svg
@@ -21,4 +21,4 @@ def command(robot: str, out: Path) -> None:
     if out.suffix.lower() != ".svg":
         raise InputError(f"{out}: the drawing is an SVG; name it {out.with_suffix('.svg')}")
     write_text(out, wiring_svg(machine))
-    click.echo(f"{out}: {len(machine.parts)} parts, {len(machine.signals)} wires")
+    click.echo(f"{out}: {len(machine.parts)} parts, {len(machine.signals)} signals")

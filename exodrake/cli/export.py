@@ -23,6 +23,6 @@ def command(log: Path, out: Path, start: float | None, end: float | None) -> Non
     if start is not None or end is not None:
         table = table.between(first if start is None else start, float("inf") if end is None else end)
     if not len(table):
-        raise InputError(f"{log}: no rows between the times asked for (the log runs from {first:g} to {last:g} s)")
+        raise InputError(f"{log}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
     write_log(table, out)
     click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")

@@ -25,7 +25,7 @@ from exodrake.machines.library import recorded_machines
     help="Log to write; its ending is the format. With --from: the case's folder.",
 )  # fmt: skip
 def command(recording: Path, map_file: Path | None, known: str | None, out: Path) -> None:
-    """Turn RECORDING (text, MAT, NPY, NPZ, Parquet, ROS 2 bag in MCAP) into a log in our names and SI.
+    r"""Turn RECORDING (text, MAT, NPY, NPZ, Parquet, ROS 2 bag in MCAP) into a log in our names and SI.
 
     With --from, RECORDING is the file or folder of a known set, and a case for `exodrake diagnose --robot` comes out.
     Otherwise the mapping file says which foreign column is which, in what unit:
@@ -38,7 +38,7 @@ def command(recording: Path, map_file: Path | None, known: str | None, out: Path
       "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}    # ROS 2
     period: 0.02       # optional: frames of this length [s]
     separator: ";"     # optional; likewise decimal, skip, heading, hold, stamp
-    """  # noqa: D301  click reads the character \b
+    """
     if (map_file is None) == (known is None):
         raise InputError("import wants either --map FILE or --from SET")
     if map_file is not None:

@@ -45,16 +45,16 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    asked = scenario_of(protocol, reference, file, robot)
-    asked, built = changed(asked, options)
-    what = asked.build_reference(built)
+    scenario = scenario_of(protocol, reference, file, robot)
+    scenario, built = changed(scenario, options)
+    what = scenario.build_reference(built)
     folder = out or Path("simulated") / what.name
     check_folder(folder)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=stderr(), transient=True) as progress:
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
-        log = asked.simulate(built, what)
-        contents = files_of(asked, built, log, what.name, lambda text: progress.update(task, description=text))
+        log = scenario.simulate(built, what)
+        contents = files_of(scenario, built, log, what.name, lambda text: progress.update(task, description=text))
         write_folder(folder, log, contents)
     show(built, log, folder, ["log.csv", *contents])
     warn(built)
@@ -85,35 +85,35 @@ def scenario_of(protocol: str, reference: str, file: str, robot: str) -> Scenari
     return replace(there, robot=embedded(robot)) if robot else there
 
 
-def changed(asked: Scenario, options: dict) -> tuple[Scenario, Robot]:
-    """The scenario with options applied in the order parts, numbers, effects, and its robot."""
+def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
+    """The scenario with options applied in the order variants, parameters, effects, and its robot."""
     from exodrake.simulation.scenario import parse_effect, parse_number
 
     if options["seed"] is not None:
-        asked = replace(asked, seed=options["seed"])
+        scenario = replace(scenario, seed=options["seed"])
     if options["no_noise"]:
-        asked = replace(asked, seed=None)
+        scenario = replace(scenario, seed=None)
     if options["no_quantisation"]:
-        asked = replace(asked, quantisation=False)
+        scenario = replace(scenario, quantisation=False)
     if options["engine"]:
-        asked = replace(asked, engine=options["engine"])
-    asked = replace(asked, parts=list(dict.fromkeys([*asked.parts, *options["parts"]])))
-    robot = asked.build_robot()
+        scenario = replace(scenario, engine=options["engine"])
+    scenario = replace(scenario, parts=list(dict.fromkeys([*scenario.parts, *options["parts"]])))
+    robot = scenario.build_robot()
     parameters = dict(parse_number(text, robot) for text in options["parameters"])
-    asked = replace(asked, parameters={**asked.parameters, **parameters})
+    scenario = replace(scenario, parameters={**scenario.parameters, **parameters})
     for text in options["effects"]:
-        identity, given = parse_effect(text, asked.build_robot())
-        asked = replace(asked, effects={**asked.effects, identity: given})
-    return asked, asked.build_robot()
+        identity, given = parse_effect(text, scenario.build_robot())
+        scenario = replace(scenario, effects={**scenario.effects, identity: given})
+    return scenario, scenario.build_robot()
 
 
-def files_of(asked: Scenario, robot: Robot, log: Log, name: str, say) -> dict[str, bytes]:
+def files_of(scenario: Scenario, robot: Robot, log: Log, name: str, say) -> dict[str, bytes]:
     """Contents of all files but the log. A scenario that followed a log refers to the log written beside it."""
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import recording_html
     from exodrake.simulation.scenario import scenario_text
 
-    again = replace(asked, reference="log.csv") if asked.reference else asked
+    again = replace(scenario, reference="log.csv") if scenario.reference else scenario
     title = ", ".join([name.replace("-", " "), *robot.effects()])
     say("drawing the figure")
     figure = png_of(log.plot(title, machine=robot.machine))
@@ -153,7 +153,7 @@ def write_folder(folder: Path, log: Log, contents: dict[str, bytes]) -> None:
 
 
 def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
-    """Prints how well the wires followed, where the joints went, and the files."""
+    """Prints how well the tendons followed, where the joints went, and the files."""
     from rich.console import Console
     from rich.table import Table
 
@@ -163,7 +163,7 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
     peak = len(shares) - 1 - int(shares[::-1].argmax())  # the end of a hold
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in (
-        "wire",
+        "tendon",
         "wanted up to",
         "reached",
         "RMS error",
@@ -172,14 +172,14 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
         f"at {log.time[peak]:.2f} s",
         "in the end",
     ):
-        table.add_column(title, justify="left" if title in ("wire", "joint", "") else "right")
+        table.add_column(title, justify="left" if title in ("tendon", "joint", "") else "right")
     for i in range(max(len(axes.tendons), len(axes.joints))):
-        wire = ("", "", "", "")
+        tendon = ("", "", "", "")
         if i < len(axes.tendons):
             error = float(((wanted[:, i] - found[:, i]) ** 2).mean() ** 0.5)
-            wire = (axes.tendons[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
+            tendon = (axes.tendons[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
         joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
-        table.add_row(*wire, "  ", *joint)
+        table.add_row(*tendon, "  ", *joint)
     console = Console()
     console.print(f"[bold]{log.label}[/bold]  {log.duration:g} s, {len(log)} rows")
     for identity in robot.effects():
@@ -189,7 +189,7 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
 
 
 def warn(robot: Robot) -> None:
-    """Says which numbers lie outside their plausible range."""
+    """Says which parameters lie outside their plausible range."""
     for name, (low, high) in robot.ranges.items():
         if not low <= robot[name] <= high:
             click.secho(f"note: {name} = {robot[name]:g} lies outside {low:g} to {high:g}", fg="yellow", err=True)

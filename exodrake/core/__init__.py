@@ -1,1 +1,1 @@
-"""What every machine is made of: signals, parts, parameters, effects, robots, units and errors."""
+"""What everything is made of: signals, parts, parameters, effects, machines, robots, units and errors."""

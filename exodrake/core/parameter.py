@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ParameterInfo:
-    """One number of a machine: full name, unit, block that owns it, and its neutral value if it is an effect's."""
+    """A parameter: full name, SI unit, part that owns it, and null value if it is an effect's."""
 
     name: str
     unit: str
@@ -17,11 +17,14 @@ class ParameterInfo:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Numbers that differ a little from one machine to the next of its kind.
+    """Parameters that differ a little from one machine to the next of its kind.
 
-    each: patterns, each naming one number, or several that err together; {w} and {j} stand for every wire and joint.
-    how: "scales" (times 1 + x), "adds" (plus x) or "stretches" (times exp x). spread: standard deviation of x.
-    limit: of x; beyond it a number is not the nominal one any more.
+    Attributes:
+        parameters: patterns, each naming one parameter, or several that err together; {w} and {j} stand for every
+            tendon and joint.
+        transform: "relative" (times 1 + x), "additive" (plus x) or "log" (times exp x).
+        prior_std: standard deviation of x.
+        max_deviation: largest |x|; beyond it a parameter is not the nominal one any more.
     """
 
     parameters: tuple[str, ...]

@@ -1,8 +1,8 @@
-"""What a part is: wires read and written, numbers, states, tasks, and the named points where an effect may sit.
+"""A part: signals read and written, parameters, states, tasks, and the named points where effects may act.
 
-A *page* (a module in `systems/` or `effects/`) holds plain functions over floats, small tuples and arrays.
-`diagrams.compose` copies the pages of a machine into one module that numba compiles; the same functions serve the Drake
-leaves and the compiled simulator.
+A module in `systems/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
+copies those of a machine into one module that numba compiles; the same functions serve the Drake leaves and the
+compiled simulator.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from exodrake.core.signal import SCALAR
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Numbers`: SI unit, what it runs over, and the group that prefixes its name."""
+    """Metadata of a field of a part's `Numbers`: SI unit, axis, and the group that prefixes its name."""
 
     unit: str
     axis: str = SCALAR
@@ -26,7 +26,7 @@ class Unit:
 
 @dataclass(frozen=True)
 class Field:
-    """One number of a part as the outside sees it: `group.name` or `group.name.channel`."""
+    """A parameter of a part by its public name: `group.name` or `group.name.channel`."""
 
     group: str
     name: str
@@ -35,7 +35,7 @@ class Field:
 
 
 def fields_of(parameters: type, group: str) -> tuple[Field, ...]:
-    """Fields of a page's `Numbers` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
+    """Fields of a module's `Numbers` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
     found = []
     for name, hint in get_type_hints(parameters, include_extras=True).items():
         unit: Unit = get_args(hint)[1]
@@ -45,7 +45,7 @@ def fields_of(parameters: type, group: str) -> tuple[Field, ...]:
 
 @dataclass(frozen=True)
 class State:
-    """A discrete state of a part: `width` numbers for each channel of `over`."""
+    """A discrete state of a part: `width` values for each channel of its axis."""
 
     name: str
     axis: str = SCALAR
@@ -55,9 +55,9 @@ class State:
 
 @dataclass(frozen=True)
 class Task:
-    """An update of a part's own state from wires. `slots` empty: the plant's tick; else once a frame in each slot.
+    """An update of a part's own state from signals: in each of its slots once a frame, or without slots at every tick.
 
-    `channels`: the k-th slot handles the k-th channel only and the function takes its index before the wires.
+    `per_channel`: the k-th slot handles the k-th channel only, and the function takes its index before the signals.
     """
 
     function: str
@@ -68,7 +68,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Output:
-    """A function from state (and, where `reads` is not empty, from wires: direct feedthrough) to wires."""
+    """A function from state to signals; with `reads`, also from signals (direct feedthrough)."""
 
     function: str
     writes: tuple[str, ...]
@@ -77,10 +77,10 @@ class Output:
 
 @dataclass(frozen=True)
 class Point:
-    """A named place where effects apply: the page's function of that name, whose value passes through each effect.
+    """A named point where effects act: the module's function of that name, whose value passes through each effect.
 
     Calls have the form `name(e, z, [channel,] value, *context)`; an effect's function gets
-    `(value, *context, *numbers, *states)`.
+    `(value, *context, *parameters, *states)`.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """A part. `name` is unique in a machine; `page` holds `Numbers`, `start` and the functions of tasks and outputs."""
+    """A part: `name` is unique in a machine; `module` has `Numbers`, `start` and the functions of tasks and outputs."""
 
     name: str
     module: ModuleType
@@ -104,7 +104,7 @@ class Part:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The part's numbers, in the order of its `Numbers` class."""
+        """The part's parameters, in the order of its `Numbers` class."""
         return fields_of(self.parameters, self.group or self.name)
 
 

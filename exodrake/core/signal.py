@@ -38,11 +38,11 @@ class Delay:
 
 
 class Axes(NamedTuple):
-    """Names of a machine's wires and joints."""
+    """Names of a machine's tendons and joints."""
 
     tendons: tuple[str, ...]
     joints: tuple[str, ...]
 
     def of(self, axis: str) -> tuple[str, ...]:
-        """Lane names of `WIRES` or `JOINTS`; one empty name for `ONE`."""
+        """Channel names of `TENDONS` or `JOINTS`; one empty name for `SCALAR`."""
         return {TENDONS: self.tendons, JOINTS: self.joints, SCALAR: ("",)}[axis]

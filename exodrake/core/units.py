@@ -1,6 +1,6 @@
 """Units at the door: one table from every unit a file may carry to SI, and the kinds of signal a log may hold.
 
-A column is headed `kind_name [unit]`, for instance `tension_AF [N]`. Names of wires and joints are free; a known kind
+A column is headed `kind_name [unit]`, for instance `tension_AF [N]`. Names of tendons and joints are free; a known kind
 fixes the SI unit its column must have, an unknown kind may carry any known unit.
 """
 

@@ -1,1 +1,1 @@
-"""Logs and cases: files, units, clock and checks."""
+"""Logs, cases and their files."""

@@ -3,11 +3,11 @@
 `case.yaml` in the folder:
 
     name: wearer 3, Tuesday              # default: the folder's name
-    robot: {tendon: {stiffness: 2500}}   # overrides of the nominal numbers, if any
+    robot: {tendon: {stiffness: 2500}}   # overrides of the nominal parameters, if any
     period: 0.02                         # s, the frame; default 0.02
     logs:
       - {file: sweeps_1.csv.gz, role: fit}
-      - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise floor
+      - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise
       - {file: grasps.csv.gz, role: holdout, protocol: grasps}           # default protocol: the file's name
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
@@ -42,7 +42,7 @@ class CaseLog:
 class Case:
     """Logs of one robot in one state.
 
-    robot: overrides of the nominal numbers as in the robot file. period: frame [s]. notes: what was assumed or mended
+    robot: overrides of nominal parameters as in the robot file. period: frame [s]. notes: what was assumed or mended
     while reading. InputError for an unknown role, a doubled file, repeats of a log that is not there, and nothing to
     fit.
     """

@@ -35,8 +35,8 @@ def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: fl
     if not (place / FILE).is_file():
         entries, notes = find_logs(place)
         return _case(name, place, entries, {}, period or PERIOD, required, notes)
-    page = read_case_file(place / FILE)
-    return _case(page.name or name, place, page.logs, page.robot, page.period or period or PERIOD, required)
+    content = read_case_file(place / FILE)
+    return _case(content.name or name, place, content.logs, content.robot, content.period or period or PERIOD, required)
 
 
 def write_case(case: Case, folder: str | Path) -> None:

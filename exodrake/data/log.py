@@ -1,7 +1,7 @@
 """A log: time and named columns in SI. Measured and simulated alike.
 
-A column's name is `kind_name`: `tension_AF` is the tension of wire AF, `angle_PIP` the angle of joint PIP. Which wires
-and joints there are is whatever the file's header says. A missing sample is NaN.
+A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP.
+The file's header says which tendons and joints there are. A missing sample is NaN.
 
     log = read_log("sweeps.csv.gz")
     log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 REQUIRED = ("tension_ref", "tension", "stroke")
-"""Kinds every log of an exo-type robot must have, for the same wires in each."""
+"""Kinds that a log must have unless the reader names others, for the same channels in each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ def check_clock(log: Log) -> None:
 
 
 def _is_of_kind(column: str, kind: str) -> bool:
-    """A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a wire `ref_AF`."""
+    """A longer known kind claims its columns: `tension_ref_AF` is no `tension` of a channel `ref_AF`."""
     if not column.startswith(kind + "_"):
         return False
     known = kind_of(column)

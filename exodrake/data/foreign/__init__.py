@@ -1,1 +1,1 @@
-"""Recordings in columns of other people, read by a mapping file."""
+"""Foreign recordings as logs, by a mapping file."""

@@ -89,7 +89,7 @@ def _text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
 
 
 def _parsed(cells: list[str], name: str, wanted: set, source: str, decimal: str) -> dict[str, np.ndarray]:
-    """One text column as numbers, several for cells that hold lists, none for text that nobody asked for."""
+    """One text column as numbers, several for cells that hold lists, none for text that is not mapped."""
     if name in wanted:
         return {name: np.array([_number(cell, name, row, source, decimal) for row, cell in enumerate(cells)])}
     indices = [item for item in wanted if item and item.startswith(name + "[") and item.endswith("]")]

@@ -19,7 +19,7 @@ from exodrake.data.log import Log
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
 LATEST = 2.0**64  # ns, MCAP's stamps
-BARE = "value"  # field of a column that has no wire or joint in its name
+BARE = "value"  # field of a column that has no channel in its name
 
 
 def read(data: bytes, source: str) -> Log:

@@ -1,1 +1,1 @@
-"""Machine `dvrk_wrist`: table of parts and signals, and robot file."""
+"""Cable-driven wrist of a da Vinci instrument."""

@@ -1,1 +1,1 @@
-"""Machine `emps`: table of parts and signals, and robot file."""
+"""EMPS, an electro-mechanical positioning system."""

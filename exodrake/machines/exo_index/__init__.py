@@ -1,1 +1,1 @@
-"""Machine `exo_index`: table of parts and signals, and robot file."""
+"""The Exo-Index, a tendon-driven index finger."""

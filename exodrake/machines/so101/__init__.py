@@ -1,1 +1,1 @@
-"""Machine `so101`: table of parts and signals, and robot file."""
+"""SO-101, an arm of six position servos."""

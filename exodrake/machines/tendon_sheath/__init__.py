@@ -1,1 +1,1 @@
-"""Machine `tendon_sheath`: table of parts and signals, and robot file."""
+"""Bending joint of a flexible endoscope."""
