@@ -113,4 +113,4 @@ def ranking(diagnosis: Diagnosis) -> Table:
     for candidate in diagnosis.candidates[:TOP]:
         removed = min(max(candidate.score, 0.0), 1.0)
         rows.append((candidate.id, n.percent(removed), "━" * round(BAR * removed)))
-    return table(("candidate", ">excess removed", ""), rows)
+    return table(("candidate", ">excess removed", ""), rows, wrapped=0)
