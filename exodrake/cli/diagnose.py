@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
@@ -60,6 +59,7 @@ def diagnose_case(
     choice: tuple[str, str] = ("", ""),
 ) -> None:  # fmt: skip
     """One case: summary and files."""
+    from exodrake.cli.effects import tried_of
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
@@ -80,15 +80,6 @@ def diagnose_case(
     write_all(contents_of(found, json_file, out_robot))
     if report is not None:
         write_all({report: report_of(found, read, nominal)})
-
-
-def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
-    """Ids of the effects to try, from lists with commas; None for the default ones."""
-    if not only and not without:
-        return None
-    from exodrake.diagnosis.screen import chosen
-
-    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
 
 
 def check_target(path: Path | None) -> None:

@@ -17,7 +17,7 @@ def diagnose_many(
     """Diagnose cases in parallel. Exit status 1 if some fail; UsageError or InputError before the work starts."""
     from rich.console import Console
 
-    from exodrake.cli.diagnose import tried_of
+    from exodrake.cli.effects import tried_of
     from exodrake.core.progress import counted
     from exodrake.diagnosis.many import diagnose_all, stored
     from exodrake.machines.robot_file import load_robot
