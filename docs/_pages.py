@@ -8,7 +8,7 @@ import click
 from mkdocs.structure.files import File, Files
 
 from exodrake import PUBLIC
-from exodrake.cli.effects import describe, reach
+from exodrake.cli.effects import describe, plausible
 from exodrake.cli.main import COMMANDS, cli
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
@@ -103,7 +103,7 @@ def effect_entry(page: dict, effect, machine: str) -> str:
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
-        lines.append(f"| `{number.name}` | {reach(number)} | {number.initial:.4g} | {absent} | {per} |")
+        lines.append(f"| `{number.name}` | {plausible(number)} | {number.initial:.4g} | {absent} | {per} |")
     lines += ["", f"*Signature* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
     return "\n".join(lines)
 

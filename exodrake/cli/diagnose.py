@@ -61,6 +61,7 @@ def diagnose_case(
     choice: tuple[str, str] = ("", ""),
 ) -> None:  # fmt: skip
     """One case: summary and files."""
+    from exodrake.cli.effects import tried_of
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
