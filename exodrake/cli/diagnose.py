@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
     from exodrake.core.robot import Robot
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
@@ -51,7 +50,8 @@ def command(
         from exodrake.cli.diagnose_many import diagnose_many
 
         refuse_files(json_file, report, out_robot)
-        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, (only, without))
+        tried = tried_of(robot, only, without)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
     diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without))
@@ -78,7 +78,7 @@ def diagnose_case(
         check_target(path)
     limit_cores(jobs)
     nominal = load_robot(robot) if robot else load_robot()
-    tried = tried_of(nominal.machine, *choice)
+    tried = tried_of(robot, *choice)
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
     with progress_bar() as say:
         from exodrake.diagnosis.pipeline import diagnose
@@ -90,12 +90,14 @@ def diagnose_case(
         write_all({report: report_of(found, read, nominal)})
 
 
-def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
+def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
     """Ids of the effects to try, from lists with commas; None for the default ones."""
     if not only and not without:
         return None
     from exodrake.diagnosis.screen import chosen
+    from exodrake.machines.robot_file import load_robot
 
+    machine = (load_robot(robot) if robot else load_robot()).machine
     return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
 
 
