@@ -44,9 +44,7 @@ class Score:
         shares, baselines: proportions with intervals.
         quantities: name -> value.
         confusion: (truth, answer) -> count.
-        missing: names of the cases without a diagnosis.
-        cases: how many have one or have failed.
-        failed: names of those that failed.
+        missing, failed: names of the cases without a diagnosis, and of those that failed (counted in `cases`).
     """
 
     shares: tuple[Share, ...]

@@ -43,7 +43,8 @@ def command(
         from exodrake.cli.diagnose_many import diagnose_many
 
         refuse_files(json_file, report, out_robot)
-        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, (only, without))
+        tried = tried_of(robot, only, without)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
     diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without))
@@ -61,7 +62,6 @@ def diagnose_case(
     choice: tuple[str, str] = ("", ""),
 ) -> None:  # fmt: skip
     """One case: summary and files."""
-    from exodrake.cli.effects import tried_of
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
@@ -72,7 +72,7 @@ def diagnose_case(
         check_target(path)
     limit_cores(jobs)
     nominal = load_robot(robot) if robot else load_robot()
-    tried = tried_of(nominal.machine, *choice)
+    tried = tried_of(robot, *choice)
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
     with stages() as progress:
         from exodrake.diagnosis.pipeline import diagnose

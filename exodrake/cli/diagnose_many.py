@@ -7,25 +7,22 @@ from typing import Any
 
 import click
 
-from exodrake.cli.options import tried_of
 from exodrake.core.errors import InputError
 
 
 def diagnose_many(
     cases: tuple[str, ...], out: Path | None, robot: str, jobs: int, cluster: str | None, redo: bool,
-    choice: tuple[str, str],
+    tried: frozenset[str] | None,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; UsageError or InputError before the work starts."""
     from rich.console import Console
 
     from exodrake.core.progress import counted
     from exodrake.diagnosis.many import diagnose_all, stored
-    from exodrake.machines.robot_file import load_robot
 
     if out is None:
         raise click.UsageError("several cases need --out FOLDER")
     places = places_of(cases, out)
-    tried = tried_of((load_robot(robot) if robot else load_robot()).machine, *choice)
     with counted("diagnosing") as count:
         failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried)
     Console().print(verdicts({place.name: stored(place) for place in places.values()}))

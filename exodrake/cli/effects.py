@@ -34,15 +34,6 @@ def command(identity: str, as_json: bool, robot: str) -> None:
         print_library(machine, chosen)
 
 
-def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
-    """Ids of the effects to try, from lists with commas; None for the default ones."""
-    if not only and not without:
-        return None
-    from exodrake.diagnosis.screen import chosen
-
-    return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
-
-
 def equation(effect: Effect) -> str:
     """The effect's equation: the docstring of its module."""
     import sys

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-
-if TYPE_CHECKING:
-    from exodrake.core.machine import Machine
 
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 
@@ -63,10 +60,12 @@ def plugin_added(_: click.Context, __: click.Parameter, folders: tuple[str, ...]
             plugins.add_plugin(folder)
 
 
-def tried_of(machine: Machine, only: str, without: str) -> frozenset[str] | None:
-    """Ids of the effects to try, from lists with commas; None for the default ones."""
+def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
+    """Ids of the effects to try, from lists with commas; None for the default ones. robot: its file, or a name."""
     if not only and not without:
         return None
     from exodrake.diagnosis.screen import chosen
+    from exodrake.machines.robot_file import load_robot
 
+    machine = (load_robot(robot) if robot else load_robot()).machine
     return chosen(machine, *([word.strip() for word in text.split(",") if word.strip()] for text in (only, without)))
