@@ -7,7 +7,7 @@ import pytest
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis import signals
+from exodrake.diagnosis import filters
 from exodrake.diagnosis.fit import Point
 from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.pipeline import diagnose
@@ -42,14 +42,14 @@ def robot():
 def test_a_stopped_band_takes_what_is_in_it_and_nothing_else(frequency, left):
     time = PERIOD * np.arange(4000)
     wave = np.sin(2 * np.pi * frequency * time)[None, :, None]
-    kept = signals.without(((6.0, 8.0),), wave, PERIOD)
+    kept = filters.without(((6.0, 8.0),), wave, PERIOD)
     power = np.mean(kept[0, 200:-200, 0] ** 2)
     assert power == pytest.approx(0.5 * left / (1.0 - 2.0 * 2.0 * PERIOD), abs=0.05)  # white noise keeps its power
 
 
 def test_white_noise_keeps_its_power_without_a_band():
     noise = np.random.default_rng(4).standard_normal((1, 60_000, 2))
-    left = signals.without(((4.0, 6.4), (9.0, 11.4)), noise, PERIOD)
+    left = filters.without(((4.0, 6.4), (9.0, 11.4)), noise, PERIOD)
     assert np.mean(left**2) == pytest.approx(1.0, abs=0.02)
 
 
@@ -59,7 +59,7 @@ def test_in_the_band_of_a_tremor_only_its_strength_counts(frequency, strength, l
     time = PERIOD * np.arange(4000)
     measured = np.sin(2 * np.pi * frequency * time)[:, None]
     simulated = strength * np.cos(2 * np.pi * frequency * time)[:, None]
-    gap = signals.mismatch(measured, simulated, ((6.0, 8.0),), PERIOD)
+    gap = filters.mismatch(measured, simulated, ((6.0, 8.0),), PERIOD)
     assert np.sqrt(np.mean(gap[200:-200] ** 2)) == pytest.approx(left * np.sqrt(0.5), abs=0.02)
 
 

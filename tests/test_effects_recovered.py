@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 import exodrake as exo
 from exodrake.core.effect import EffectParameter
-from exodrake.core.robot import BUILT_IN
+from exodrake.machines.library import machine_names
 
 SEED = 20  # of the packets that arrive; the noise itself is switched off
 MOTIONS = {"tendon_sheath": (1, 3)}  # seeds: play that grows with the bend shows at two bends only
@@ -38,7 +38,7 @@ SILENT = {
 # the log changes in steps with the parameter: it is scanned, for all channels at once
 STEPWISE = {"motor.dead_zone", "timing.dropped_commands"}
 
-EVERY = [(name, effect.id) for name in BUILT_IN for effect in exo.load_robot(name).machine.effects]
+EVERY = [(name, effect.id) for name in machine_names() for effect in exo.load_robot(name).machine.effects]
 SMOOTH = [pytest.param(*case, id=case[1]) for case in EVERY if case[1] not in STEPWISE]
 
 INWARD = {"linear": float, "log": log, "reciprocal": lambda x: 1.0 / x}

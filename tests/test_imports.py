@@ -24,17 +24,12 @@ BELOW = {
     "effects": {"core", "systems"},
     "machines": LIBRARY - {"machines"},
     "compiled": LIBRARY,
-    **dict.fromkeys(("diagrams", "simulation"), ENGINES),
+    "diagrams": ENGINES,
+    "simulation": ENGINES | {"diagrams"},  # simulate(engine="drake")
     **dict.fromkeys(("analysis", "identification", "estimator", "grasping", "diagnosis"), METHODS),
     **dict.fromkeys(("monitor", "report", "blind"), RESULTS),
     "cli": RESULTS | {"monitor", "report", "blind"},
     "__main__": {"cli"},
-}
-# module -> folder: what is still to be untied
-TIED = {
-    "diagrams/warm_up.py": "simulation",
-    "estimator/compare.py": "identification",
-    "simulation/simulate.py": "diagrams",  # the engine "drake"
 }
 
 
@@ -80,8 +75,7 @@ def test_imports_go_one_way(path):
         if module.split(".")[0] != "exodrake":
             continue
         there = part_of(module)
-        tied = TIED.get(path.relative_to(PACKAGE).as_posix())
-        assert there in BELOW[here] | {here, "__version__", tied}, f"{path} imports {module}"
+        assert there in BELOW[here] | {here, "__version__"}, f"{path} imports {module}"
 
 
 def test_no_modules_import_each_other_in_a_circle():

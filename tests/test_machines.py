@@ -223,11 +223,12 @@ def test_a_dragged_joint_goes_from_one_stop_to_the_other():
     assert np.all(log["angle_q4"] == 0.0)
 
 
-def test_a_robot_file_may_name_a_page_and_a_wrong_one_is_refused(tmp_path):
+def test_a_robot_file_names_a_known_machine_and_never_a_module(tmp_path):
     file = tmp_path / "mine.yaml"
     parameters = "parameters: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
     file.write_text("machine: exodrake.machines.tendon_sheath.machine\n" + parameters)
-    assert load_robot(file).machine.name == "tendon_sheath"
+    with pytest.raises(exo.InputError, match="did you mean tendon_sheath"):
+        load_robot(file)
     file.write_text("machine: no.such.page\n" + parameters)
     with pytest.raises(exo.InputError, match=r"no\.such\.page"):
         load_robot(file)

@@ -53,6 +53,10 @@ class OneLineErrors(click.Command):
             return super().invoke(ctx)
         except InputError as problem:
             raise InputProblem(str(problem)) from None
+        except ValueError as problem:
+            if "null byte" in str(problem):  # click asks the system about a path before any command sees it
+                raise InputProblem("an argument holds a null byte") from None
+            raise
         except KeyboardInterrupt:
             click.echo("interrupted", err=True)
             ctx.exit(130)

@@ -58,7 +58,7 @@ class NoiseInputs(dict[str, np.ndarray]):
 
 
 def stream(signal: Signal, shape: tuple[int, int], seed: int | None) -> np.ndarray:
-    """One noise input, an array of that shape."""
+    """Draws of one noise input: an array of `shape` (frames, channels) [-]."""
     if seed is None:
         return np.zeros(shape) if signal.distribution == NORMAL else np.ones(shape)
     rng = np.random.default_rng([seed, crc32(signal.name.encode())])
@@ -74,7 +74,7 @@ def reference_width(machine: Machine) -> int:
 
 
 def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
-    """The exogenous signals, (frames, channels) arrays in the order of `machine.inputs`.
+    """The exogenous signals, (frames, channels) arrays [SI] in the order of `machine.inputs`.
 
     Args:
         machine: whose `inputs` they are.

@@ -69,7 +69,7 @@ def build_diagram(
 def run_diagram(
     robot: Robot, values: np.ndarray, reference: Reference, noise_inputs: NoiseInputs, substeps: int
 ) -> np.ndarray:
-    """All signals (frames, channels) at each frame's end; to the last bit those of the compiled simulator."""
+    """All signals (frames, channels) [SI] at each frame's end; to the last bit those of the compiled simulator."""
     machine = robot.machine
     diagram = assemble(replace(robot, values=values), input_rows(machine, reference.tension, noise_inputs), substeps)
     simulator = Simulator(diagram)
@@ -88,7 +88,7 @@ def assemble(
 
     Args:
         robot, substeps, fine_log, estimator: as in `build_diagram`.
-        rows: exogenous signal -> (frames, channels) array in its unit; None: they are exported as input ports.
+        rows: exogenous signal -> (frames, channels) array [SI]; None: they are exported as input ports.
     """
     machine, builder = robot.machine, DiagramBuilder()
     leaves = [part_class(machine, part.name)(robot, substeps, inputs_of(machine, part, rows is not None))
@@ -96,12 +96,12 @@ def assemble(
     ports: dict[str, OutputPort] = {}  # what input ports connect to
     for leaf in leaves:
         builder.AddNamedSystem(leaf.get_name(), leaf)
-        ports |= {leaf.get_name(): leaf.GetOutputPort("memory")} | {
-            name: leaf.GetOutputPort(name) for name in leaf.spec.signals
-        }
+        ports[memory_of(leaf.get_name())] = leaf.GetOutputPort("memory")
+        ports |= {name: leaf.GetOutputPort(name) for name in leaf.spec.signals}
     if rows is not None:
         inputs = builder.AddNamedSystem(OUTSIDE, ExogenousInputs(machine, dict(rows)))
-        ports |= {OUTSIDE: inputs.GetOutputPort("memory")} | {name: inputs.GetOutputPort(name) for name in rows}
+        ports[memory_of(OUTSIDE)] = inputs.GetOutputPort("memory")
+        ports |= {name: inputs.GetOutputPort(name) for name in rows}
     join_inputs(builder, ports, leaves)
     writer = {signal: leaf.get_name() for leaf in leaves for signal in leaf.spec.signals}
     for name in (signal.name for signal in machine.signals if signal.name in ports):
@@ -112,6 +112,11 @@ def assemble(
     diagram = builder.Build()
     diagram.set_name(machine.name)
     return diagram
+
+
+def memory_of(system: str) -> str:
+    """Name of the wide port of a system, apart from the names of signals."""
+    return f"{system}.memory"
 
 
 def held_by(machine: Machine) -> dict[str, Part]:
@@ -132,12 +137,12 @@ def inputs_of(machine: Machine, part: Part, rows: bool) -> dict[str, InputSpec]:
     for name in signals_read(part):
         if name in holder:
             source, size, at = (
-                holder[name].name,
+                memory_of(holder[name].name),
                 memory_size(machine, holder[name]),
                 layout(machine, holder[name])[name],
             )
         elif name in exogenous and rows:
-            source, size, at = OUTSIDE, max(place.stop for place in exogenous.values()), exogenous[name]
+            source, size, at = memory_of(OUTSIDE), max(place.stop for place in exogenous.values()), exogenous[name]
         else:
             source, size, at = name, widths[name], slice(0, widths[name])
         before = ports[source].signals if source in ports else {}
@@ -183,18 +188,18 @@ def logged_ports(machine: Machine, rows: bool) -> dict[str, tuple[int, dict[str,
     holder, found = held_by(machine), {}
     for part in machine.parts:
         where = layout(machine, part)
-        found[part.name] = memory_size(machine, part), {name: where[name] for name in held_signals(part)}
+        found[memory_of(part.name)] = memory_size(machine, part), {name: where[name] for name in held_signals(part)}
         through = {name: at.stop - at.start for name, at in where.items() if name not in holder}
         found |= {name: (width, {name: slice(0, width)}) for name, width in through.items()}
     if rows:
         places = input_places(machine)
-        found[OUTSIDE] = max(place.stop for place in places.values()), places
+        found[memory_of(OUTSIDE)] = max(place.stop for place in places.values()), places
     return found
 
 
 def add_logs(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, OutputPort], fine_log: bool) -> None:
     """Logs of all signals at the end of each frame (or slot), where nothing else happens."""
-    widths = {name: width for name, (width, _) in logged_ports(machine, OUTSIDE in ports).items()}
+    widths = {name: width for name, (width, _) in logged_ports(machine, memory_of(OUTSIDE) in ports).items()}
     for log, period in [(LOG, machine.frame), (FINE_LOG, machine.slot)] if fine_log else [(LOG, machine.frame)]:
         system = builder.AddNamedSystem(log, SignalLog(widths, period))
         for name in widths:
@@ -202,7 +207,7 @@ def add_logs(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, Outp
 
 
 def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:
-    """All signals of a log.
+    """All signals of a log [SI].
 
     Args:
         machine, diagram, context: the machine, its Diagram, and the Context of the Diagram that has run.

@@ -1,1 +1,5 @@
-"""Parts: modules of equations as plain functions."""
+"""Parts of machines, a module of equations each; plugins add theirs."""
+
+from exodrake.core import plugins
+
+plugins.extend(__path__, "systems")
