@@ -79,7 +79,7 @@ def mujoco_speed(robot: Robot, reference: Reference, seconds: float, pieces: int
         Simulated seconds per wall second, the best of some pieces; and the log, a (frames, channels) array at frames'
         ends [N], [m], [m/s], [rad].
     """
-    import mujoco
+    import mujoco  # pyright: ignore[reportMissingImports]  # of the group `bench`
 
     mj: Any = mujoco
     model = mj.MjModel.from_xml_string(mjcf(robot))
