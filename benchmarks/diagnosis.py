@@ -27,7 +27,7 @@ from exodrake.simulation.simulate import record, simulate
 
 EFFECT, COEFFICIENT = "tendon.capstan_friction", "mu_phi"
 PLANTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}
-SECONDS = 10.0
+SECOND_SHORTLIST = 10.0
 Row = tuple[str, float, str]
 
 
@@ -50,8 +50,8 @@ def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
 def ours(problem: Problem, wanted: Hypothesis) -> np.ndarray:
     """u by the diagnosis' own fit, the responses to the nominal numbers included."""
     fitter = Fitter(problem)
-    responses = fitter.responses(fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs))))
-    start = fitter.at(wanted, wanted.start, np.zeros(len(fitter.knobs)))
+    responses = fitter.responses(fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates))))
+    start = fitter.at(wanted, wanted.start, np.zeros(len(fitter.coordinates)))
     return fitter.fit(start, responses).u
 
 
@@ -80,7 +80,7 @@ def diagram_residual(problem: Problem, wanted: Hypothesis, u: np.ndarray) -> np.
     return np.nan_to_num((trial.measured - shown(problem, run)) / problem.noise_std).ravel()
 
 
-def rows(seconds: float = SECONDS) -> list[Row]:
+def rows(seconds: float = SECOND_SHORTLIST) -> list[Row]:
     """Figures for `make bench`: name, value, unit."""
     nominal = load_robot()
     case = rubbing(nominal, seconds)
@@ -97,7 +97,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     }
     compiled_residual(problem, wanted, wanted.start)  # loads the compiled code
     found = {name: timed(fit) for name, fit in fits.items()}
-    truth = np.array([knob.at(PLANTED[knob.channels[0]]) for knob in wanted.knobs])
+    truth = np.array([coordinate.at(PLANTED[coordinate.channels[0]]) for coordinate in wanted.coordinates])
     table: list[Row] = []
     for name, (time, u) in found.items():
         table += [(f"fit of {len(truth)} coefficients to {seconds:g} s: {name}", time, "s")]

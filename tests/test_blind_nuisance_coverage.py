@@ -5,7 +5,7 @@ import pytest
 
 from exodrake.blind.nuisance_coverage import truth
 from exodrake.blind.parameters import draw_parameters
-from exodrake.diagnosis.nuisance import knobs
+from exodrake.diagnosis.nuisance import coordinates
 from exodrake.machines.robot_file import load_robot
 
 
@@ -16,8 +16,8 @@ def machine():
 
 def true_numbers(machine, numbers):
     channels = machine.axes.tendons, machine.axes.joints
-    found = truth(knobs(machine), channels, numbers)
-    return {knob.name.split()[0]: value for knob, value in zip(knobs(machine), found, strict=True)}
+    found = truth(coordinates(machine), channels, numbers)
+    return {coordinate.name.split()[0]: value for coordinate, value in zip(coordinates(machine), found, strict=True)}
 
 
 def test_a_nominal_robot_errs_nowhere(machine):

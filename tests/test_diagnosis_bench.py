@@ -30,12 +30,14 @@ def test_diagram_and_twin_leave_the_same_residual(asked):
 
 def test_own_fit_and_scipy_find_what_was_planted(asked):
     problem, wanted = asked
-    truth = [bench.PLANTED[knob.channels[0]] for knob in wanted.knobs]
+    truth = [bench.PLANTED[coordinate.channels[0]] for coordinate in wanted.coordinates]
     for u in (
         bench.ours(problem, wanted),
         bench.by_scipy(lambda u: bench.compiled_residual(problem, wanted, u), wanted),
     ):
-        np.testing.assert_allclose([knob.value(v) for knob, v in zip(wanted.knobs, u)], truth, rtol=0.1)
+        np.testing.assert_allclose(
+            [coordinate.value(v) for coordinate, v in zip(wanted.coordinates, u)], truth, rtol=0.1
+        )
 
 
 def test_rows_are_the_bench_s(monkeypatch):
@@ -64,7 +66,7 @@ def test_scaling_has_a_diagnosis_try_fewer_effects():
 
     problem = make_problem(bench.rubbing(load_robot(), 3.0), load_robot())
     fitter = Fitter(replace(problem, tried=trying(5)))
-    start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
     assert len(found := library(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
     fitter = Fitter(problem)
     assert len(library(fitter, start)) > 20

@@ -12,8 +12,8 @@ from exodrake.diagnosis.fit import Point
 from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import WILD, make_problem
-from exodrake.diagnosis.search import LOSING, Fitted
-from exodrake.diagnosis.seconds import by_far, once, worth
+from exodrake.diagnosis.search import PACKET_LOSS, Fitted
+from exodrake.diagnosis.second_effects import accepted, clearly_best, once
 from exodrake.diagnosis.verdict import thresholds
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -97,24 +97,26 @@ def fitted(chi2, *effects):
 def test_a_second_effect_must_be_worth_it(first, seconds, kept):
     problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(1001.0)
     pairs = [fitted(chi2, "a", str(k)) for k, chi2 in enumerate(seconds)]
-    found = worth(problem, fitted(first, "a"), pairs, retuned, thresholds())
+    found = accepted(problem, fitted(first, "a"), pairs, retuned, thresholds())
     assert found == pairs[:kept]
 
 
 def test_what_is_left_beside_lost_commands_is_judged_by_cost():
     """Most of it are losses that nobody saw, so that no second effect removes half."""
     problem, retuned = SimpleNamespace(columns=("angle_MCP",)), fitted(75.0)
-    first, pair = fitted(39.0, LOSING), fitted(32.0, LOSING, "sensor.crosstalk")
-    other = fitted(38.0, LOSING, "motor.slow_velocity_loop")
-    assert worth(problem, first, [pair, other], retuned, thresholds()) == [pair]
-    assert worth(problem, fitted(39.0, "a"), [fitted(32.0, "a", "b")], retuned, thresholds()) == []
+    first, pair = fitted(39.0, PACKET_LOSS), fitted(32.0, PACKET_LOSS, "sensor.crosstalk")
+    other = fitted(38.0, PACKET_LOSS, "motor.slow_velocity_loop")
+    assert accepted(problem, first, [pair, other], retuned, thresholds()) == [pair]
+    assert accepted(problem, fitted(39.0, "a"), [fitted(32.0, "a", "b")], retuned, thresholds()) == []
 
 
 def test_far_better_is_said_of_other_blocks_only():
     """Two names of one block may be two words for one thing."""
     before, best = fitted(1.7), fitted(1.4, "timing.mocap_delay")
-    assert by_far(before, [best, fitted(1.41, "timing.mocap_clock_skew"), fitted(1.7, "mocap.gain")], thresholds())
-    assert not by_far(before, [best, fitted(1.5, "mocap.gain")], thresholds())
+    assert clearly_best(
+        before, [best, fitted(1.41, "timing.mocap_clock_skew"), fitted(1.7, "mocap.gain")], thresholds()
+    )
+    assert not clearly_best(before, [best, fitted(1.5, "mocap.gain")], thresholds())
 
 
 def test_a_pair_counts_once_in_whatever_order():

@@ -28,15 +28,15 @@ def problem_of(robot, planted, frames=400):
 
 
 def test_shapley_of_an_additive_game_is_the_additive_part():
-    worth = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
-    power = {s: 10.0 - sum(worth[x] for x in s) for s in segment_shares.subsets(worth)}
+    accepted = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
+    power = {s: 10.0 - sum(accepted[x] for x in s) for s in segment_shares.subsets(accepted)}
     assert segment_shares.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
 
 
 def test_replay_of_nothing_fixed_is_the_prediction(robot):
     problem = problem_of(robot, robot)
     trial = problem.fit[0]
-    whole = problem.predict(problem.silent()[None], replace(trial, drops=None))[0]
+    whole = problem.predict(problem.silent()[None], replace(trial, losses=None))[0]
     np.testing.assert_array_equal(segment_shares.replayed(problem, problem.silent(), trial, ()), whole)
 
 

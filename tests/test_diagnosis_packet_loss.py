@@ -9,7 +9,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.detect import packet_loss
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
-from exodrake.diagnosis.nuisance import knobs
+from exodrake.diagnosis.nuisance import coordinates
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -48,7 +48,7 @@ def test_commands_lost_in_bursts_are_decoded(robot):
     short = simulate(robot, Reference(reference[:100]), seed=1)
     problem = make_problem(Case("short", {}, (CaseLog(short, "random", "fit", None, "random.csv"),)), robot)
     lost = packet_loss.PacketLoss(packet_arrival, 0, 0, 0)
-    trial = replace(problem.fit[0], reference=reference, drops=lost)
+    trial = replace(problem.fit[0], reference=reference, losses=lost)
     log = problem.predict(problem.silent(deaf)[None], trial)[0]
     measured = {kind: log[:, [k == kind for k in problem.kinds]] for kind in KINDS}
     found = packet_loss.decode(robot.machine, problem.silent(), measured)
@@ -73,7 +73,7 @@ def test_log_without_commands_and_machine_without_link_have_no_losses(robot):
 def test_healthy_robots_differ_within_tolerance_and_have_no_effect(robot):
     assert [item.role for item in healthy_case(robot, 5).logs] == ["fit", "fit", "fit", "holdout"]
     drawn = np.array([healthy_robot(robot, np.random.default_rng(seed)).values for seed in range(200)])
-    tolerances = knobs(robot.machine)
+    tolerances = coordinates(robot.machine)
     free = sorted(place for t in tolerances for place in t.places)
     assert (np.delete(drawn, free, axis=1) == np.delete(robot.values, free)).all()
     stiffness = next(t for t in tolerances if t.name == "finger.kappa.PIP")

@@ -85,12 +85,12 @@ def test_a_planted_effect_is_recovered(robot, identity, parameters, channels):
     effect = robot.machine.effect(identity)
     problem = make_problem(short_case(robot.splice(identity, parameters, channels)), robot)
     fitter, h = Fitter(problem), hypothesis(robot.machine, effect, channels)
-    start = fitter.at(h, 0.5 * h.start, np.zeros(len(fitter.knobs)))
-    responses = np.zeros((len(start.residual), len(fitter.knobs)))
+    start = fitter.at(h, 0.5 * h.start, np.zeros(len(fitter.coordinates)))
+    responses = np.zeros((len(start.residual), len(fitter.coordinates)))
     found = fitter.fit(start, responses, steps=15)
     value = next(iter(parameters.values()))
-    assert [k.value(u) for k, u in zip(h.knobs, found.u, strict=True)] == pytest.approx(
-        [value] * len(h.knobs), rel=0.06
+    assert [k.value(u) for k, u in zip(h.coordinates, found.u, strict=True)] == pytest.approx(
+        [value] * len(h.coordinates), rel=0.06
     )
     assert found.chi2 < 1.3
 
@@ -98,7 +98,7 @@ def test_a_planted_effect_is_recovered(robot, identity, parameters, channels):
 def test_the_nominal_robot_shows_no_gap(robot):
     problem = make_problem(short_case(robot), robot)
     fitter = Fitter(problem)
-    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
     held = problem.residual(problem.silent()[None], problem.holdout)[0]
     fitted = Fitted(point, held)
     assert decide(problem, Search(fitted, fitted)).verdict == "NO_GAP"
@@ -116,9 +116,9 @@ def test_an_end_stop_on_the_other_side_is_found(robot):
     ]
     problem = make_problem(Case("stop", {}, tuple(logs)), robot)
     fitter = Fitter(problem)
-    origin = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    origin = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
     found = retuned(fitter, origin).point
-    place = [knob.name for knob in fitter.knobs].index(stop)
+    place = [coordinate.name for coordinate in fitter.coordinates].index(stop)
     assert found.chi2 < 1.05 < origin.chi2
     assert found.x[place] == pytest.approx(-0.07, abs=0.02)
 
@@ -127,13 +127,13 @@ def test_a_line_in_the_spectrum_is_told_from_noise(robot):
     problem = make_problem(short_case(robot), robot)
     rng = np.random.default_rng(2)
     columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame
-    quiet = [rng.standard_normal((2000, columns)) for _ in range(3)]
-    assert not line.find(problem, quiet).certain
-    shaken = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(quiet)]
+    consistent = [rng.standard_normal((2000, columns)) for _ in range(3)]
+    assert not line.find(problem, consistent).certain
+    shaken = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(consistent)]
     found = line.find(problem, shaken)
     assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
     assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
-    assert not line.find(problem, [quiet[0], quiet[1], shaken[2]]).certain  # in one log only: no tremor
+    assert not line.find(problem, [consistent[0], consistent[1], shaken[2]]).certain  # in one log only: no tremor
 
 
 def test_the_band_of_a_slow_line_can_be_filtered(robot):

@@ -45,7 +45,7 @@ def measured(seed: int, robots: int, index: int) -> tuple[tuple[float, ...], lis
         problem = make_problem(read_case(Path(folder) / drawn.name), load_robot())
     ranking = Ranking(problem)
     retuned = ranking.retuned()
-    best = ranking.singles(quiet=True)[0][0]
+    best = ranking.singles(consistent=True)[0][0]
     limits = chi2(problem, retuned), worst_column(problem, retuned), retuned.score - best.score
     return limits, coverage_of(ranking, retuned, draw_case(drawn).spec.parameters)
 

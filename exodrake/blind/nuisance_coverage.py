@@ -18,24 +18,24 @@ SAME = {
 """Parameter of the model -> the same one in the reference simulator. An end stop's steepness has another law there."""
 
 
-def truth(knobs, channels, parameters):
+def truth(coordinates, channels, parameters):
     """True value of each nominal parameter (knobs,); NaN where the reference simulator lacks it.
     channels: tendons and joints; parameters: as `draw_parameters` gives them.
     """
     nominal = draw_parameters()
-    return np.array([true_knob(knob, channels, parameters, nominal) for knob in knobs])
+    return np.array([true_coordinate(coordinate, channels, parameters, nominal) for coordinate in coordinates])
 
 
-def true_knob(knob, channels, parameters, nominal):
+def true_coordinate(coordinate, channels, parameters, nominal):
     """True value of one parameter: a relative error, or an angle [rad]."""
-    name, _, channel = knob.name.split()[0].rpartition(".")
-    if knob.name in SAME:
-        name, channel = knob.name, ""
+    name, _, channel = coordinate.name.split()[0].rpartition(".")
+    if coordinate.name in SAME:
+        name, channel = coordinate.name, ""
     if name not in SAME:
         return np.nan
     here = ("axial", int(name.endswith("_e"))) if SAME[name] == "axial" else (SAME[name],)
     drawn, default = (at(found, here, channel, channels) for found in (parameters, nominal))
-    return drawn - default if knob.transform == ADDITIVE else drawn / default - 1.0
+    return drawn - default if coordinate.transform == ADDITIVE else drawn / default - 1.0
 
 
 def at(parameters, here, channel, channels):
@@ -52,14 +52,14 @@ def coverage_of(ranking, retuned, parameters):
     square error in units of the prior standard deviation.
     """
     machine = ranking.full.problem.robot.machine
-    true = truth(ranking.full.knobs, (machine.axes.tendons, machine.axes.joints), parameters)
+    true = truth(ranking.full.coordinates, (machine.axes.tendons, machine.axes.joints), parameters)
     sure, found = np.isfinite(true), []
     for memory in MEMORIES:
         fitter, begin = Fitter(ranking.full.problem, memory), retuned.point
-        point, _ = fitter.settled(fitter.scored(begin.hypothesis, begin.u, begin.x, begin.residual))
+        point, _ = fitter.minimised(fitter.scored(begin.hypothesis, begin.u, begin.x, begin.residual))
         deviations = np.sqrt(np.diag(covariance(fitter, point, fitter.responses(point, central=True))))
         error = (point.x - true)[sure]
         inside = np.abs(error) < Z90 * deviations[sure]
-        prior_std = np.array([knob.prior_std for knob in fitter.knobs])[sure]
+        prior_std = np.array([coordinate.prior_std for coordinate in fitter.coordinates])[sure]
         found.append((float(inside.mean()), float(np.sqrt(np.mean((error / prior_std) ** 2)))))
     return found

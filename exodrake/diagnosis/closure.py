@@ -1,6 +1,6 @@
 """How far: the gap on held-out logs with the nominal, the retuned and the improved robot, in closed loop.
 
-    C = 1 - (MSE_after - floor^2) / (MSE_before - floor^2)          1: down to the floor, 0: nothing gained
+    C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
 with an interval from a bootstrap over blocks of time. In the band of a tremor its strength counts, not its phase
 (`signals.mismatch`).
@@ -23,11 +23,11 @@ CONFIDENCE = 0.90
 
 
 def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.ndarray]:
-    """Residuals (n, columns) [floors] of a robot on the held-out logs, in closed loop in the Drake Diagram."""
+    """Residuals (n, columns) [noise_std] of a robot on the held-out logs, in closed loop in the Drake Diagram."""
     found = []
     for trial in problem.holdout:
         run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)
-        gap = mismatch(trial.measured, shown(problem, run), problem.stopped, problem.robot.machine.frame)
+        gap = mismatch(trial.measured, shown(problem, run), problem.notched, problem.robot.machine.frame)
         found.append(np.nan_to_num(gap / problem.noise_std))
     return found
 
@@ -40,7 +40,7 @@ def shown(problem: Problem, run: Recording) -> np.ndarray:
 
 
 def closure(before: np.ndarray, after: np.ndarray) -> float:
-    """Closure from mean squares in floors (any shape)."""
+    """Closure from mean squares in noise standard deviations (any shape)."""
     gap = float(np.mean(before)) - 1.0
     return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
 

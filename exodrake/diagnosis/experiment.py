@@ -10,7 +10,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.simulation.references import protocol
 
-DISCRIMINATES = 1.0  # floors: a difference of this size is seen within seconds
+DISCRIMINATES = 1.0  # noise standard deviations: a difference of this size is seen within seconds
 
 
 def menu(problem: Problem) -> dict[str, Reference]:
@@ -30,7 +30,7 @@ def menu(problem: Problem) -> dict[str, Reference]:
 def next_experiment(problem: Problem, rows: np.ndarray, names: list[str]) -> dict[str, Any]:
     """The experiment with the largest simulated difference between the rivals.
 
-    Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [floors]
+    Args: rows: flat numbers of the rivals (rivals, numbers). Returns protocol, duration [s] and difference [noise_std]
     between the closest pair.
     """
     best: dict[str, Any] = {}

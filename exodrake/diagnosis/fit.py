@@ -1,15 +1,15 @@
 """Maximum a posteriori fit of a hypothesis together with the small errors of the nominal numbers.
 
-    cost = 1/2 |r|^2 + frames/2 |x / spread|^2          r = (measured - simulated) / floor
+    cost = 1/2 |r|^2 + frames/2 |x / spread|^2          r = (measured - simulated) / noise standard deviation
 
 frames: how many of the log count as one (`MEMORY`). No model is exact, and what it leaves, small as it is, repeats
 itself; with every frame counted, the data drag the nominal numbers far from where they usually are, the parameters of
 an effect with them, and effects that are there hide in numbers that are not (a tempered likelihood; Bissiri, Holmes and
 Walker 2016).
 
-It is found by Levenberg-Marquardt. The response to the knobs of the nominal numbers changes little, so it is computed
-once at a point and shared; each step then corrects it along the way it went (Broyden 1965), so that a fit goes on
-converging.
+It is found by Levenberg-Marquardt. The response to the coordinates of the nominal numbers changes little, so it is
+computed once at a point and shared; each step then corrects it along the way it went (Broyden 1965), so that a fit
+goes on converging.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from exodrake.diagnosis.problem import Problem
 # 411021, linear about their fits) covered 90 % with these 33 frames as one; 41 % with every frame, and errors a third
 # larger. `exodrake.blind.calibrate` measures it anew
 MEMORY, SHORTEST = 0.66, 0.02  # and no shorter frames: of faster logs, none was calibrated
-NUDGE = 1e-2  # step of a difference quotient in units of a knob's scale
+NUDGE = 1e-2  # step of a difference quotient in units of a coordinate's scale
 NUDGE_NUMBER = 5e-3  # of a nominal number, relative [-] or [rad]
 DAMPING = 1e-8  # of the curvature, at first: the prior of the nominal numbers bounds the valleys
 SMALLEST_MOVE = (
-    1e-6  # of the nominal knobs, squared and in units of their spread, from which a response can be corrected
+    1e-6  # of the nominal coordinates, squared and in units of their spread, from which a response can be corrected
 )
 GAIN_ENOUGH = 5e-4  # a fit ends when a step lowers the cost by less than this fraction
 POLISH, STILL = 8, 1e-6  # steps of the last fit, and the fraction of the cost by which it must go on falling
@@ -40,7 +40,7 @@ ROUNDS, ENDING = 4, 0.01  # responses are taken anew so often at most, and while
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a fit stands: u (effect knobs), x (nominal knobs), residual (samples,) and cost."""
+    """Where a fit stands: u (effect coordinates), x (nominal coordinates), residual (samples,) and cost."""
 
     hypothesis: Hypothesis
     u: np.ndarray
@@ -50,7 +50,7 @@ class Point:
 
     @property
     def chi2(self) -> float:
-        """Mean square of the residual [floor^2]."""
+        """Mean square of the residual [noise variance]."""
         return float(np.mean(self.residual**2))
 
 
@@ -60,20 +60,20 @@ def as_one(problem: Problem, memory: float = MEMORY) -> float:
 
 
 class Fitter:
-    """Fits hypotheses to a problem, `memory` [s] of a log counting as one frame; `spread` is that of the nominal knobs
-    beside a cost in which every frame counts.
+    """Fits hypotheses to a problem, `memory` [s] of a log counting as one frame; `spread` is that of the nominal
+    coordinates beside a cost in which every frame counts.
     """
 
     def __init__(self, problem: Problem, memory: float = MEMORY) -> None:
         self.problem, self.frames = problem, as_one(problem, memory)
-        self.knobs = nuisance.knobs(problem.robot.machine)
-        self.spread = np.array([k.prior_std for k in self.knobs]) / np.sqrt(self.frames)
-        self.limit = np.array([k.max_deviation for k in self.knobs])
+        self.coordinates = nuisance.coordinates(problem.robot.machine)
+        self.spread = np.array([k.prior_std for k in self.coordinates]) / np.sqrt(self.frames)
+        self.limit = np.array([k.max_deviation for k in self.coordinates])
         self.silent = problem.silent()
 
     def values(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Flat numbers of the robot at a point."""
-        return hypothesis.apply(nuisance.turned(self.silent, self.knobs, x), u)
+        return hypothesis.apply(nuisance.turned(self.silent, self.coordinates, x), u)
 
     def at(self, hypothesis: Hypothesis, u: np.ndarray, x: np.ndarray) -> Point:
         """The point with its residual and cost."""
@@ -87,18 +87,24 @@ class Fitter:
         )
 
     def responses(self, point: Point, central: bool = False) -> np.ndarray:
-        """d residual / d x at a point, (samples, nominal knobs); `central`: from both sides."""
-        rows = [self.values(point.hypothesis, point.u, point.x + NUDGE_NUMBER * row) for row in np.eye(len(self.knobs))]
+        """d residual / d x at a point, (samples, nominal coordinates); `central`: from both sides."""
+        rows = [
+            self.values(point.hypothesis, point.u, point.x + NUDGE_NUMBER * row)
+            for row in np.eye(len(self.coordinates))
+        ]
         moved = self.problem.residual(np.array(rows), self.problem.fit)
         if not central:
             return ((moved - point.residual) / NUDGE_NUMBER).T
-        rows = [self.values(point.hypothesis, point.u, point.x - NUDGE_NUMBER * row) for row in np.eye(len(self.knobs))]
+        rows = [
+            self.values(point.hypothesis, point.u, point.x - NUDGE_NUMBER * row)
+            for row in np.eye(len(self.coordinates))
+        ]
         moved -= self.problem.residual(np.array(rows), self.problem.fit)
         return (moved / (2.0 * NUDGE_NUMBER)).T
 
     def slopes(self, point: Point, central: bool = False) -> np.ndarray:
-        """d residual / d u at a point, (samples, effect knobs): one-sided and away from a bound, or `central` where
-        there is room on both sides.
+        """d residual / d u at a point, (samples, effect coordinates): one-sided and away from a bound, or `central`
+        where there is room on both sides.
         """
         steps, (low, high) = NUDGE * point.hypothesis.scales, point.hypothesis.bounds.T
         steps = np.where(point.u + steps > high, -steps, steps)
@@ -111,7 +117,7 @@ class Fitter:
         return ((there - self.turned(point, back)) / (steps - back)[:, None]).T
 
     def turned(self, point: Point, steps: np.ndarray) -> np.ndarray:
-        """Residuals (effect knobs, samples) with each knob of the effect moved by its step alone."""
+        """Residuals (effect coordinates, samples) with each coordinate of the effect moved by its step alone."""
         rows = [self.values(point.hypothesis, point.u + move, point.x) for move in np.diag(steps)]
         return self.problem.residual(np.array(rows), self.problem.fit)
 
@@ -124,8 +130,8 @@ class Fitter:
         enough: float = GAIN_ENOUGH,
         central: bool = False,
     ) -> Point:
-        """Levenberg-Marquardt from a point; `responses` (samples, nominal knobs) of a point nearby; it ends when a step
-        lowers the cost by less than the fraction `enough`; `central`: slopes from both sides.
+        """Levenberg-Marquardt from a point; `responses` (samples, nominal coordinates) of a point nearby; it ends
+        when a step lowers the cost by less than the fraction `enough`; `central`: slopes from both sides.
         """
         point, damping = start, DAMPING
         gram = responses.T @ responses if gram is None else gram
@@ -147,7 +153,7 @@ class Fitter:
                 return point
         return point
 
-    def settled(self, point: Point, central: bool = True) -> tuple[Point, np.ndarray]:
+    def minimised(self, point: Point, central: bool = True) -> tuple[Point, np.ndarray]:
         """A point fitted until the cost stands still, with the responses that it took: along a flat valley between an
         effect and nominal numbers, where a race stops early, only the small errors that these usually have tell where
         the truth lies. `central`: slopes from both sides; the curvature in one-sided ones passes for information along
@@ -161,19 +167,19 @@ class Fitter:
                 break
         return point, responses
 
-    def strain(self, point: Point) -> float:
+    def nuisance_chi2(self, point: Point) -> float:
         """How far the nominal numbers are from where they usually are: mean square in units of their spread."""
         return float(np.mean((point.x / self.spread) ** 2)) / self.frames
 
-    def leap(self, point: Point, responses: np.ndarray, knob: int, value: float) -> tuple[float, np.ndarray]:
-        """A nominal knob set to `value`, the other knobs following by their responses.
+    def leap(self, point: Point, responses: np.ndarray, coordinate: int, value: float) -> tuple[float, np.ndarray]:
+        """A nominal coordinate set to `value`, the other coordinates following by their responses.
 
-        Returns the cost that these promise, and the nominal knobs from which a fit may go on.
+        Returns the cost that these promise, and the nominal coordinates from which a fit may go on.
         """
         x = point.x.copy()
-        x[knob] = value
+        x[coordinate] = value
         moved = self.at(point.hypothesis, point.u, x)
-        others = np.arange(len(x)) != knob
+        others = np.arange(len(x)) != coordinate
         rest, prior = responses[:, others], 1.0 / self.spread[others] ** 2
         normal = rest.T @ rest + np.diag(prior)
         descent = -(rest.T @ moved.residual + prior * x[others])
@@ -184,10 +190,10 @@ class Fitter:
     def corrected(
         self, responses: np.ndarray, gram: np.ndarray, slopes: np.ndarray, point: Point, trial: Point
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Responses to the nominal knobs, and their Gram matrix, after Broyden's update with the step from `point` to
-        `trial`.
+        """Responses to the nominal coordinates, and their Gram matrix, after Broyden's update with the step from
+        `point` to `trial`.
 
-        The effect's knobs get their part of the step's error, too, but their slopes are taken anew at each step.
+        The effect's coordinates get their part of the step's error, too, but their slopes are taken anew at each step.
         """
         aside, move = trial.u - point.u, trial.x - point.x
         weight = move / self.spread**2
@@ -208,7 +214,7 @@ class Fitter:
         scales, prior = point.hypothesis.scales, 1.0 / self.spread**2
         scaled = slopes * scales
         count = len(scales)
-        normal = np.empty((count + len(self.knobs),) * 2)
+        normal = np.empty((count + len(self.coordinates),) * 2)
         normal[:count, :count] = scaled.T @ scaled
         normal[:count, count:] = scaled.T @ responses
         normal[count:, :count] = normal[:count, count:].T

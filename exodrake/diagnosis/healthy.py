@@ -12,14 +12,14 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.nuisance import knobs, turned
+from exodrake.diagnosis.nuisance import coordinates, turned
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
 
 def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    tolerances = knobs(robot.machine)
+    tolerances = coordinates(robot.machine)
     largest = np.array([t.max_deviation for t in tolerances])
     drawn = rng.standard_normal(len(tolerances)) * [t.prior_std for t in tolerances]
     return replace(robot, values=turned(robot.values, tolerances, np.clip(drawn, -largest, largest)), source="healthy")

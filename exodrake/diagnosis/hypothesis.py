@@ -21,7 +21,7 @@ REACH = 2.0  # a fit may go this far beyond the plausible range [factor]: assume
 
 
 @dataclass(frozen=True)
-class Knob:
+class Coordinate:
     """One entry of u: the effect's number at some channels."""
 
     effect: str
@@ -83,10 +83,12 @@ class Knob:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Effects that may be present, with a knob for each free parameter; `held`: numbers that are set but not fitted."""
+    """Effects that may be present, with a coordinate for each free parameter; `held`: numbers that are set but not
+    fitted.
+    """
 
     effects: tuple[str, ...]
-    knobs: tuple[Knob, ...]
+    coordinates: tuple[Coordinate, ...]
     held: tuple[tuple[int, float], ...] = field(default=())
 
     @property
@@ -95,33 +97,33 @@ class Hypothesis:
         return " + ".join(self.effects)
 
     def apply(self, values: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Flat numbers (n,) with the effects at u (knobs,) in them."""
+        """Flat numbers (n,) with the effects at u (coordinates,) in them."""
         out = values.copy()
         for place, value in self.held:
             out[place] = value
-        for knob, amount in zip(self.knobs, u, strict=True):
-            for place in knob.places:
-                out[place] = knob.value(amount)
+        for coordinate, amount in zip(self.coordinates, u, strict=True):
+            for place in coordinate.places:
+                out[place] = coordinate.value(amount)
         return out
 
     @property
     def start(self) -> np.ndarray:
-        """Typical u (knobs,)."""
-        return np.array([k.start for k in self.knobs])
+        """Typical u (coordinates,)."""
+        return np.array([k.start for k in self.coordinates])
 
     @property
     def bounds(self) -> np.ndarray:
-        """(knobs, 2)."""
-        return np.array([k.bounds for k in self.knobs]).reshape(-1, 2)
+        """(coordinates, 2)."""
+        return np.array([k.bounds for k in self.coordinates]).reshape(-1, 2)
 
     @property
     def scales(self) -> np.ndarray:
-        """(knobs,)."""
-        return np.array([k.scale for k in self.knobs])
+        """(coordinates,)."""
+        return np.array([k.scale for k in self.coordinates])
 
     def joined(self, other: Hypothesis) -> Hypothesis:
         """Both sets of effects."""
-        return Hypothesis(self.effects + other.effects, self.knobs + other.knobs, self.held + other.held)
+        return Hypothesis(self.effects + other.effects, self.coordinates + other.coordinates, self.held + other.held)
 
 
 NOTHING = Hypothesis((), ())
@@ -130,7 +132,7 @@ NOTHING = Hypothesis((), ())
 def hypothesis(machine: Machine, effect: Effect, channels: Sequence[str] = ()) -> Hypothesis:
     """One effect with a first number per channel (those of `channels`, or all) and common further numbers."""
     wanted = tuple(channels) or machine.axes.of(effect.axis)
-    knobs, held = [], []
+    coordinates, held = [], []
     for k, number in enumerate(effect.parameters):
         axis = machine.axes.of(number.axis)
         here = [channel for channel in axis if channel in wanted] if number.axis else [""]
@@ -138,10 +140,12 @@ def hypothesis(machine: Machine, effect: Effect, channels: Sequence[str] = ()) -
         if not number.fitted:
             held += [(place, number.initial) for place in at.values()]
         elif k == 0 or free_first(effect) is number:
-            knobs += [Knob(effect.id, number, (channel,), (place,), k == 0) for channel, place in at.items()]
+            coordinates += [
+                Coordinate(effect.id, number, (channel,), (place,), k == 0) for channel, place in at.items()
+            ]
         else:
-            knobs.append(Knob(effect.id, number, tuple(here), tuple(at.values()), False))
-    return Hypothesis((effect.id,), tuple(knobs), tuple(held))
+            coordinates.append(Coordinate(effect.id, number, tuple(here), tuple(at.values()), False))
+    return Hypothesis((effect.id,), tuple(coordinates), tuple(held))
 
 
 def free_first(effect: Effect) -> EffectParameter | None:

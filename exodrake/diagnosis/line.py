@@ -25,16 +25,18 @@ LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement fr
 HALF, ASIDE = 0.6, 1.8  # Hz, half the band of a line, and the end of its neighbourhood; the phase wanders: assumed
 STANDS_OUT = 8.0  # times the ground beside it, in every log: noise reaches 1.3, a mount that rings 7
 ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
-STOPPED = 1.2  # Hz, half the band left out when other causes are sought: a phase that wanders has long wings
+NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: a phase that wanders has long wings
 SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
-WINGS = 0.1  # share of its power beyond that band, at most: a phase that wanders half a turn in 10 s leaves 0.04 there
+LEAKAGE = (
+    0.1  # share of its power beyond that band, at most: a phase that wanders half a turn in 10 s leaves 0.04 there
+)
 OVERTONES = 2  # the line itself and its octave: a muscle's pull is no pure sine
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """frequency [Hz], power (columns,) [floor^2], density in the band over that beside it in the log where it stands
-    out least, and the weakest log's power against the mean.
+    """frequency [Hz], power (columns,) [noise variance], density in the band over that beside it in the log where it
+    stands out least, and the weakest log's power against the mean.
     """
 
     frequency: float
@@ -50,11 +52,11 @@ class Line:
     def bands(self, nyquist: float) -> Bands:
         """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""
         centres = (k * self.frequency for k in range(1, OVERTONES + 1))
-        return tuple((max(f - STOPPED, SLOWEST), f + STOPPED) for f in centres if f + ASIDE < nyquist)
+        return tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < nyquist)
 
 
 def find(problem: Problem, logs: list[np.ndarray]) -> Line:
-    """The line that stands out most in residuals (n, columns) [floor] of several logs."""
+    """The line that stands out most in residuals (n, columns) [noise_std] of several logs."""
     spectra = [spectrum(problem, log) for log in logs]
     frequency, sums = spectra[0][0], np.array([density.sum(axis=1) for _, density in spectra])
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
@@ -81,7 +83,7 @@ def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray
 
 
 def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (f,) [Hz] and power densities (f, columns) [floor^2/Hz]."""
+    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz]."""
     from scipy.signal import welch
 
     rate = 1.0 / problem.robot.machine.frame
@@ -120,8 +122,8 @@ def tremor(problem: Problem, values: np.ndarray, line: Line) -> Tremor:
 
     extra = hypothesis(problem.robot.machine, problem.robot.machine.effect(TREMOR))
     u = extra.start
-    joints = [i for i, knob in enumerate(extra.knobs) if knob.first]
-    u[[i for i in range(len(u)) if i not in joints]] = extra.knobs[-1].at(line.frequency)
+    joints = [i for i, coordinate in enumerate(extra.coordinates) if coordinate.first]
+    u[[i for i in range(len(u)) if i not in joints]] = extra.coordinates[-1].at(line.frequency)
     rows = [values]
     for joint in joints:
         alone = u.copy()
@@ -137,9 +139,12 @@ def tremor(problem: Problem, values: np.ndarray, line: Line) -> Tremor:
 
 def named(found: Tremor, joints: tuple[str, ...]) -> NamedEffect:
     """A tremor, its joints those with more than a minor part of the strongest one's torque."""
-    line, knobs = found.line, [(k, u) for k, u in zip(found.hypothesis.knobs, found.u, strict=True) if k.first]
-    strongest = max(u for _, u in knobs)
-    torques = {k.channels[0]: torque(u) for k, u in knobs if u > MINOR * strongest}
+    line, coordinates = (
+        found.line,
+        [(k, u) for k, u in zip(found.hypothesis.coordinates, found.u, strict=True) if k.first],
+    )
+    strongest = max(u for _, u in coordinates)
+    torques = {k.channels[0]: torque(u) for k, u in coordinates if u > MINOR * strongest}
     mean = float(np.mean([i.value for i in torques.values()]))
     half = 0.5 / WINDOW
     frequency = Interval(line.frequency, line.frequency - half, line.frequency + half, "Hz")

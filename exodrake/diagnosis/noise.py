@@ -1,5 +1,5 @@
-"""Noise floor of each signal: from trials that repeat the same reference, else from two simulated runs of the nominal
-robot, whose loop passes sensor noise on to every signal.
+"""Noise noise standard deviation of each signal: from trials that repeat the same reference, else from two simulated
+runs of the nominal robot, whose loop passes sensor noise on to every signal.
 
 Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not
 show it.
@@ -28,7 +28,7 @@ def sensor_noise_std(robot: Robot) -> dict[str, float]:
     return robot.machine.noise_std(robot.__getitem__) if robot.machine.noise_std else {}
 
 
-def repeat_noise_std(case: Case, column: str, stopped: Bands, period: float) -> float | None:
+def repeat_noise_std(case: Case, column: str, notched: Bands, period: float) -> float | None:
     """Standard deviation of one trial about its repeats, robust to rare events; None where nothing repeats."""
     spreads = []
     for group in case.repeat_groups:
@@ -36,7 +36,7 @@ def repeat_noise_std(case: Case, column: str, stopped: Bands, period: float) -> 
         for a, b in pairwise(logs):
             n = min(len(a), len(b))
             difference = filled(a[column][:n] - b[column][:n])
-            difference = without(stopped, difference[:, None], period)[:, 0]
+            difference = without(notched, difference[:, None], period)[:, 0]
             spreads.append(ROBUST * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2.0))
     return float(np.median(spreads)) if spreads else None
 
@@ -55,7 +55,7 @@ def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> d
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
 
-def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Bands = ()) -> np.ndarray:
+def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands = ()) -> np.ndarray:
     """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say.
 
     stopped: bands [Hz] that are left out.
@@ -65,7 +65,7 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], stopped: Bands
     found = []
     for column in columns:
         kind = column.rsplit("_", 1)[0]
-        differ = repeat_noise_std(case, column, stopped, robot.machine.frame)
+        differ = repeat_noise_std(case, column, notched, robot.machine.frame)
         found.append(max(parameters.get(kind, 0.0), differ or expected.get(column, 0.0)))
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")

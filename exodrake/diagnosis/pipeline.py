@@ -1,4 +1,4 @@
-"""From a case to a diagnosis: floor, search, verdict, where, how far."""
+"""From a case to a diagnosis: noise, search, verdict, where, how far."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from exodrake.diagnosis.line import named
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
-from exodrake.diagnosis.search import LOSING, Fitted, Search
+from exodrake.diagnosis.search import PACKET_LOSS, Fitted, Search
 from exodrake.diagnosis.verdict import Decision, chi2, left_over, thresholds
-from exodrake.diagnosis.views import View, looked
+from exodrake.diagnosis.views import View, analyse
 from exodrake.machines.robot_file import load_robot
 
 
@@ -43,22 +43,22 @@ def diagnose(
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
-    begun = time.perf_counter()
+    started = time.perf_counter()
     robot = robot or load_robot()
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     problem = make_problem(case, robot, tried)
     progress(Stage.CHECK, "")
     with one_blas_thread():
-        closed, chosen = looked(problem, thresholds(), progress)
-        chosen = chosen.polished()
+        closed, chosen = analyse(problem, thresholds(), progress)
+        chosen = chosen.converged()
         progress(Stage.CLOSURE, "")
-        return answer(case, problem.robot, closed, chosen, begun, progress)
+        return answer(case, problem.robot, closed, chosen, started, progress)
 
 
 def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
     """The robot of a fitted point: the nominal one with its retuned numbers and effects."""
     point = fitted.point
-    values = nuisance.turned(nominal.values, view.ranking.full.knobs, point.x)
+    values = nuisance.turned(nominal.values, view.ranking.full.coordinates, point.x)
     changed = {
         e.name: f"fitted to {source}"
         for e, a, b in zip(nominal.machine.parameters, values, nominal.values, strict=True)
@@ -71,15 +71,15 @@ def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
 def effects_of(view: View) -> tuple[NamedEffect, ...]:
     """The effects that a view's decision names, with channels and intervals; a tremor last."""
     problem, ranking, fitted = view.problem, view.ranking, view.decision.best
-    machine, noise_inputs = problem.robot.machine, view.decision.probability
+    machine, probability = problem.robot.machine, view.decision.probability
     found = []
     if fitted.point.hypothesis.effects:
         fitter, responses = ranking.full, ranking.own.get(fitted.name)
         estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
         for identity in fitted.point.hypothesis.effects:
             effect = machine.effect(identity)
-            effect = describe(estimate, effect, noise_inputs.get(fitted.name, 0.0), machine.axes.of(effect.axis))
-            found.append(counted(problem, effect) if identity == LOSING else effect)
+            effect = describe(estimate, effect, probability.get(fitted.name, 0.0), machine.axes.of(effect.axis))
+            found.append(counted(problem, effect) if identity == PACKET_LOSS else effect)
     if view.tremor:
         found.append(named(view.tremor, machine.axes.joints))
     return tuple(found)
@@ -87,8 +87,8 @@ def effects_of(view: View) -> tuple[NamedEffect, ...]:
 
 def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
     """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
-    drops = [t.drops for t in (*problem.fit, *problem.holdout) if t.drops]
-    return replace(effect, parameters={"probability": Interval(*loss_probability(drops))})
+    losses = [t.losses for t in (*problem.fit, *problem.holdout) if t.losses]
+    return replace(effect, parameters={"probability": Interval(*loss_probability(losses))})
 
 
 def equivalents_of(decision: Decision) -> tuple[str, ...]:
@@ -99,7 +99,7 @@ def equivalents_of(decision: Decision) -> tuple[str, ...]:
 
 
 def candidates_of(view: View) -> tuple[Candidate, ...]:
-    """All hypotheses that a view fitted, best first: score 1 explains the gap to the floor, 0 no better than retuned
+    """All hypotheses that a view fitted, best first: score 1 explains the gap to the noise, 0 no better than retuned
     numbers.
     """
     problem, search = view.problem, view.search
@@ -122,7 +122,9 @@ def baselines_of(search: Search) -> dict[str, str]:
     return {"replay": smallest.name, "bic": min(everything, key=bic).name}
 
 
-def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float, progress: StageProgress) -> Diagnosis:
+def answer(
+    case: Case, nominal: Robot, closed: View, chosen: View, started: float, progress: StageProgress
+) -> Diagnosis:
     """The diagnosis, with everything measured that it states: gaps in closed loop, causes in the chosen view."""
     problem, search, ranking, decision = closed.problem, closed.search, closed.ranking, chosen.decision
     robots = {
@@ -153,19 +155,19 @@ def answer(case: Case, nominal: Robot, closed: View, chosen: View, begun: float,
         baselines=baselines_of(search),
         reasons=decision.reasons,
         notes=case.notes,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - started,
         robots=robots,
         evidence=evidence_of(closed, chosen),
     )
 
 
 def evidence_of(closed: View, chosen: View) -> dict[str, float]:
-    """Misfits [floor^2] on all logs, in closed loop; and steered by the logs, if that view was chosen."""
-    best, steered = chosen.decision.best, {}
+    """Reduced chi-squares on all logs, in closed loop; and fed with the log, if that view was chosen."""
+    best, prediction_error = chosen.decision.best, {}
     if chosen.problem is not closed.problem:
-        steered = {
-            "steered_retuned": chi2(chosen.problem, chosen.search.retuned),
-            "steered_best": chi2(chosen.problem, best),
+        prediction_error = {
+            "prediction_error_retuned": chi2(chosen.problem, chosen.search.retuned),
+            "prediction_error_best": chi2(chosen.problem, best),
         }
         best = closed.ranking.complete(closed.ranking.full.at(best.point.hypothesis, best.point.u, best.point.x))
     return {
@@ -173,5 +175,5 @@ def evidence_of(closed: View, chosen: View) -> dict[str, float]:
         "retuned": chi2(closed.problem, closed.search.retuned),
         "best": chi2(closed.problem, best),
         "unknown": float(chosen.decision.verdict == UNKNOWN),
-        **steered,
+        **prediction_error,
     }

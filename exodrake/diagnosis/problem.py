@@ -1,4 +1,4 @@
-"""A case as a regression: what was measured, in units of its floor, and what a robot of given numbers would have
+"""A case as a regression: what was measured, in units of its noise, and what a robot of given numbers would have
 logged.
 """
 
@@ -26,14 +26,14 @@ class Trial:
     """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
 
     drops: the commands that seem lost, used by the effect of that name only.
-    follow: (n, channels) what a run is steered by (`Machine.steered`), if it is.
+    follow: (n, channels) what a run is prediction-error by (`Machine.observer`), if it is.
     """
 
     name: str
     role: str
     reference: np.ndarray
     measured: np.ndarray
-    drops: PacketLoss | None = None
+    losses: PacketLoss | None = None
     follow: np.ndarray | None = None
 
     def first(self, n: int) -> Trial:
@@ -44,12 +44,12 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Trials of a case, the columns that are compared, and their floors.
+    """Trials of a case, the columns that are compared, and their noise standard deviations.
 
     Attributes:
         robot: the nominal robot with the case's overrides.
-        columns: (c,) names. floor: (c,) [unit of the column].
-        fit, holdout: trials; repeats of a fitted trial serve the floor only.
+        columns: (c,) names. noise standard deviation: (c,) [unit of the column].
+        fit, holdout: trials; repeats of a fitted trial serve the noise only.
         case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
     """
@@ -60,7 +60,7 @@ class Problem:
     fit: tuple[Trial, ...]
     holdout: tuple[Trial, ...]
     case: Case
-    stopped: Bands = ()
+    notched: Bands = ()
     tried: frozenset[str] = frozenset()
 
     @property
@@ -88,8 +88,8 @@ class Problem:
         module, count = compile_machine(machine), signal_count(machine)
         n = len(trial.reference)
         noise_inputs = NoiseInputs.draw(n, None, machine)
-        if trial.drops:
-            noise_inputs["packet_arrival"] = trial.drops.packet_arrival[:n]
+        if trial.losses:
+            noise_inputs["packet_arrival"] = trial.losses.packet_arrival[:n]
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
@@ -102,8 +102,8 @@ class Problem:
             return delayed(machine, records, self.signal_indices)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """(measured - simulated) / floor, (rows, samples): all trials and columns in a row, 0 where nothing was
-        measured.
+        """(measured - simulated) / noise standard deviation, (rows, samples): all trials and columns in a row, 0
+        where nothing was measured.
         """
         out, at = np.empty((len(rows), sum(trial.measured.size for trial in trials))), 0
         for trial in trials:
@@ -116,21 +116,21 @@ class Problem:
                     difference = (trial.measured - simulated) / self.noise_std
                 np.nan_to_num(difference, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
                 difference.clip(-WILD, WILD, out=difference)
-                difference = without(self.stopped, difference, self.robot.machine.frame)
+                difference = without(self.notched, difference, self.robot.machine.frame)
                 out[some, here] = difference.reshape(len(difference), -1)
         return out
 
     def without(self, bands: Bands) -> Problem:
-        """The problem with bands [Hz] filtered out of residuals and floors."""
+        """The problem with bands [Hz] filtered out of residuals and noise standard deviations."""
         floor = noise_std(self.case, self.robot, self.columns, bands)
-        return replace(self, stopped=bands, noise_std=np.minimum(floor, self.noise_std))
+        return replace(self, notched=bands, noise_std=np.minimum(floor, self.noise_std))
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
         return replace(self, fit=tuple(t.first(max(2, int(share * len(t.reference)))) for t in self.fit))
 
-    def steered(self) -> Problem | None:
-        """The problem with runs that follow what was measured where the machine says so (`Machine.steered`): errors do
+    def prediction_error(self) -> Problem | None:
+        """The problem with runs that follow what was measured where the machine says so (`Machine.observer`): errors do
         not go round the loop, nor does noise. None where the columns for it are missing.
         """
         observer, kinds = self.robot.machine.observer, self.kinds
@@ -169,7 +169,7 @@ def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
 
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
-WILD = 1e4  # residuals are clipped here [floors]: a diverging candidate is bad, not infinite
+WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
@@ -202,7 +202,7 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 
 
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
-    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the floor only;
+    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the noise only;
     without held-out logs the last fitted one is held out. tried: ids of the effects to try; None: the machine's own.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot

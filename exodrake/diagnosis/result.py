@@ -84,7 +84,7 @@ class Where:
 
 @dataclass(frozen=True)
 class SignalGap:
-    """Gap of a signal on held-out logs before and after, its floor [unit of the signal], and the closure."""
+    """Gap of a signal on held-out logs before and after, its noise [unit of the signal], and the closure."""
 
     before: float
     retuned: float
@@ -113,8 +113,8 @@ class Closure:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hypothesis that was fitted: misfit [floor^2] on fitted and held-out logs, and its score (1 for the best, 0 as
-    bad as a retune).
+    """A hypothesis that was fitted: reduced chi-square [noise variance] on fitted and held-out logs, and its score (1
+    for the best, 0 as bad as a retune).
     """
 
     id: str

@@ -13,7 +13,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.fit import Fitter, Point, bounded_solve
-from exodrake.diagnosis.hypothesis import Hypothesis, Knob, hypothesis
+from exodrake.diagnosis.hypothesis import Coordinate, Hypothesis, hypothesis
 from exodrake.diagnosis.line import TREMOR
 
 PROBE = 0.6  # amplitude at which an effect is tried, in units of its typical value
@@ -24,8 +24,8 @@ TURNS = 5  # values at which an effect of the whole robot is tried
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the fit of a hypothesis may start: u (effect knobs) and x (nominal knobs), and the cost that the linear
-    model promises.
+    """Where the fit of a hypothesis may start: u (effect coordinates) and x (nominal coordinates), and the cost that
+    the linear model promises.
     """
 
     hypothesis: Hypothesis
@@ -59,8 +59,8 @@ def chosen(machine: Machine, only: Sequence[str] = (), without: Sequence[str] = 
 
 
 def screened(fitter: Fitter, point: Point, responses: np.ndarray, gram: np.ndarray) -> list[Start]:
-    """A start for each effect beside those of the point, best first. responses (samples, nominal knobs), gram their
-    products.
+    """A start for each effect beside those of the point, best first. responses (samples, nominal coordinates), gram
+    their products.
     """
     found = []
     for effect in library(fitter, point):
@@ -80,12 +80,17 @@ def linearised(
     gram: np.ndarray,
     channels: Sequence[int] | None = None,
 ) -> Start:
-    """The best combination of the effect's responses channel by channel and of the nominal knobs, within bounds.
+    """The best combination of the effect's responses channel by channel and of the nominal coordinates, within bounds.
 
-    channels: knobs whose amplitudes may be scaled, all first ones by default; with none the probe is taken as it is.
+    channels: coordinates whose amplitudes may be scaled, all first ones by default; with none the probe is taken as
+    it is.
     """
     both = point.hypothesis.joined(extra)
-    channels = [i for i, knob in enumerate(extra.knobs) if knob.first] if channels is None else list(channels)
+    channels = (
+        [i for i, coordinate in enumerate(extra.coordinates) if coordinate.first]
+        if channels is None
+        else list(channels)
+    )
     rows = [
         fitter.values(both, np.concatenate([point.u, alone(probe, channels, channel)]), point.x)
         for channel in channels or [0]
@@ -126,16 +131,16 @@ def probes(extra: Hypothesis) -> list[np.ndarray]:
     """Values of u at which an effect's response is measured: a modest amplitude, its further numbers as usual and
     elsewhere.
     """
-    if not any(knob.first for knob in extra.knobs):
+    if not any(coordinate.first for coordinate in extra.coordinates):
         return []
     first = extra.start
-    for i, knob in enumerate(extra.knobs):
-        if knob.first:
-            first[i] = PROBE * (knob.start if knob.start != 0.0 else knob.scale)
+    for i, coordinate in enumerate(extra.coordinates):
+        if coordinate.first:
+            first[i] = PROBE * (coordinate.start if coordinate.start != 0.0 else coordinate.scale)
     found = [first]
-    for i, knob in enumerate(extra.knobs):
-        if not knob.first and (len(knob.channels) > 1 or knob.channels == ("",)):
-            found += [elsewhere(first, i, value) for value in other_values(knob, first[i])]
+    for i, coordinate in enumerate(extra.coordinates):
+        if not coordinate.first and (len(coordinate.channels) > 1 or coordinate.channels == ("",)):
+            found += [elsewhere(first, i, value) for value in other_values(coordinate, first[i])]
     return found
 
 
@@ -146,9 +151,9 @@ def elsewhere(u: np.ndarray, i: int, value: float) -> np.ndarray:
     return moved
 
 
-def other_values(knob: Knob, default: float) -> list[float]:
+def other_values(coordinate: Coordinate, default: float) -> list[float]:
     """Where a further number is tried besides its usual value: well inside its range, on the wider side."""
-    low, high = knob.plausible
+    low, high = coordinate.plausible
     return [FAR * high + (1.0 - FAR) * low if default < 0.5 * (low + high) else FAR * low + (1.0 - FAR) * high]
 
 
@@ -157,9 +162,9 @@ def turns(extra: Hypothesis) -> list[np.ndarray]:
     proportion to them. The plausible range of a number of the whole robot; the usual amount on all channels at once,
     and a strong one, since what is small may hide below a threshold.
     """
-    lead = extra.knobs[0]
+    lead = extra.coordinates[0]
     if lead.first and lead.channels != ("",):
-        strong = np.where([knob.first for knob in extra.knobs], STRONG, 1.0) * extra.start
+        strong = np.where([coordinate.first for coordinate in extra.coordinates], STRONG, 1.0) * extra.start
         return [extra.start, np.clip(strong, *extra.bounds.T)]
     low, high = sorted((lead.at(lead.number.low), lead.at(lead.number.high))) if lead.first else lead.plausible
     return [np.concatenate([[value], extra.start[1:]]) for value in np.linspace(low, high, TURNS)]

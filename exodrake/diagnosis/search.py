@@ -13,7 +13,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.fit import Fitter, Point
 from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.retune import CLOSE, Retuned, leapt, retuned
+from exodrake.diagnosis.retune import CLOSE, Retuned, multi_started, retuned
 from exodrake.diagnosis.screen import Start, screened
 
 
@@ -31,12 +31,12 @@ class Fitted:
 
     @property
     def chi2(self) -> float:
-        """Mean square residual on the fitted logs [floor^2]."""
+        """Mean square residual on the fitted logs [noise variance]."""
         return self.point.chi2
 
     @property
     def holdout_chi2(self) -> float:
-        """Mean square residual on held-out logs [floor^2]."""
+        """Mean square residual on held-out logs [noise variance]."""
         return float(np.mean(self.held**2))
 
     @property
@@ -57,19 +57,19 @@ class Search:
     singles: tuple[Fitted, ...] = ()
     pairs: tuple[Fitted, ...] = ()
     screened: tuple[tuple[str, float], ...] = field(default=())
-    lossy: bool = False
+    losses_evident: bool = False
 
 
-LOSING = "timing.dropped_commands"
+PACKET_LOSS = "timing.dropped_commands"
 SHARE = 0.6  # of each trial: what screening and racing see
-SHORTLIST, SURVIVORS, REFINED = 12, 3, 2  # effects raced; fitted to the end; refined on whole trials
+SHORTLIST, FINALISTS, REFINED = 12, 3, 2  # effects raced; fitted to the end; refined on whole trials
 FEW = 4, 2, 1  # the same where retuned numbers explain a case: what could be there is small, and screening it linear
-SECONDS, SECOND_SURVIVORS, SECOND_REFINED = 6, 3, 2  # the same for second effects
-CONTENDS = 1.5  # a candidate whose misfit is within this factor of the best one's is refined, too
-FLOORED = 1.02  # misfit [floor^2] at which a fit has converged for all purposes, if its numbers are not strained
+SECOND_SHORTLIST, SECOND_FINALISTS, SECOND_REFINED = 6, 3, 2  # the same for second effects
+CONTENDS = 1.5  # a candidate whose reduced chi-square is within this factor of the best one's is refined, too
+FLOORED = 1.02  # reduced chi-square at which a fit has converged, if its nominal parameters are not strained
 STRAINED = 1.0  # mean square of the nominal numbers in units of their spread, beyond which they hide something
 LESS = 1.0, 0.5, 0.2, 0.05  # of an effect's promised amount, tried where its fit begins
-HOPELESS = 4.0  # a candidate whose misfit is this many times the best one's after two steps is dropped
+EARLY_STOP = 4.0  # a candidate whose reduced chi-square is this many times the best one's after two steps is dropped
 
 
 class Ranking:
@@ -80,7 +80,7 @@ class Ranking:
     ) -> None:
         self.full, self.quick = Fitter(problem), Fitter(problem.shortened(SHARE))
         self.progress = progress
-        self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.knobs)))
+        self.origin = self.full.at(NOTHING, np.zeros(0), np.zeros(len(self.full.coordinates)))
         self.begin = self.origin if start is None else self.full.at(NOTHING, np.zeros(0), start)
         self.own: dict[str, np.ndarray] = {}
         self.still: set[Point] = set()
@@ -110,20 +110,20 @@ class Ranking:
         every = Fitter(replace(problem, fit=(*problem.fit, *problem.holdout)))
         start = every.at(NOTHING, np.zeros(0), self.tuned.point.x)
         responses = every.responses(start)
-        found = every.fit(leapt(every, start, responses), responses, steps=8)
+        found = every.fit(multi_started(every, start, responses), responses, steps=8)
         return self.complete(self.full.at(NOTHING, np.zeros(0), found.x))
 
-    def singles(self, quiet: bool = False) -> tuple[list[Fitted], list[tuple[str, float]]]:
-        """The shortlist raced, fitted and refined, best first; and the screening misfits of all effects. quiet: see
-        `FEW`.
+    def singles(self, consistent: bool = False) -> tuple[list[Fitted], list[tuple[str, float]]]:
+        """The shortlist raced, fitted and refined, best first; and the screening reduced chi-square of all effects.
+        quiet: see `FEW`.
         """
         tuned = self.tuned
         self.progress(Stage.SCREEN, "")
         kept, base = self.kept_rows(tuned.responses), self.quick.at(NOTHING, np.zeros(0), tuned.base.x)
         gram = kept.T @ kept
         starts = screened(self.quick, base, kept, gram)
-        shortlist, survivors, refined = FEW if quiet else (SHORTLIST, SURVIVORS, REFINED)
-        found = self.race(starts[:shortlist], kept, gram, survivors)
+        shortlist, finalists, refined = FEW if consistent else (SHORTLIST, FINALISTS, REFINED)
+        found = self.race(starts[:shortlist], kept, gram, finalists)
         best = self.refine(found, refined, tuned.responses)
         return best, [(start.hypothesis.name, 2.0 * start.cost / len(base.residual)) for start in starts]
 
@@ -149,31 +149,31 @@ class Ranking:
         """The second effect of a pair, and its u."""
         machine, both = self.full.problem.robot.machine, pair.point.hypothesis
         alone = hypothesis(machine, machine.effect(both.effects[-1]))
-        return alone, pair.point.u[[both.knobs.index(knob) for knob in alone.knobs]]
+        return alone, pair.point.u[[both.coordinates.index(coordinate) for coordinate in alone.coordinates]]
 
-    def losing(self, singles: list[Fitted]) -> Fitted:
+    def packet_loss(self, singles: list[Fitted]) -> Fitted:
         """The fit of lost commands alone."""
-        known = next((f for f in singles if f.name == LOSING), None)
-        return known or self.losing_beside(self.retuned())
+        known = next((f for f in singles if f.name == PACKET_LOSS), None)
+        return known or self.packet_loss_beside(self.retuned())
 
-    def losing_beside(self, fitted: Fitted) -> Fitted:
+    def packet_loss_beside(self, fitted: Fitted) -> Fitted:
         """A fitted hypothesis with lost commands beside it."""
         point, machine = fitted.point, self.full.problem.robot.machine
-        lost = hypothesis(machine, machine.effect(LOSING))
+        lost = hypothesis(machine, machine.effect(PACKET_LOSS))
         both = point.hypothesis.joined(lost)
         self.progress(Stage.FIT, both.name)
         start = self.full.at(both, np.concatenate([point.u, lost.start]), point.x)
         return self.complete(self.full.fit(start, self.own.get(fitted.name, self.tuned.responses), steps=4))
 
-    def polished(self, fitted: Fitted) -> Fitted:
-        """A hypothesis settled (`Fitter.settled`), as its parameters are to be stated."""
-        return fitted if fitted.point in self.still else self.complete(self.settled(fitted.point, central=True))
+    def converged(self, fitted: Fitted) -> Fitted:
+        """A hypothesis minimised (`Fitter.minimised`), as its parameters are to be stated."""
+        return fitted if fitted.point in self.still else self.complete(self.minimised(fitted.point, central=True))
 
-    def settled(self, point: Point, central: bool) -> Point:
+    def minimised(self, point: Point, central: bool) -> Point:
         """A point fitted until its cost stands still; its responses are kept."""
         name = point.hypothesis.name
         self.progress(Stage.REFINE, name)
-        point, self.own[name] = self.full.settled(point, central)
+        point, self.own[name] = self.full.minimised(point, central)
         self.still |= {point} if central else set()
         return point
 
@@ -185,37 +185,39 @@ class Ranking:
             at += columns * len(whole.reference)
         return np.concatenate(parts)
 
-    def race(self, starts: list[Start], responses: np.ndarray, gram: np.ndarray, survivors: int) -> list[Point]:
+    def race(self, starts: list[Start], responses: np.ndarray, gram: np.ndarray, finalists: int) -> list[Point]:
         """Points after two steps each, the hopeless dropped and the survivors fitted to the end, the most promising of
         the starts in any case; best first.
         """
         fitter, points = self.quick, []
         for start in starts:
             self.progress(Stage.FIT, start.hypothesis.name)
-            points.append(fitter.fit(self.begun(start), responses, steps=2, gram=gram))
+            points.append(fitter.fit(self.started(start), responses, steps=2, gram=gram))
         promising, ranked = points[:1], sorted(points, key=lambda p: p.cost)
-        hopeful = [p for p in ranked[:survivors] if p.chi2 < HOPELESS * ranked[0].chi2]
+        hopeful = [p for p in ranked[:finalists] if p.chi2 < EARLY_STOP * ranked[0].chi2]
         hopeful += [p for p in promising if p not in hopeful]
         ended = [fitter.fit(p, responses, steps=6, gram=gram) for p in hopeful]
         return sorted([*ended, *(p for p in ranked if p not in hopeful)], key=lambda p: p.cost)
 
-    def begun(self, start: Start) -> Point:
+    def started(self, start: Start) -> Point:
         """Where a fit begins: what screening promises, or less of the effect where that breaks the promise."""
         fitter, latest = self.quick, start.hypothesis.effects[-1]
-        first = np.array([knob.first and knob.effect == latest for knob in start.hypothesis.knobs])
+        first = np.array(
+            [coordinate.first and coordinate.effect == latest for coordinate in start.hypothesis.coordinates]
+        )
         x = np.clip(start.x, -fitter.limit, fitter.limit)
         tried: list[Point] = []
         for less in LESS:
             u = np.clip(np.where(first, less * start.u, start.u), *start.hypothesis.bounds.T)
             tried.append(fitter.at(start.hypothesis, u, x))
-            if tried[-1].cost < HOPELESS * start.cost:
+            if tried[-1].cost < EARLY_STOP * start.cost:
                 break
         return min(tried, key=lambda point: point.cost)
 
     def refine(self, points: list[Point], count: int, responses: np.ndarray) -> list[Fitted]:
-        """The best few fitted on whole trials, contenders among them settled, the rest as they are; best first.
+        """The best few fitted on whole trials, contenders among them minimised, the rest as they are; best first.
 
-        responses: of a point nearby (samples, nominal knobs).
+        responses: of a point nearby (samples, nominal coordinates).
         """
         fitter, found = self.full, []
         for k, p in enumerate(points):
@@ -226,9 +228,9 @@ class Ranking:
             found.append(start)
         found.sort(key=lambda p: p.cost)
         for k, p in enumerate(found[:count]):
-            ended = p.chi2 <= FLOORED and fitter.strain(p) <= STRAINED
+            ended = p.chi2 <= FLOORED and fitter.nuisance_chi2(p) <= STRAINED
             if not ended and (k == 0 or p.chi2 < CONTENDS * found[0].chi2):
-                found[k] = self.settled(p, central=p.chi2 < CLOSE)
+                found[k] = self.minimised(p, central=p.chi2 < CLOSE)
         return sorted(map(self.complete, found), key=lambda f: f.score)
 
     def pairs(self, first: Fitted) -> list[Fitted]:
@@ -239,4 +241,6 @@ class Ranking:
         responses = self.kept_rows(whole)
         gram = responses.T @ responses
         starts = screened(self.quick, point, responses, gram)
-        return self.refine(self.race(starts[:SECONDS], responses, gram, SECOND_SURVIVORS), SECOND_REFINED, whole)
+        return self.refine(
+            self.race(starts[:SECOND_SHORTLIST], responses, gram, SECOND_FINALISTS), SECOND_REFINED, whole
+        )

@@ -13,15 +13,15 @@ import numpy as np
 from exodrake.diagnosis.fit import as_one
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LOSING, Fitted, Search
+from exodrake.diagnosis.search import PACKET_LOSS, Fitted, Search
 
 
 @dataclass(frozen=True)
 class Thresholds:
     """The frozen configuration of all verdicts; meanings in `thresholds.yaml`."""
 
-    quiet: float
-    quiet_column: float
+    consistent: float
+    consistent_column: float
     explained: float
     near: float
     half: float
@@ -35,8 +35,8 @@ class Thresholds:
     of_law: float
     distinct_of_law: float
     distinct: float
-    steered: float
-    vain: float
+    prediction_error: float
+    unpromising: float
 
 
 @cache
@@ -59,25 +59,25 @@ class Decision:
 
 
 def chi2(problem: Problem, fitted: Fitted) -> float:
-    """Mean square residual over fitted and held-out logs alike [floor^2]."""
+    """Mean square residual over fitted and held-out logs alike [noise variance]."""
     a, b = len(fitted.point.residual), len(fitted.held)
     return (a * fitted.chi2 + b * fitted.holdout_chi2) / (a + b)
 
 
 def signal_misfits(problem: Problem, fitted: Fitted) -> np.ndarray:
-    """Mean square residual of each signal (columns,) [floor^2], over fitted and held-out logs alike."""
+    """Mean square residual of each signal (columns,) [noise variance], over fitted and held-out logs alike."""
     both = np.concatenate([fitted.point.residual, fitted.held]).reshape(-1, len(problem.columns))
     return np.mean(both**2, axis=0)
 
 
 def worst_column(problem: Problem, fitted: Fitted) -> float:
-    """Mean square residual of the worst signal [floor^2]."""
+    """Mean square residual of the worst signal [noise variance]."""
     return float(np.max(signal_misfits(problem, fitted)))
 
 
-def is_quiet(problem: Problem, fitted: Fitted, limits: Thresholds) -> bool:
-    """Whether a robot explains a case to its floor."""
-    return chi2(problem, fitted) <= limits.quiet and worst_column(problem, fitted) <= limits.quiet_column
+def is_consistent(problem: Problem, fitted: Fitted, limits: Thresholds) -> bool:
+    """Whether a robot explains a case to its noise."""
+    return chi2(problem, fitted) <= limits.consistent and worst_column(problem, fitted) <= limits.consistent_column
 
 
 def left_over(problem: Problem, fitted: Fitted, before: Fitted) -> float:
@@ -93,7 +93,9 @@ def explains(problem: Problem, fitted: Fitted, before: Fitted, limits: Threshold
 
 
 def probabilities(problem: Problem, candidates: list[Fitted], best: float) -> dict[str, float]:
-    """Probability of each candidate: its cost tempered by the best misfit and by the frames that count as one."""
+    """Probability of each candidate: its cost tempered by the best reduced chi-square and by the frames that count as
+    one.
+    """
     costs = np.array([c.score for c in candidates])
     weights = np.exp(-np.minimum((costs - costs.min()) / (max(1.0, best) * as_one(problem)), 700.0))
     return {c.name: float(w) for c, w in zip(candidates, weights / weights.sum(), strict=True)}
@@ -106,7 +108,7 @@ def as_good(problem: Problem, fitted: Fitted, best: Fitted, limits: Thresholds) 
     """
     final = chi2(problem, best)
     samples = len(best.point.residual) + len(best.held)
-    form = (limits.alike - 1.0) * max(final - limits.quiet, 0.0) * 0.5 * samples
+    form = (limits.alike - 1.0) * max(final - limits.consistent, 0.0) * 0.5 * samples
     return fitted.score - best.score <= limits.margin * max(final, 1.0) + form
 
 
@@ -119,28 +121,28 @@ def simpler(fitted: Fitted, best: Fitted) -> bool:
 def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -> Decision:
     """The verdict of a search."""
     limits = limits or thresholds()
-    if is_quiet(problem, search.nominal, limits):
+    if is_consistent(problem, search.nominal, limits):
         return Decision(NO_GAP, search.nominal, (), {}, ("the nominal robot explains every signal to its floor",))
     ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
     best = ranked[0]
-    if is_quiet(problem, search.retuned, limits) and search.retuned.score - best.score < limits.alarm:
+    if is_consistent(problem, search.retuned, limits) and search.retuned.score - best.score < limits.alarm:
         return Decision(
             RETUNE, search.retuned, (), {}, ("numbers within 10 % of nominal explain every signal to its floor",)
         )
-    noise_inputs = probabilities(problem, ranked, chi2(problem, best))
+    probability = probabilities(problem, ranked, chi2(problem, best))
     left, final = left_over(problem, best, search.retuned), chi2(problem, best)
     if not explains(problem, best, search.retuned, limits):
-        if search.lossy:
-            lost = next(f for f in ranked if LOSING in f.point.hypothesis.effects)
+        if search.losses_evident:
+            lost = next(f for f in ranked if PACKET_LOSS in f.point.hypothesis.effects)
             return Decision(
                 NAMED,
                 lost,
                 (lost,),
-                noise_inputs,
+                probability,
                 ("commands were seen to be lost, one by one; those lost unseen leave the rest",),
             )
         why = f"the best candidate, {best.name}, leaves {left:.0%} of the gap ({final:.2g} floor^2)"
-        return Decision(UNKNOWN, best, (), noise_inputs, (why,))
+        return Decision(UNKNOWN, best, (), probability, (why,))
     same = [f for f in ranked if len(f.point.hypothesis.effects) == len(best.point.hypothesis.effects)]
     rivals = [f for f in same if as_good(problem, f, best, limits)]
     rivals += [
@@ -153,7 +155,7 @@ def decide(problem: Problem, search: Search, limits: Thresholds | None = None) -
             AMBIGUOUS,
             best,
             tuple(rivals),
-            noise_inputs,
+            probability,
             ("these effects explain the logs equally well: " + ", ".join(f.name for f in rivals),),
         )
-    return Decision(NAMED, best, tuple(rivals), noise_inputs, (f"{best.name} leaves {left:.1%} of the gap",))
+    return Decision(NAMED, best, tuple(rivals), probability, (f"{best.name} leaves {left:.1%} of the gap",))

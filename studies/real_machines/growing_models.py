@@ -48,7 +48,7 @@ def growing_models(
     fitter = Fitter(problem)
     if not retune:
         fitter.limit = np.full_like(fitter.limit, 1e-12)
-    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.knobs)))
+    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
     found = []
     for name, effects in steps:
         for identity in effects:
@@ -61,7 +61,7 @@ def growing_models(
 def extended(fitter: Fitter, point: Point, extra: Hypothesis) -> Point:
     """The best fit with one more effect, from several starts."""
     both = point.hypothesis.joined(extra)
-    first = np.array([knob.first for knob in extra.knobs])
+    first = np.array([coordinate.first for coordinate in extra.coordinates])
     best = None
     for factor in STARTS:
         u = np.where(first, factor * extra.start, extra.start)

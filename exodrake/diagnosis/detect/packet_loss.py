@@ -57,7 +57,7 @@ def detect(problem: Problem) -> Problem:
 
     def decoded(trial: Trial) -> Trial:
         measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
-        return replace(trial, drops=decode(machine, values, measured))
+        return replace(trial, losses=decode(machine, values, measured))
 
     return replace(problem, fit=tuple(map(decoded, problem.fit)), holdout=tuple(map(decoded, problem.holdout)))
 

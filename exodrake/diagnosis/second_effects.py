@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.search import LOSING, Fitted, Ranking
+from exodrake.diagnosis.search import PACKET_LOSS, Fitted, Ranking
 from exodrake.diagnosis.verdict import Thresholds, as_good, chi2, explains, left_over, simpler
 
 
-def seconds(
+def with_second_effects(
     problem: Problem, ranking: Ranking, singles: list[Fitted], retuned: Fitted, limits: Thresholds
 ) -> tuple[list[Fitted], list[Fitted]]:
     """The singles, and the pairs that are worth it; the first effect is chosen anew beside the second."""
     several = problem.robot.machine.max_effects > 2  # where causes come in threes the first one may do little
-    hopeful = several or left_over(problem, singles[0], retuned) <= limits.vain
+    hopeful = several or left_over(problem, singles[0], retuned) <= limits.unpromising
     tried = ranking.pairs(singles[0]) if hopeful else []
-    pairs = worth(problem, singles[0], tried, retuned, limits)
+    pairs = accepted(problem, singles[0], tried, retuned, limits)
     if not pairs:
         return singles, pairs
     other = ranking.second_alone(pairs[0])
@@ -24,11 +24,11 @@ def seconds(
     singles = sorted((*singles, other), key=lambda f: f.score) if better else singles
     if (better or left_over(problem, pairs[0], retuned) > limits.form) and chi2(problem, other) > limits.near:
         tried = once([*tried, *ranking.pairs(other)])
-    pairs = worth(problem, singles[0], tried, retuned, limits)
+    pairs = accepted(problem, singles[0], tried, retuned, limits)
     return singles, once([*pairs, *alternatives(problem, ranking, singles, pairs, limits)])
 
 
-def with_losses(
+def with_packet_loss(
     problem: Problem,
     ranking: Ranking,
     singles: list[Fitted],
@@ -38,14 +38,14 @@ def with_losses(
 ) -> tuple[list[Fitted], list[Fitted]]:
     """Singles and pairs once commands were seen to be lost: beside what explains the gap, or others beside them."""
     best = min((*singles, *pairs), key=lambda f: f.score)
-    if LOSING in best.point.hypothesis.effects:
+    if PACKET_LOSS in best.point.hypothesis.effects:
         return singles, pairs
     if explains(problem, best, retuned, limits):
-        beside = ranking.losing_beside(best)
+        beside = ranking.packet_loss_beside(best)
         return singles, [*pairs, beside] if best.score - beside.score > limits.second else pairs
-    first = ranking.losing(singles)
+    first = ranking.packet_loss(singles)
     singles = sorted({f.name: f for f in (*singles, first)}.values(), key=lambda f: f.score)
-    return singles, [*pairs, *worth(problem, first, ranking.pairs(first), retuned, limits)]
+    return singles, [*pairs, *accepted(problem, first, ranking.pairs(first), retuned, limits)]
 
 
 def alternatives(
@@ -74,15 +74,17 @@ def once(pairs: list[Fitted]) -> list[Fitted]:
     return list(found.values())
 
 
-def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds) -> list[Fitted]:
+def accepted(
+    problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted, limits: Thresholds
+) -> list[Fitted]:
     """Pairs whose second effect is worth it.
 
     While much is left, it removes half of that. Where the first alone explains the gap, what it leaves may be its law,
     which effects of every block take up alike: a second one then does far better than those of all other blocks, or
-    leaves next to nothing. Near the floor it may also relieve the nominal numbers: then the cost tells.
+    leaves next to nothing. Near the noise it may also relieve the nominal numbers: then the cost tells.
     """
     near = chi2(problem, single) <= limits.near
-    by_cost = near or LOSING in single.point.hypothesis.effects
+    by_cost = near or PACKET_LOSS in single.point.hypothesis.effects
 
     def left(pair: Fitted) -> float:
         return left_over(problem, pair, single)
@@ -98,12 +100,12 @@ def worth(problem: Problem, single: Fitted, pairs: list[Fitted], retuned: Fitted
         return []
     best, others = set_apart(single, pairs)
     distinct = left(best) < min([limits.distinct_of_law, *(min(left(f), 1.0) / limits.distinct for f in others)])
-    if gain(best) > limits.second and (distinct or (by_cost and by_far(single, pairs, limits))):
+    if gain(best) > limits.second and (distinct or (by_cost and clearly_best(single, pairs, limits))):
         return [f for f in pairs if f not in others and gain(f) > limits.second]
     return [] if near else [f for f in pairs if left(f) < limits.of_law]
 
 
-def by_far(before: Fitted, found: Sequence[Fitted], limits: Thresholds) -> bool:
+def clearly_best(before: Fitted, found: Sequence[Fitted], limits: Thresholds) -> bool:
     """Whether the best candidate lowers the cost of `before` by far more than any with an effect of another block."""
     best, others = set_apart(before, found)
     gained = max((before.score - f.score for f in others), default=0.0)

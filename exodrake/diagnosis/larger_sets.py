@@ -20,7 +20,7 @@ SPARE = 1.02  # a set without one effect that leaves at most this many times wha
 ROUNDS = 3  # of fitting after an effect was dropped, responses taken anew
 
 
-def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thresholds) -> list[Fitted]:
+def larger_sets(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thresholds) -> list[Fitted]:
     """Sets of three and more effects, each grown from the best one before, and the last one without what is
     superfluous.
     """
@@ -39,7 +39,7 @@ def deeper(problem: Problem, ranking: Ranking, found: list[Fitted], limits: Thre
 
 
 def predicts_better(problem: Problem, fitted: Fitted, before: Fitted, limits: Thresholds) -> bool:
-    """Whether a candidate leaves clearly less than `before` of a signal away from its floor, fitted and held-out."""
+    """Whether a candidate leaves clearly less than `before` of a signal away from its noise, fitted and held-out."""
     columns = len(problem.columns)
     shares, heard = [], []
     for now, was in ((fitted.point.residual, before.point.residual), (fitted.held, before.held)):
@@ -66,12 +66,12 @@ def without(ranking: Ranking, fitted: Fitted, identity: str) -> Fitted:
     """A set of effects fitted anew without one of them."""
     point, fitter = fitted.point, ranking.full
     ranking.progress(Stage.FIT, f"without {identity}")
-    keep = [i for i, knob in enumerate(point.hypothesis.knobs) if knob.effect != identity]
+    keep = [i for i, coordinate in enumerate(point.hypothesis.coordinates) if coordinate.effect != identity]
     index = ranking.full.problem.robot.machine.index
     held = tuple((place, v) for place, v in point.hypothesis.held if place not in own_places(index, identity))
     less = Hypothesis(
         tuple(e for e in point.hypothesis.effects if e != identity),
-        tuple(point.hypothesis.knobs[i] for i in keep),
+        tuple(point.hypothesis.coordinates[i] for i in keep),
         held,
     )
     here = fitter.at(less, point.u[np.array(keep, dtype=int)], point.x)

@@ -1,4 +1,4 @@
-"""Runs steered by a log: identities, and a loop that hunts."""
+"""Prediction-error runs, fed with a log: identities, and a loop that hunts."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def case_of(robot, seed, quantisation=True):
         asked = Reference(whole.tension[:FRAMES], name)
         log = simulate(robot, asked, None if seed is None else seed + k, quantisation)
         logs.append(CaseLog(log, name, role, None, name))
-    return Case("steered", {}, tuple(logs))
+    return Case("fed", {}, tuple(logs))
 
 
 def chi2(problem, robot):
@@ -36,17 +36,21 @@ def chi2(problem, robot):
     return float(np.mean(problem.residual(problem.silent(robot)[None], problem.fit) ** 2))
 
 
-def test_a_run_steered_by_its_own_log_is_that_log(nominal):
+def test_a_run_fed_with_its_own_log_is_that_log(nominal):
     problem = make_problem(case_of(nominal, None, quantisation=False), nominal)
-    steered = problem.steered()
-    kept = [problem.columns.index(c) for c in steered.columns]
+    prediction_error = problem.prediction_error()
+    kept = [problem.columns.index(c) for c in prediction_error.columns]
     closed = problem.predict(problem.silent()[None], problem.fit[0])[0]
-    assert np.array_equal(steered.predict(steered.silent()[None], steered.fit[0])[0], closed[:, kept])
+    assert np.array_equal(
+        prediction_error.predict(prediction_error.silent()[None], prediction_error.fit[0])[0], closed[:, kept]
+    )
 
 
 def test_the_imposed_column_is_not_judged(nominal):
     problem = make_problem(case_of(nominal, 1), nominal)
-    assert set(problem.columns) - set(problem.steered().columns) == {f"speed_cmd_{w}" for w in ("AF", "MF", "AE")}
+    assert set(problem.columns) - set(problem.prediction_error().columns) == {
+        f"speed_cmd_{w}" for w in ("AF", "MF", "AE")
+    }
 
 
 def test_a_log_without_commands_cannot_steer(nominal):
@@ -56,29 +60,29 @@ def test_a_log_without_commands_cannot_steer(nominal):
         return replace(log, signals={k: v for k, v in log.signals.items() if not k.startswith("speed_cmd")})
 
     logs = tuple(replace(item, log=mute(item.log)) for item in case.logs)
-    assert make_problem(replace(case, logs=logs), nominal).steered() is None
+    assert make_problem(replace(case, logs=logs), nominal).prediction_error() is None
 
 
 @pytest.mark.parametrize(
     ("identity", "parameters"),
     [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3})],
 )
-def test_noise_in_a_hunting_loop_is_repeated_when_steered(nominal, identity, parameters):
+def test_noise_in_a_hunting_loop_is_repeated_in_prediction_error(nominal, identity, parameters):
     robot = nominal.splice(identity, parameters)
     problem = make_problem(case_of(robot, 5), nominal)
-    steered = problem.steered()
-    assert chi2(steered, robot) < 1.6 < 0.25 * chi2(problem, robot)
+    prediction_error = problem.prediction_error()
+    assert chi2(prediction_error, robot) < 1.6 < 0.25 * chi2(problem, robot)
 
 
-def test_an_effect_of_one_part_stays_in_its_part_when_steered(nominal):
+def test_an_effect_of_one_part_stays_in_its_part_in_prediction_error(nominal):
     """A slow drive errs in the strokes; the finger, which follows the strokes as measured, hardly feels it."""
     robot = nominal.splice("motor.slow_velocity_loop", {"factor": 0.3})
     closed = make_problem(case_of(robot, 5), nominal)
-    steered = closed.steered()
+    prediction_error = closed.prediction_error()
 
     def excess(problem, kind):
         rows = problem.residual(problem.silent()[None], problem.fit)[0].reshape(-1, len(problem.columns))
         return np.mean(rows[:, [c.startswith(kind) for c in problem.columns]] ** 2) - 1.0
 
-    assert excess(steered, "stroke") > 3.0
-    assert excess(steered, "angle") < 0.25 * excess(closed, "angle")
+    assert excess(prediction_error, "stroke") > 3.0
+    assert excess(prediction_error, "angle") < 0.25 * excess(closed, "angle")
