@@ -59,7 +59,8 @@ def test_page_is_small_and_needs_nothing_from_outside(pages, verdict):
 def test_page_says_the_answer(pages):
     text = visible(pages(NAMED))
     for wanted in ("Capstan friction on tendons AF and MF", "tendon.capstan_friction", "0.280 to 0.340", "93 to 98 %",
-                   "finger.kappa.MCP", "-11.0 %", "2 repeated rows dropped", "consistent_column", "raw BIC"):  # fmt: skip
+                   "finger.kappa.MCP", "-11.0 %", "2 repeated rows dropped", "consistent_column",
+                   "raw BIC"):  # fmt: skip
         assert wanted in text, wanted
     assert "case &lt;7&gt; &amp; co" in text
 

@@ -111,15 +111,18 @@ def files_of(scenario: Scenario, robot: Robot, log: Log, name: str, say) -> dict
     """Contents of all files but the log. A scenario that followed a log refers to the log written beside it."""
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import recording_html
+    from exodrake.diagrams.meshcat.shapes import has_finger
     from exodrake.simulation.scenario import scenario_text
 
     again = replace(scenario, reference="log.csv") if scenario.reference else scenario
     title = ", ".join([name.replace("-", " "), *robot.effects()])
     say("drawing the figure")
     figure = png_of(log.plot(title, machine=robot.machine))
-    say("drawing the recording")
-    page = recording_html(log, robot, title)
-    return {"scenario.yaml": scenario_text(again).encode(), "figure.png": figure, "recording.html": page.encode()}
+    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": figure}
+    if has_finger(robot):
+        say("drawing the recording")
+        files["recording.html"] = recording_html(log, robot, title).encode()
+    return files
 
 
 def check_folder(folder: Path) -> None:

@@ -58,6 +58,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
     """The drawing as SVG text.
 
     Args:
+        machine: what is drawn.
         shares: part -> 0 .. 1, how much of something (a gap, say) it accounts for: colours the parts, written in them.
             The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
         schedule: whether the slots of a frame are drawn below.

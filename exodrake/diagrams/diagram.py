@@ -87,8 +87,11 @@ def assemble(
     """The Diagram of a robot.
 
     Args:
-        robot, substeps, fine_log, estimator: as in `build_diagram`.
+        robot: what is simulated.
         rows: exogenous signal -> (frames, channels) array [SI]; None: they are exported as input ports.
+        substeps: plant ticks per slot.
+        fine_log: whether a row is logged each slot, too.
+        estimator: weights of an estimator that listens, if any.
     """
     machine, builder = robot.machine, DiagramBuilder()
     leaves = [part_class(machine, part.name)(robot, substeps, inputs_of(machine, part, rows is not None))
@@ -128,7 +131,8 @@ def inputs_of(machine: Machine, part: Part, rows: bool) -> dict[str, InputSpec]:
     """Input ports of a part in the Diagram: the memory of each part that it reads, and the signals of feedthrough.
 
     Args:
-        machine, part: the machine and one of its parts.
+        machine: the machine.
+        part: one of its parts.
         rows: whether the exogenous signals come from `ExogenousInputs`; else each is a port of its own.
     """
     holder, ports = held_by(machine), {}
@@ -210,7 +214,9 @@ def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG)
     """All signals of a log [SI].
 
     Args:
-        machine, diagram, context: the machine, its Diagram, and the Context of the Diagram that has run.
+        machine: the machine.
+        diagram: its Diagram.
+        context: Context of the Diagram that has run.
         log: `LOG`, one row for each frame that has ended, or `FINE_LOG`, one for each slot.
 
     Returns:

@@ -85,9 +85,10 @@ def part_spec(
     """The specification of one part, in the state in which the whole machine starts.
 
     Args:
-        machine, part: the machine and one of its parts.
-        substeps: plant ticks per slot.
+        machine: the machine.
+        part: one of its parts.
         values: (n,) array of all parameters of the machine [SI].
+        substeps: plant ticks per slot.
         inputs: the input ports; None: one for each signal read.
     """
     module, place = compile_machine(machine), parameters_of(machine, part)

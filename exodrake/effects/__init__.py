@@ -23,6 +23,7 @@ def discover(package: str) -> tuple[Effect, ...]:
 
     Args:
         package: name of an importable package; its sub-packages are searched, too.
+
     Raises:
         InputError: for two effects of one id.
     """
@@ -61,6 +62,7 @@ def for_machine(
         identity: id on the machine.
         points: the machine's own point for each point of the effect that has another name there.
         parameters: parameters, by name, that replace those of the library (another range or axis).
+
     Raises:
         InputError: for an id that the library does not have.
     """

@@ -1,5 +1,7 @@
-"""Play of a cable in a sheath: friction holds the cable until it has stretched, the more the more the sheath is bent,
-and lets go of it strand by strand, whose mean the joint follows (Prandtl-Ishlinskii: a sum of stops).
+"""Play of a cable in a sheath: a sum of stop operators whose width grows with the bend of the sheath.
+
+Friction holds the cable until it has stretched and lets go of it strand by strand; the joint follows the mean of the
+strands (Prandtl-Ishlinskii).
 
     angle = aim - mean_k(w_k z_k)               w_k = half_width (1 - spread, 1, 1 + spread)
     z_k: stop operator of range w_k, -1 .. 1    half_width = width exp(mu bend)

@@ -13,7 +13,7 @@ from exodrake.core.signal import TENDONS
 
 
 def yielded(z, change, width):
-    """z [m] after a further change of stretch [m]."""
+    """Z [m] after a further change of stretch [m]."""
     if z * change < 0.0:
         if abs(change) <= abs(z):
             return z + change
@@ -28,7 +28,7 @@ def elastic(tension, stretch, wire_stiffness, fraction, width, z, stretch_before
 
 
 def settle(dt, stretched, tension, tension_finger, travel, fraction, width, z, stretch_before):
-    """z and the stretch it has seen [m]."""
+    """Z and the stretch it has seen [m]."""
     return yielded(z, stretched - stretch_before, width), stretched
 
 

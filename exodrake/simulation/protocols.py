@@ -48,7 +48,13 @@ def grasp(
     """One grasp: rest, minimum-jerk approach to the mode's target tensions, hold, minimum-jerk release, rest.
 
     Args:
-        mode: one of `robot.grasps`, or any name if `targets` (wire -> N) are given. rest, approach, hold, release: [s].
+        mode: one of `robot.grasps`, or any name if `targets` are given.
+        robot: whose limits hold; the built-in one if None.
+        targets: tendon -> tension [N].
+        rest: duration before and after [s].
+        approach: duration [s].
+        hold: duration [s].
+        release: duration [s].
     """
     robot = robot or load_robot()
     peak, floor = targets_of(mode, robot, targets), robot.reference_limits()[0]

@@ -17,11 +17,8 @@ DEPTH = 12  # commands remembered per wire, the newest first
 def sent(e, z, j, command, history, first, applied, packet_arrival):
     """Point: speed [m/s] that reaches drive j.
 
-    Args:
-        command: the newest [m/s].
-        history: commands of all tendons [m/s], the newest of this one at `first`, older ones after it.
-        applied: speed held so far [m/s].
-        packet_arrival: uniform draw in 0 .. 1 of this frame.
+    command: the newest [m/s]; history: commands of all tendons [m/s], the newest of this one at `first`, older ones
+    after it; applied: speed held so far [m/s]; packet_arrival: uniform draw in 0 .. 1 of this frame.
     """
     return command
 

@@ -46,11 +46,11 @@ def scratch(weights: Weights) -> np.ndarray:
 
 @njit(cache=True)
 def predict_into(tension, stroke, weights, work, mean, std):
-    """Write mean and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,); work from
-    `scratch`.
+    """Write mean and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (tendons,).
 
-    Allocates nothing. A NaN among the inputs gives NaN in both. Returns the variance ratio: predictive variance over
-    v_rest [-], about 1 where the training sweeps lie and larger away from them; `Estimator.limit` is compared with it.
+    `work` comes from `scratch`. Allocates nothing. A NaN among the inputs gives NaN in both. Returns the variance
+    ratio: predictive variance over v_rest [-], about 1 where the training sweeps lie and larger away from them;
+    `Estimator.limit` is compared with it.
     """
     points, shrink, variances = weights.points, weights.shrink, weights.variances
     covariance, square, whitened = work[0], work[1], work[2]
@@ -100,8 +100,7 @@ def write(covariance, variance, weights, mean, std):
 
 @njit(cache=True)
 def predict(tension, stroke, weights):
-    """Mean (J,) and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (wires,). See
-    `predict_into`."""
+    """Mean (J,) and standard deviation (J,) [rad] of one sample; tension [N], stroke [m] (tendons,)."""
     joints = weights.offset.shape[0]
     mean, std = np.empty(joints), np.empty(joints)
     predict_into(tension, stroke, weights, np.empty((3, weights.alpha.shape[0])), mean, std)
@@ -110,8 +109,7 @@ def predict(tension, stroke, weights):
 
 @njit(cache=True)
 def predict_rows(tension, stroke, weights):
-    """Mean (rows, J), standard deviation (rows, J) [rad] and variance ratio (rows,) [-]; tension, stroke (rows,
-    wires)."""
+    """Mean (rows, J), deviation (rows, J) [rad], variance ratio (rows,); tension [N], stroke [m] (rows, tendons)."""
     rows, joints = tension.shape[0], weights.offset.shape[0]
     mean, std, ratio = np.empty((rows, joints)), np.empty((rows, joints)), np.empty(rows)
     work = np.empty((3, weights.alpha.shape[0]))

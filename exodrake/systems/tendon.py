@@ -19,8 +19,10 @@ def elastic(e, z, j, tension, stretch, stiffness):
 
 
 def transmit(e, z, j, tension, slide, travel, speed):
-    """Point: tension at the finger [N], from the one at the cell; slide [-1 .. 1], travel in this tick [m]
-    and speed [m/s] > 0 while the finger takes wire in.
+    """Point: tension at the finger [N] from the one at the load cell.
+
+    slide: state of the presliding friction [-1 .. 1]; travel: in this tick [m]; speed: [m/s], > 0 while the finger
+    takes wire in.
     """
     return tension
 

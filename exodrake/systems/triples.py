@@ -22,7 +22,7 @@ def solve(m, r):
 
 
 def along(start, step, rate):
-    """start + step rate for triples."""
+    """Start + step rate for triples."""
     return start[0] + step * rate[0], start[1] + step * rate[1], start[2] + step * rate[2]
 
 

@@ -62,9 +62,14 @@ def route(robot: Robot, tendon: str) -> list[tuple[int, np.ndarray]]:
     return points
 
 
+def has_finger(robot: Robot) -> bool:
+    """Whether the robot has a tendon-driven finger that can be drawn."""
+    return set(ROUTES) >= set(robot.machine.axes.tendons) and "finger.length" in names_of(robot)
+
+
 def skeleton(robot: Robot) -> Skeleton:
     """Bones, routers and tendons of a robot. InputError for a robot without finger, or a phalanx without size."""
-    if not set(ROUTES) >= set(robot.machine.axes.tendons) or "finger.length" not in names_of(robot):
+    if not has_finger(robot):
         raise InputError(f"{robot.machine.name}: no tendon-driven finger to draw")
     for name in ("finger.length", "finger.radius"):
         if not (np.isfinite(robot.channels(name)) & (robot.channels(name) > 0)).all():
