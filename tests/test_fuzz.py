@@ -57,7 +57,7 @@ def undrawn(monkeypatch):
 
     monkeypatch.setattr(command, "files_of", lambda *_: {})
     monkeypatch.setattr(viewer, "recording_html", lambda *_, **__: "")
-    monkeypatch.setattr(pipeline, "looked", stop)
+    monkeypatch.setattr(pipeline, "analyse", stop)
 
 
 @bounded(150)
