@@ -49,7 +49,7 @@ def test_feasible_plans_reach_their_posture(mode):
     found = []
     for size in SIZES:
         made = plan(mode, size)
-        log = exo.simulate(robot(), made.reference(robot()))  # the Diagram's numbers to the last bit: test_drake_twin
+        log = exo.simulate(robot(), made.reference(robot()))
         reached = at_hold(log, "angle", made.joints)
         low, high = 0.3, np.array([12.0, 8.0, 8.0])
         assert ((np.array(made.tensions) >= low) & (np.array(made.tensions) <= high)).all()
