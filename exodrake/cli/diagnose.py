@@ -114,7 +114,7 @@ def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:
     from exodrake.diagnosis.problem import make_problem
     from exodrake.report import report_html
 
-    return report_html(found, make_problem(case, nominal))
+    return report_html(found, found.problem or make_problem(case, nominal))
 
 
 def contents_of(found: Diagnosis, json_file: Path | None, out_robot: Path | None) -> dict[Path, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -92,7 +92,8 @@ class HeldOutRuns:
 def simulate_held_out(diagnosis: Diagnosis, problem: Problem) -> HeldOutRuns:
     """Simulates the held-out logs with the nominal, the retuned and the improved robot."""
     names = [name for name in ROBOTS if name in diagnosis.robots]
-    rows = np.array([problem.silent(diagnosis.robots[name]) for name in names])
+    plain = replace(problem, detected=())  # the robots hold what was detected
+    rows = np.array([plain.silent(diagnosis.robots[name]) for name in names])
     runs = (dict(zip(names, problem.predict(rows, trial))) for trial in problem.holdout)
     return HeldOutRuns(problem, tuple(runs))
 

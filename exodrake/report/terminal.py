@@ -101,6 +101,10 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         overall = diagnosis.closure.overall
         closed = f"{n.percent(overall.value)} ({n.percent_span(overall)})"
         lines.append(f"closure [bold]{closed}[/bold] of the excess error removed by the {w.after_name(diagnosis)}")
+        step = diagnosis.closure.effect
+        if diagnosis.effects and step.value == step.value:
+            of_rest = f"[bold]{n.percent(step.value)}[/bold] ({n.percent_span(step)})"
+            lines.append(f"        {of_rest} of what retuning alone leaves")
     if diagnosis.verdict == AMBIGUOUS:
         lines.append(f"class   {', '.join(w.class_of(diagnosis))}")
         lines.append(f"next    {w.experiment_words(diagnosis)}")

@@ -18,11 +18,14 @@ from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.core.machine import Machine
 from exodrake.core.segment import CommandLink
+from exodrake.core.effect import Effect
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.result import Detection, Interval, NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
 
+INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
 AHEAD = 3  # frames that decide; losses come in bursts
 CLEAR = 0.2  # of the squared error that losing the command must leave
 # the same, and the change of command in units of the visible one, for a loss that nothing else looks like: the position
@@ -51,15 +54,32 @@ class PacketLoss:
     certain: int
 
 
-def detect(problem: Problem) -> Problem:
-    """The problem whose trials carry the packet losses that their logs show."""
-    machine, values, kinds = problem.robot.machine, problem.silent(), problem.kinds
+def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
+    """The problem whose trials carry the packet losses that their logs show.
+
+    Losses that are evident are a detection; otherwise the effect stays a candidate.
+    """
+    machine, kinds, found = problem.robot.machine, problem.kinds, []
 
     def decoded(trial: Trial) -> Trial:
         measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
-        return replace(trial, losses=decode(machine, values, measured))
+        losses = decode(machine, values, measured)
+        if losses is None:
+            return trial
+        found.append(losses)
+        return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival})
 
-    return replace(problem, fit=tuple(map(decoded, problem.fit)), holdout=tuple(map(decoded, problem.holdout)))
+    problem = replace(problem, fit=tuple(map(decoded, problem.fit)))
+    detected = evident(found)
+    problem = replace(problem, holdout=tuple(map(decoded, problem.holdout)))
+    if not detected:
+        return problem
+    share, low, high = loss_probability(found)
+    lead = effect.parameters[0]
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(share, low, high, lead.unit)}, {}, 1.0)
+    reason = f"{sum(d.lost for d in found)} commands were seen to be lost, one by one"
+    detection = Detection(named, {f"{effect.id}.{lead.name}": share}, reason)
+    return replace(problem, detected=(*problem.detected, detection), tried=problem.tried - {effect.id})
 
 
 class Drive:
