@@ -19,8 +19,15 @@ SAME = {
 
 
 def truth(coordinates, channels, parameters):
-    """True value of each nominal parameter (knobs,); NaN where the reference simulator lacks it.
-    channels: tendons and joints; parameters: as `draw_parameters` gives them.
+    """True value of each nominal parameter.
+
+    Args:
+        coordinates: Coordinates of the fit.
+        channels: Names of tendons and joints.
+        parameters: As `draw_parameters` gives them [SI].
+
+    Returns:
+        (coordinates,) relative errors [-] or angles [rad]; NaN where the reference simulator lacks the parameter.
     """
     nominal = draw_parameters()
     return np.array([true_coordinate(coordinate, channels, parameters, nominal) for coordinate in coordinates])
@@ -48,8 +55,15 @@ def at(parameters, here, channel, channels):
 
 
 def coverage_of(ranking, retuned, parameters):
-    """For each of MEMORIES: share of the nominal parameters whose 90 % interval covers the truth, and their root mean
-    square error in units of the prior standard deviation.
+    """Coverage of the 90 % intervals of nominal parameters.
+
+    Args:
+        ranking: Fitters of a case.
+        retuned: Its fit without an effect.
+        parameters: As `draw_parameters` gives them [SI].
+
+    Returns:
+        For each of MEMORIES the share of covered parameters, and their root mean square error [prior deviations].
     """
     machine = ranking.full.problem.robot.machine
     true = truth(ranking.full.coordinates, (machine.axes.tendons, machine.axes.joints), parameters)
