@@ -21,7 +21,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from exodrake.blind.case_mix import CaseMix, draw_case, plan
+from exodrake.blind.case_mix import MIXES, draw_case, plan
 from exodrake.blind.make import make_case
 from exodrake.blind.nuisance_coverage import MEMORIES, coverage_of
 from exodrake.core.parallel import each
@@ -31,7 +31,6 @@ from exodrake.diagnosis.search import Ranking
 from exodrake.diagnosis.verdict import chi2, worst_column
 from exodrake.machines.robot_file import load_robot
 
-HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
 MEASURES = ("quiet", "quiet_column", "alarm")
 
 
@@ -39,7 +38,7 @@ def measured(seed: int, robots: int, index: int) -> tuple[tuple[float, ...], lis
     """`MEASURES` of one healthy robot, and `coverage_of` its parameters."""
     from exodrake.data.case_folder import read_case
 
-    drawn = plan(seed, robots, HEALTHY)[index]
+    drawn = plan(seed, robots, MIXES["healthy"])[index]
     with tempfile.TemporaryDirectory() as folder:
         make_case(drawn, folder)
         problem = make_problem(read_case(Path(folder) / drawn.name), load_robot())
