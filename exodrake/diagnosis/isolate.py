@@ -18,7 +18,7 @@ import numpy as np
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.levels import Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
-from exodrake.diagnosis.linearise import Linearisation, linearise, with_effects
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
@@ -29,7 +29,8 @@ RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
 SHARE = 0.35  # of each fit log that is used
 REFINED = 5  # sets of effects of one size that are fitted
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-3  # of all fits, of those that are not far behind, and their tolerance
-BEHIND = 1.5  # mean logarithm of the chi-squares by which a fit is far behind after its first steps
+BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
+CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
 
@@ -192,7 +193,20 @@ class Isolator:
         cost = [mean_log(likelihood.chi2(e.residual)) for e in begun]
         near = [c < min(cost) + BEHIND for c in cost]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
+        least = min((mean_log(likelihood.chi2(e.residual)) for e in done), default=0.0)
+        done = [self.refreshed(likelihood, e) if self.worth(likelihood, e, least) else e for e in done]
         return sorted(done, key=lambda e: mean_log(likelihood.chi2(e.residual)))
+
+    def worth(self, likelihood: Likelihood, e: Explanation, least: float) -> bool:
+        """Whether a fit leaves more than noise, and hardly more than the best, so that it is to be converged."""
+        return CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR
+
+    def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
+        """The explanation fitted on with a new nominal Jacobian."""
+        count = e.nominal
+        here = apply(e.values, e.parameters, np.concatenate([np.zeros(count), e.x[count:]]))
+        jacobian = nominal_jacobian(likelihood, here, e.parameters[:count], e.x[:count], e.residual)
+        return self.refined(likelihood, replace(e, jacobian=jacobian), STEPS)
 
     def refined(self, likelihood: Likelihood, start: Explanation, steps: int) -> Explanation:
         """The explanation fitted."""

@@ -9,7 +9,7 @@ matrix of the directions.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, fixed_parameters
+from exodrake.diagnosis.problem import Problem
 
 NOMINAL_STEP = 0.17  # of the prior standard deviation: small against curvature, large against rounding; assumed
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
@@ -107,21 +108,40 @@ def linearise(
     here = apply(values, nominal, x)
     base = likelihood.residual(here[None])[0]
     if jacobian is None:
-        steps = NOMINAL_STEP * np.array([p.scale for p in nominal])
-        rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)]).reshape(-1, len(here))
-        jacobian = (likelihood.residual(rows) - base) / steps[:, None]
+        jacobian = nominal_jacobian(likelihood, values, nominal, x, base)
     found, at, directions = [], 0, [np.zeros((0, len(base)), dtype=np.float32)]
     for effect in effects:
-        for probe, robots in probes(likelihood.robot.machine, effect, here, at):
+        for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
             found.append(probe)
             directions.append((likelihood.residual(robots) - base).astype(np.float32))
             at += len(robots)
     return Linearisation(nominal, x, base, jacobian, np.concatenate(directions), tuple(found))
 
 
-def probes(machine: Machine, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
+def nominal_jacobian(
+    likelihood: Likelihood, values: np.ndarray, nominal: tuple[Parameter, ...], x: np.ndarray, base: np.ndarray
+) -> np.ndarray:
+    """Derivatives (nominal, samples) of the residual by the nominal parameters.
+
+    Args:
+        likelihood: views of the case.
+        values: (parameters,) flat vector of the robot at x = 0.
+        nominal: nominal parameters.
+        x: (nominal,) their coordinates.
+        base: (samples,) residual at x.
+    """
+    steps = NOMINAL_STEP * np.array([p.scale for p in nominal])
+    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)]).reshape(-1, len(values))
+    return (likelihood.residual(rows) - base) / steps[:, None]
+
+
+def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
     """Probes of an effect with the robots (directions, parameters) that they simulate; `at`: first free direction."""
+    machine = problem.robot.machine
     parameters, base = effect_parameters(machine, effect), with_effects(here, [(machine, effect)])
+    if effect.id in problem.counted:
+        known = problem.counted[effect.id]
+        parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
     amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
     start, found = np.array([p.start for p in parameters]), []
     for x in scaled_points(parameters, start, amplitudes):

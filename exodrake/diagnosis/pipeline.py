@@ -13,6 +13,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
+from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.intervals import describe
@@ -57,10 +58,11 @@ def isolated(problem: Problem, progress: StageProgress = no_progress) -> tuple[P
     start, simulated = retune(problem.shortened(SHARE))
     problem = detect(problem, start.robot)
     short = problem.shortened(SHARE)
-    if problem.detected:
+    certain = sum(d.certain for d in problem.detected)
+    if certain:
         start, again = retune(short)
         simulated += again
-    most = problem.robot.machine.max_effects - len(problem.detected)
+    most = problem.robot.machine.max_effects - certain
     return problem, Isolator(short, start, simulated, progress).isolate(max(most, 0))
 
 
@@ -81,14 +83,16 @@ def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
 def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
     """The effects that a decision names, with channels and intervals; detected ones last."""
     machine, best = problem.robot.machine, decision.best
-    detected = tuple(d.effect for d in problem.detected)
+    certain = tuple(d.effect for d in problem.detected if d.certain)
     if decision.verdict not in (NAMED, AMBIGUOUS):
         return ()
     if not best.explanation.effects:
-        return detected
+        return certain
     whole, probability = fitted(found, best), probabilities(found).get(best.explanation.name, 1.0)
+    counted = {d.effect.id: replace(d.effect, probability=probability) for d in problem.detected}
     named = [machine.effect(effect) for effect in best.explanation.effects]
-    return (*(describe(whole.of(e.id), e, probability, machine.axes.of(e.axis)) for e in named), *detected)
+    stated = {e.id: describe(whole.of(e.id), e, probability, machine.axes.of(e.axis)) for e in named}
+    return (*(stated | {i: e for i, e in counted.items() if i in stated}).values(), *certain)
 
 
 def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
@@ -148,7 +152,7 @@ def answer(
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=case.notes,
+        notes=(*case.notes, *suspicions(case, problem.robot)),
         seconds=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),

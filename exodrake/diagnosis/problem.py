@@ -72,6 +72,11 @@ class Problem:
         return tuple(column.rsplit("_", 1)[0] for column in self.columns)
 
     @property
+    def counted(self) -> dict[str, float]:
+        """Effects that were decoded rather than fitted -> value of their first parameter."""
+        return {d.effect.id: next(iter(d.effect.parameters.values())).value for d in self.detected if not d.certain}
+
+    @property
     def signal_indices(self) -> list[int]:
         """Places of the columns in the flat vector of wires."""
         machine, at = self.robot.machine, offsets(self.robot.machine)

@@ -62,13 +62,19 @@ class Detection:
 
     Attributes:
         effect: effect as the answer states it.
-        values: parameter name -> value [SI] that all further robots have.
-        reason: why it is there, in one sentence.
+        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
+            of the fits.
+        reason: how it was found, in one sentence.
     """
 
     effect: NamedEffect
     values: dict[str, float]
     reason: str
+
+    @property
+    def certain(self) -> bool:
+        """Whether the effect is there, whatever a fit finds."""
+        return bool(self.values)
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ def fitted(found: Isolation, tested: Tested) -> Fitted:
 
 def decide(problem: Problem, found: Isolation) -> Decision:
     """The verdict of an isolation."""
-    detected = tuple(d.reason for d in problem.detected)
-    left = tuple(t for t in found.left if not spurious(found, t))
+    detected = tuple(d.reason for d in problem.detected if d.certain)
+    left = tuple(t for t in found.left if not spurious(problem, found, t))
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
     if not left:
@@ -57,12 +57,11 @@ def decide(problem: Problem, found: Isolation) -> Decision:
     return Decision(AMBIGUOUS, best, left, (*detected, f"the logs reject none of these: {names}"))
 
 
-def spurious(found: Isolation, tested: Tested) -> bool:
-    """Whether an effect of an explanation may as well be absent."""
-    if not tested.explanation.effects:
-        return False
-    whole = fitted(found, tested)
-    return any(whole.of(effect).holds_null() for effect in tested.explanation.effects)
+def spurious(problem: Problem, found: Isolation, tested: Tested) -> bool:
+    """Whether an effect of an explanation may as well be absent; one that was counted is not."""
+    effects = [effect for effect in tested.explanation.effects if effect not in problem.counted]
+    whole = fitted(found, tested) if effects else None
+    return any(whole.of(effect).holds_null() for effect in effects) if whole else False
 
 
 def kept(t: Tested) -> str:
