@@ -65,14 +65,16 @@ def fresh(out: Path) -> None:
 
 def grasp(console: Console, folder: Path) -> None:
     """Simulates a grasp; writes log, figure and Meshcat page."""
-    from exodrake.cli.simulate import files_of, write_folder
+    from exodrake.cli.simulate import files_of
+    from exodrake.core.files import write_folder
+    from exodrake.data.log_file import log_bytes
     from exodrake.simulation.scenario import Scenario
 
     with console.status("simulating (the first run compiles for half a minute)") as status:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
         contents = files_of(scenario, robot, log, GRASP, status.update)
-        write_folder(folder, log, contents)
+        write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
     console.print(f"   {GRASP} for {log.duration:.0f} s: {reached}")

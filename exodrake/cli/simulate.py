@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,6 +44,9 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from exodrake.core.files import write_folder
+    from exodrake.data.log_file import log_bytes
+
     scenario = scenario_of(protocol, reference, file, robot)
     scenario, built = changed(scenario, options)
     what = scenario.build_reference(built)
@@ -55,8 +57,8 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
         log = scenario.simulate(built, what)
         contents = files_of(scenario, built, log, what.name, lambda text: progress.update(task, description=text))
-        write_folder(folder, log, contents)
-    show(built, log, folder, ["log.csv", *contents])
+        files = write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
+    show(built, log, folder, [file.name for file in files])
     warn(built)
 
 
@@ -136,23 +138,6 @@ def check_folder(folder: Path) -> None:
         parent = parent.parent
     if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise InputError(f"{folder}: {parent} takes no files")
-
-
-def write_folder(folder: Path, log: Log, contents: dict[str, bytes]) -> None:
-    """All files or none: written into a neighbour first, then moved."""
-    from exodrake.core.errors import InputError
-    from exodrake.data.log_file import write_log
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".part-") as part:
-            write_log(log, Path(part) / "log.csv")
-            for name, data in contents.items():
-                (Path(part) / name).write_bytes(data)
-            for name in ("log.csv", *contents):
-                os.replace(Path(part) / name, folder / name)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
 
 
 def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 from exodrake.data.case import CaseLog
 from exodrake.data.log import Log
 
@@ -50,9 +52,21 @@ def file_of(path: Path, name: str) -> Path:
     return found
 
 
-def parameters(path: Path, **options) -> np.ndarray:
-    """A NumPy file, or a text table with `options` of numpy.loadtxt. InputError for one that does not parse."""
+def text_of(path: Path) -> str:
+    """Content of a text file. InputError for one that is none."""
     try:
-        return np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(path, ndmin=2, **options)
-    except (OSError, ValueError, EOFError) as error:
+        return read_bytes(path).decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file") from None
+
+
+def parameters(path: Path, **options) -> np.ndarray:
+    """A table of a NumPy file, or of text with `options` of numpy.loadtxt. InputError for one that does not parse."""
+    try:
+        data = io.BytesIO(read_bytes(path))
+        found = np.load(data, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(data, ndmin=2, **options)
+        if found.ndim != 2 or found.dtype.kind not in "fiu":
+            raise ValueError(f"{found.dtype} of shape {found.shape}")
+        return found
+    except (OSError, ValueError, EOFError, MemoryError) as error:
         raise InputError(f"{path}: not a table of numbers ({error})") from None
