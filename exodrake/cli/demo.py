@@ -22,6 +22,7 @@ CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and 
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from rich.console import Console
+    from rich.markup import escape
 
     from exodrake.cli.simulate import check_folder
 
@@ -36,9 +37,10 @@ def command(seed: int, out: Path) -> None:
     found = diagnose(out)
     chapter(console, 4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
     reveal(console, out, found)
-    console.print(f"\n[bold]look at[/bold]  {out / 'grasp' / 'recording.html'}   the finger in 3D", soft_wrap=True)
-    console.print(f"         {out / 'report.html'}   the diagnosis", soft_wrap=True)
-    console.print(f"         {out / 'robot.yaml'}   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
+    shown = escape(str(out))
+    console.print(f"\n[bold]look at[/bold]  {shown}/grasp/recording.html   the finger in 3D", soft_wrap=True)
+    console.print(f"         {shown}/report.html   the diagnosis", soft_wrap=True)
+    console.print(f"         {shown}/robot.yaml   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
 
 
 HIDDEN = (
@@ -91,7 +93,7 @@ def hide(console: Console, out: Path, seed: int) -> None:
         label = make_case(case_plan(seed), out)
         write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
     digest = (out / COMMITMENT).read_text()[:16]
-    console.print(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…", soft_wrap=True)
+    console.print(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…", soft_wrap=True, markup=False)
 
 
 def case_plan(seed: int) -> Any:
@@ -117,8 +119,8 @@ def diagnose(out: Path) -> Diagnosis:
     case, nominal = read_case(out / CASE), load_robot()
     with stages() as progress:
         found = diagnose(case, nominal, progress=progress)
-    print_summary(found)
     write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
+    print_summary(found)
     write_all({out / "report.html": report_of(found, case, nominal)})
     return found
 

@@ -116,6 +116,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     """Prints whether the grasp is feasible, tensions and postures, and the files."""
     from rich.console import Console
+    from rich.markup import escape
 
     from exodrake.grasping.trial import at_hold
     from exodrake.report.terminal import table
@@ -134,4 +135,4 @@ def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     console.print(table(titles, rows))
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
-    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)

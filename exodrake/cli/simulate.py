@@ -143,6 +143,7 @@ def check_folder(folder: Path) -> None:
 def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
     """Prints how well the tendons followed, where the joints went, and the files."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     axes = robot.machine.axes
@@ -169,11 +170,11 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
         joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
         table.add_row(*tendon, "  ", *joint)
     console = Console()
-    console.print(f"[bold]{log.label}[/bold]  {log.duration:g} s, {len(log)} rows")
+    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
     for identity in robot.effects():
         console.print(f"with {identity}")
     console.print(table)
-    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
 
 
 def warn(robot: Robot) -> None:

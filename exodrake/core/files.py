@@ -67,9 +67,20 @@ def write_bytes(path: str | Path, data: bytes) -> None:
         if target.exists() and not target.is_file():
             target.write_bytes(data)
             return
-        _write_and_rename(target, data)
+        write_whole(target, data)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be written ({_reason(error)})") from None
+
+
+def write_whole(target: Path, data: bytes) -> None:
+    """`write_bytes` of a regular file; OSError if it cannot be written."""
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        _write_and_flush(temporary, data)
+        os.replace(temporary, target)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -100,16 +111,6 @@ def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return [target / name for name in contents]
-
-
-def _write_and_rename(target: Path, data: bytes) -> None:
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        _write_and_flush(temporary, data)
-        os.replace(temporary, target)
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
 
 
 def _write_and_flush(path: Path, data: bytes) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, write_folder
 from exodrake.core.schema import refusal, shown
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
@@ -45,7 +45,7 @@ def read_case(
     else:
         entries, notes = find_logs(place)
         content = CaseFile(None, {}, None, tuple(entries))
-    name = content.name or place.resolve().name
+    name = printable(content.name or place.resolve().name)
     for entry in content.logs if not allow_outside else ():
         check_inside(place, entry["file"], str(folder))
     return _case(name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes)
