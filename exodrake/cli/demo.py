@@ -109,7 +109,7 @@ def case_plan(seed: int) -> Any:
 
 def diagnose(out: Path) -> Diagnosis:
     """Diagnoses the case, prints the summary and writes report, answer and robot."""
-    from exodrake.cli.diagnose import contents_of, report_of, write_all
+    from exodrake.cli.diagnose import contents_of, report_of, say_written, write_all
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
@@ -119,9 +119,10 @@ def diagnose(out: Path) -> Diagnosis:
     case, nominal = read_case(out / CASE), load_robot()
     with stages() as progress:
         found = diagnose(case, nominal, progress=progress)
-    write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
+    written = write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
+    written += write_all({out / "report.html": report_of(found, case, nominal)})
     print_summary(found)
-    write_all({out / "report.html": report_of(found, case, nominal)})
+    say_written(written)
     return found
 
 

@@ -82,10 +82,13 @@ def diagnose_case(
         from exodrake.diagnosis.pipeline import diagnose
 
         found = diagnose(read, nominal, progress, tried)
-    write_all(contents_of(found, json_file, out_robot))
-    print_summary(found)
-    if report is not None:
-        write_all({report: report_of(found, read, nominal)})
+    written = write_all(contents_of(found, json_file, out_robot))
+    try:
+        if report is not None:
+            written += write_all({report: report_of(found, read, nominal)})
+    finally:
+        print_summary(found)
+        say_written(written)
 
 
 def check_target(path: Path | None) -> None:
@@ -114,7 +117,7 @@ def limit_cores(jobs: int | None) -> None:
 
 
 def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:
-    """The report, made after the answer is printed and written: an error in it loses no answer."""
+    """The report, made after the answer is written: an error in it loses no answer."""
     from exodrake.diagnosis.problem import make_problem
     from exodrake.report import report_html
 
@@ -147,10 +150,16 @@ def robot_text(found: Diagnosis) -> str:
         return path.read_text()
 
 
-def write_all(contents: dict[Path, str]) -> None:
-    """Writes the files, each whole or not at all, and says where they are."""
+def write_all(contents: dict[Path, str]) -> list[Path]:
+    """Writes the files, each whole or not at all."""
     from exodrake.core.files import write_text
 
     for path, text in contents.items():
         write_text(path, text)
+    return list(contents)
+
+
+def say_written(files: list[Path]) -> None:
+    """Prints where the files are."""
+    for path in files:
         click.echo(f"written {path}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,7 +54,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     folder = out or Path("simulated") / what.name
     check_folder(folder)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=stderr(), transient=True) as progress:
+    with Progress(*columns, console=stderr(), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
         log = scenario.simulate(built, what)
         contents = files_of(scenario, built, log, what.name, lambda text: progress.update(task, description=text))
