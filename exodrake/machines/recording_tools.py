@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.data.case import CaseLog
+from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
 
 
@@ -60,13 +60,16 @@ def text_of(path: Path) -> str:
         raise InputError(f"{path}: not a text file") from None
 
 
-def parameters(path: Path, **options) -> np.ndarray:
-    """A table of a NumPy file, or of text with `options` of numpy.loadtxt. InputError for one that does not parse."""
-    try:
-        data = io.BytesIO(read_bytes(path))
-        found = np.load(data, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(data, ndmin=2, **options)
-        if found.ndim != 2 or found.dtype.kind not in "fiu":
-            raise ValueError(f"{found.dtype} of shape {found.shape}")
-        return found
-    except (OSError, ValueError, EOFError, MemoryError) as error:
-        raise InputError(f"{path}: not a table of numbers ({error})") from None
+def parameters(path: Path) -> np.ndarray:
+    """A table of a NumPy file, or of text with commas. InputError for one that does not parse."""
+    data = read_bytes(path)
+    if path.suffix == ".npy":
+        found = next(iter(read_arrays(data, str(path)).values()), np.zeros(0))
+    else:
+        try:
+            found = np.array([line.split(",") for line in data.decode().splitlines() if line.strip()], float)
+        except ValueError as error:
+            raise InputError(f"{path}: not a table of numbers ({error})") from None
+    if found.ndim != 2 or found.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {found.dtype} of shape {found.shape}, wanted a table of numbers")
+    return found
