@@ -6,11 +6,12 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := parquet,mcap,cluster,control
 
-.PHONY: help demo test check docs links paper real bench clean
+.PHONY: help demo test check fuzz docs links paper real bench clean
 help:
 	@echo "make demo    set up, then from a robot with a hidden fault to its name"
 	@echo "make test    set up, then format, lint, types and tests"
 	@echo "make check   the same without the tests"
+	@echo "make fuzz    10,000 spoilt inputs; INPUTS=n for another number"
 	@echo "make docs    the documentation, in site/"
 	@echo "make links   addresses outside that code and documentation point to"
 	@echo "make paper   the paper's figures, tables and claims beside ours, in paper/"
@@ -39,6 +40,10 @@ check: $(STAMP)
 test: check
 	@$(BIN)/exodrake warm-up # once here, not once in each worker
 	$(BIN)/pytest -n 2 --dist worksteal $(ARGS)
+
+fuzz: $(STAMP)
+	@$(BIN)/exodrake warm-up
+	FUZZ=$(or $(INPUTS),10000) $(BIN)/pytest tests/test_fuzz.py $(ARGS)
 
 docs: $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS),docs]"

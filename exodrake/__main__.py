@@ -1,5 +1,53 @@
-"""`python -m exodrake`."""
+"""`exodrake` and `python -m exodrake`: Ctrl-C and SIGTERM end every command with one line and status 130."""
 
-from exodrake.cli.main import main
+import contextlib
+import os
+import signal
+import sys
+from typing import Any
 
-main()
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM. After a bare KeyboardInterrupt, even one that was caught, Python may end with SIGINT."""
+
+
+def interrupt(*_: Any) -> None:
+    """Signal handler."""
+    raise Interrupted
+
+
+def run() -> None:
+    """Entry point of the console script."""
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
+            signal.signal(number, interrupt)
+    try:
+        from exodrake.cli.main import main
+
+        main()
+    except KeyboardInterrupt:
+        leave()
+        with contextlib.suppress(OSError):
+            print("interrupted", file=sys.stderr)
+        sys.exit(130)
+    finally:
+        leave()
+
+
+def leave() -> None:
+    """The work is done: signals no longer end it, and output that nobody takes (closed pipe, full disk) is dropped."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        except AttributeError:  # no such stream
+            pass
+
+
+if __name__ == "__main__":
+    run()

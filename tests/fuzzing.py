@@ -1,10 +1,13 @@
 """Ways to spoil a file, and what a command must do with it: status 0, or status 2 and one line."""
 
 import gzip
+import os
+import signal
+from contextlib import contextmanager
 
 import yaml
 from click.testing import CliRunner
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, settings, strategies as st
 
 from exodrake.cli.main import cli
 
@@ -18,10 +21,40 @@ SCRAP = st.one_of(
     st.dictionaries(st.sampled_from(["value", "unit", "range", "AF", "MCP", "file", 3]), st.integers(0, 2), max_size=2),
 )
 
+FEW = 800  # in seconds, so that each change of the code meets them
+INPUTS = int(os.environ.get("FUZZ", "0"))  # of the whole suite; 0: few, the same ones each time
+HANG = 10 if INPUTS else 100  # s for one command
+
+
+def bounded(share: float):
+    """Settings of a test that takes a share [%] of the suite's inputs."""
+    quiet = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
+    return settings(
+        max_examples=round(share / 100 * (INPUTS or FEW)), derandomize=not INPUTS, print_blob=True, deadline=None,
+        database=None, suppress_health_check=quiet,
+    )  # fmt: skip
+
+
+@contextmanager
+def in_time():
+    """Fails what takes longer than HANG."""
+
+    def hang(*_):
+        raise AssertionError(f"no end after {HANG} s")
+
+    before = signal.signal(signal.SIGALRM, hang)
+    signal.alarm(HANG)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
 
 def run(*words) -> str:
     """Runs a command in this process and returns its output; fails on a traceback, and on a refusal of two lines."""
-    result = CliRunner().invoke(cli, [str(word) for word in words])
+    with in_time():
+        result = CliRunner().invoke(cli, [str(word) for word in words])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise AssertionError(f"exodrake {' '.join(map(str, words))}") from result.exception
     assert result.exit_code in (0, 2), result.output
@@ -46,10 +79,13 @@ ENCODINGS = ["utf-8", "utf-8", "utf-8-sig", "utf-16", "latin-1", "utf-32"]
 
 @st.composite
 def spoilt_bytes(draw, data: bytes) -> bytes:
-    """Bytes cut short, with noise in them, or a piece moved to the end."""
+    """Bytes cut short, with noise in them or over them, or a piece moved to the end."""
     at = draw(st.integers(0, len(data)))
     noise = draw(st.binary(max_size=12))
-    return draw(st.sampled_from([data[:at], data[:at] + noise + data[at:], data[at:] + data[:at], noise, b""]))
+    over = data[:at] + noise + data[at + len(noise) :]
+    again = over[: at // 2] + noise + over[at // 2 + len(noise) :]
+    whole = [data[:at], data[:at] + noise + data[at:], data[at:] + data[:at], noise, b"", over, over, over, again]
+    return draw(st.sampled_from(whole))
 
 
 def _shuffled_rows(draw, rows):

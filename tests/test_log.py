@@ -22,7 +22,7 @@ def log() -> Log:
     draw = np.random.default_rng(3)
     time_ = 0.02 * np.arange(50) - 1 / 3
     columns = ("tension_ref_AF", "tension_ref_MF", "tension_AF", "tension_MF", "stroke_AF", "stroke_MF", "angle_MCP")
-    signals = {name: draw.normal(size=50) * 10.0 ** draw.integers(-300, 300) for name in columns}
+    signals = {name: draw.normal(size=50) * 10.0 ** draw.integers(-300, 12) for name in columns}
     signals["tension_AF"][7:9] = np.nan
     signals["stroke_AF"][0] = 5e-324
     return Log(time_, signals)

@@ -79,7 +79,7 @@ def test_values_units_and_dropped_rows(tmp_path):
         ("tendon_sheath", "straight.txt", "1, 2", "no bend in degrees"),
         ("tendon_sheath", "60.txt", "1, 2\n3, x", "60.txt"),
         ("so101", "control.csv", "timestamp,positions\n0,[1]\n", "joint_list.txt"),
-        ("dvrk_wrist", "exp3_q_des_raw.npy", "no", "not a table"),
+        ("dvrk_wrist", "exp3_q_des_raw.npy", "no", "not a whole NumPy file"),
     ],
 )
 def test_bad_recordings_are_refused_by_name(name, file, text, says, tmp_path):

@@ -5,8 +5,7 @@ import math
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from exodrake.core.errors import InputError
-from exodrake.core.schema import MAX_MESSAGE
+from exodrake.core.errors import MAX_MESSAGE, InputError
 from exodrake.core.yaml_file import MAX_BYTES, dump_yaml, parse_yaml
 from exodrake.data import case_file
 from exodrake.data.foreign import mapping

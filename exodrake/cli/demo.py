@@ -22,6 +22,7 @@ CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and 
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from rich.console import Console
+    from rich.markup import escape
 
     from exodrake.cli.simulate import check_folder
 
@@ -36,9 +37,10 @@ def command(seed: int, out: Path) -> None:
     found = diagnose(out)
     chapter(console, 4, "The label", "Now the label is read, and checked against its SHA-256 commitment.")
     reveal(console, out, found)
-    console.print(f"\n[bold]look at[/bold]  {out / 'grasp' / 'recording.html'}   the finger in 3D", soft_wrap=True)
-    console.print(f"         {out / 'report.html'}   the diagnosis", soft_wrap=True)
-    console.print(f"         {out / 'robot.yaml'}   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
+    shown = escape(str(out))
+    console.print(f"\n[bold]look at[/bold]  {shown}/grasp/recording.html   the finger in 3D", soft_wrap=True)
+    console.print(f"         {shown}/report.html   the diagnosis", soft_wrap=True)
+    console.print(f"         {shown}/robot.yaml   the fitted robot, for exodrake simulate --robot", soft_wrap=True)
 
 
 HIDDEN = (
@@ -65,14 +67,16 @@ def fresh(out: Path) -> None:
 
 def grasp(console: Console, folder: Path) -> None:
     """Simulates a grasp; writes log, figure and Meshcat page."""
-    from exodrake.cli.simulate import files_of, write_folder
+    from exodrake.cli.simulate import files_of
+    from exodrake.core.files import write_folder
+    from exodrake.data.log_file import log_bytes
     from exodrake.simulation.scenario import Scenario
 
     with console.status("simulating (the first run compiles for half a minute)") as status:
         scenario = Scenario(GRASP)
         robot, log = scenario.run()
         contents = files_of(scenario, robot, log, GRASP, status.update)
-        write_folder(folder, log, contents)
+        write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
     angles = log.array("angle")
     reached = ", ".join(f"{j} {57.3 * a:.0f}°" for j, a in zip(robot.machine.axes.joints, angles.max(axis=0)))
     console.print(f"   {GRASP} for {log.duration:.0f} s: {reached}")
@@ -89,7 +93,7 @@ def hide(console: Console, out: Path, seed: int) -> None:
         label = make_case(case_plan(seed), out)
         write_committed({CASE: label}, out / LABELS, out / COMMITMENT)
     digest = (out / COMMITMENT).read_text()[:16]
-    console.print(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…", soft_wrap=True)
+    console.print(f"   five logs in {out / CASE}, SHA-256 of the label {digest}…", soft_wrap=True, markup=False)
 
 
 def case_plan(seed: int) -> Any:
@@ -105,7 +109,7 @@ def case_plan(seed: int) -> Any:
 
 def diagnose(out: Path) -> Diagnosis:
     """Diagnoses the case, prints the summary and writes report, answer and robot."""
-    from exodrake.cli.diagnose import contents_of, report_of, write_all
+    from exodrake.cli.diagnose import contents_of, report_of, say_written, write_all
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
@@ -115,9 +119,10 @@ def diagnose(out: Path) -> Diagnosis:
     case, nominal = read_case(out / CASE), load_robot()
     with stages() as progress:
         found = diagnose(case, nominal, progress=progress)
+    written = write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
+    written += write_all({out / "report.html": report_of(found, case, nominal)})
     print_summary(found)
-    write_all(contents_of(found, out / "diagnosis.json", out / "robot.yaml"))
-    write_all({out / "report.html": report_of(found, case, nominal)})
+    say_written(written)
     return found
 
 

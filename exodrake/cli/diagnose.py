@@ -29,10 +29,12 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
+@click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")
 def command(
     cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
     only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
+    allow_outside: bool,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -40,6 +42,8 @@ def command(
     into --out: FOLDER/CASE/diagnosis.json as soon as it is there; the same command goes on where it was interrupted.
     """
     if len(cases) != 1 or out is not None:
+        if allow_outside:
+            raise click.UsageError("--allow-outside is for one case")
         from exodrake.cli.diagnose_many import diagnose_many
 
         refuse_files(json_file, report, out_robot)
@@ -47,7 +51,7 @@ def command(
         return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
-    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without))
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside)
 
 
 def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
@@ -59,7 +63,7 @@ def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | 
 
 def diagnose_case(
     case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None,
-    choice: tuple[str, str] = ("", ""),
+    choice: tuple[str, str] = ("", ""), allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """One case: summary and files."""
     from exodrake.core.progress import stages
@@ -73,15 +77,18 @@ def diagnose_case(
     limit_cores(jobs)
     nominal = load_robot(robot) if robot else load_robot()
     tried = tried_of(robot, *choice)
-    read = read_case(case, required_of(nominal.machine), nominal.machine.frame)
+    read = read_case(case, required_of(nominal.machine), nominal.machine.frame, allow_outside)
     with stages() as progress:
         from exodrake.diagnosis.pipeline import diagnose
 
         found = diagnose(read, nominal, progress, tried)
-    print_summary(found)
-    write_all(contents_of(found, json_file, out_robot))
-    if report is not None:
-        write_all({report: report_of(found, read, nominal)})
+    written = write_all(contents_of(found, json_file, out_robot))
+    try:
+        if report is not None:
+            written += write_all({report: report_of(found, read, nominal)})
+    finally:
+        print_summary(found)
+        say_written(written)
 
 
 def check_target(path: Path | None) -> None:
@@ -110,7 +117,7 @@ def limit_cores(jobs: int | None) -> None:
 
 
 def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:
-    """The report, made after the answer is printed and written: an error in it loses no answer."""
+    """The report, made after the answer is written: an error in it loses no answer."""
     from exodrake.diagnosis.problem import make_problem
     from exodrake.report import report_html
 
@@ -143,10 +150,16 @@ def robot_text(found: Diagnosis) -> str:
         return path.read_text()
 
 
-def write_all(contents: dict[Path, str]) -> None:
-    """Writes the files, each whole or not at all, and says where they are."""
+def write_all(contents: dict[Path, str]) -> list[Path]:
+    """Writes the files, each whole or not at all."""
     from exodrake.core.files import write_text
 
     for path, text in contents.items():
         write_text(path, text)
+    return list(contents)
+
+
+def say_written(files: list[Path]) -> None:
+    """Prints where the files are."""
+    for path in files:
         click.echo(f"written {path}")

@@ -51,10 +51,12 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
 
 def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
     """Tabulate case, verdict, effects and closure."""
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table("case", "verdict", "effects", "closure")
     for name, answer in answers.items():
+        name = escape(name)
         if answer is None:
             table.add_row(name, "[red]failed[/red]", "", "")
             continue

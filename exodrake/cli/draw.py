@@ -19,6 +19,6 @@ def command(robot: str, out: Path) -> None:
 
     machine = load_robot(robot).machine
     if out.suffix.lower() != ".svg":
-        raise InputError(f"{out}: the drawing is an SVG; name it {out.with_suffix('.svg')}")
+        raise InputError(f"{out}: the drawing is an SVG; its name ends in .svg")
     write_text(out, wiring_svg(machine))
     click.echo(f"{out}: {len(machine.parts)} parts, {len(machine.signals)} signals")

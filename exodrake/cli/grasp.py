@@ -41,7 +41,9 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     """
     from rich.console import Console
 
-    from exodrake.cli.simulate import check_folder, write_folder
+    from exodrake.cli.simulate import check_folder
+    from exodrake.core.files import write_folder
+    from exodrake.data.log_file import log_bytes
     from exodrake.estimator.file import load
     from exodrake.estimator.quick import quick_estimator
     from exodrake.grasping.plan import plan_grasp
@@ -62,8 +64,8 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         log = run_plan(plan, built, listening, seed)
         status.update("drawing")
         contents = files_of(plan, log, built, None if file else listening)
-        write_folder(folder, log, contents)
-    show(plan, log, folder, ["log.csv", *contents])
+        files = write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
+    show(plan, log, folder, [file.name for file in files])
 
 
 def parse_size(text: str) -> float:
@@ -114,6 +116,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
 def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     """Prints whether the grasp is feasible, tensions and postures, and the files."""
     from rich.console import Console
+    from rich.markup import escape
 
     from exodrake.grasping.trial import at_hold
     from exodrake.report.terminal import table
@@ -132,4 +135,4 @@ def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     console.print(table(titles, rows))
     if not plan.feasible:
         click.secho(f"not feasible: {plan.reason}", fg="yellow", err=True)
-    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)

@@ -1,6 +1,10 @@
 """The command line: `exodrake COMMAND`, a module of `exodrake/cli` each, imported when it is called."""
 
+import errno
+import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
@@ -10,7 +14,8 @@ import click
 
 from exodrake import __version__
 from exodrake.cli.options import plugin_added
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, printable, shortened
+from exodrake.core.progress import INTERRUPTED
 
 # command -> (module with a click command named `command`, its line in --help); those without a module are not listed
 COMMANDS = {
@@ -41,25 +46,43 @@ class InputProblem(click.ClickException):
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Print `error: message` on one line."""
-        click.secho("error: " + " ".join(self.format_message().split()), fg="red", err=True)
+        click.secho("error: " + shortened(printable(self.format_message())), fg="red", err=True)
+
+
+@contextmanager
+def in_one_line() -> Iterator[None]:
+    """What a user, or a machine that is full, can cause ends in one line, not in a traceback."""
+    try:
+        yield
+    except InputError as problem:
+        raise InputProblem(str(problem)) from None
+    except ValueError as problem:
+        if "null byte" in str(problem):  # click asks the system about a path before any command sees it
+            raise InputProblem("an argument holds a null byte") from None
+        raise
+    except MemoryError:
+        raise InputProblem(f"out of memory: exodrake {shlex.join(sys.argv[1:])}") from None
+    except OSError as problem:
+        if problem.errno == errno.EPIPE:  # who read the output has gone
+            raise
+        raise InputProblem(f"{problem.filename or 'output'}: {problem.strerror or problem}") from None
+    except KeyboardInterrupt:
+        click.echo("interrupted", err=True)
+        raise click.exceptions.Exit(INTERRUPTED) from None
 
 
 class OneLineErrors(click.Command):
-    """A command whose bad input and Ctrl-C end in one line, not in a traceback."""
+    """A command whose bad input and Ctrl-C end in one line."""
+
+    def make_context(self, *args: Any, **extra: Any) -> click.Context:
+        """Parse the arguments."""
+        with in_one_line():
+            return super().make_context(*args, **extra)
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command."""
-        try:
+        with in_one_line():
             return super().invoke(ctx)
-        except InputError as problem:
-            raise InputProblem(str(problem)) from None
-        except ValueError as problem:
-            if "null byte" in str(problem):  # click asks the system about a path before any command sees it
-                raise InputProblem("an argument holds a null byte") from None
-            raise
-        except KeyboardInterrupt:
-            click.echo("interrupted", err=True)
-            ctx.exit(130)
 
 
 class LazyGroup(OneLineErrors, click.Group):
@@ -108,12 +131,8 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """Run the command of the command line."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a plain-ASCII terminal must not end a run  # pyright: ignore
     cli(prog_name="exodrake")
-
-
-if __name__ == "__main__":
-    main()

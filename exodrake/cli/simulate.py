@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,18 +45,21 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from exodrake.core.files import write_folder
+    from exodrake.data.log_file import log_bytes
+
     scenario = scenario_of(protocol, reference, file, robot)
     scenario, built = changed(scenario, options)
     what = scenario.build_reference(built)
     folder = out or Path("simulated") / what.name
     check_folder(folder)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=stderr(), transient=True) as progress:
+    with Progress(*columns, console=stderr(), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
         log = scenario.simulate(built, what)
         contents = files_of(scenario, built, log, what.name, lambda text: progress.update(task, description=text))
-        write_folder(folder, log, contents)
-    show(built, log, folder, ["log.csv", *contents])
+        files = write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
+    show(built, log, folder, [file.name for file in files])
     warn(built)
 
 
@@ -138,26 +141,10 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: {parent} takes no files")
 
 
-def write_folder(folder: Path, log: Log, contents: dict[str, bytes]) -> None:
-    """All files or none: written into a neighbour first, then moved."""
-    from exodrake.core.errors import InputError
-    from exodrake.data.log_file import write_log
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".part-") as part:
-            write_log(log, Path(part) / "log.csv")
-            for name, data in contents.items():
-                (Path(part) / name).write_bytes(data)
-            for name in ("log.csv", *contents):
-                os.replace(Path(part) / name, folder / name)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
-
-
 def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
     """Prints how well the tendons followed, where the joints went, and the files."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     axes = robot.machine.axes
@@ -184,11 +171,11 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
         joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
         table.add_row(*tendon, "  ", *joint)
     console = Console()
-    console.print(f"[bold]{log.label}[/bold]  {log.duration:g} s, {len(log)} rows")
+    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
     for identity in robot.effects():
         console.print(f"with {identity}")
     console.print(table)
-    console.print(f"[bold]{folder}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
 
 
 def warn(robot: Robot) -> None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import os
 import sys
-import tempfile
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from exodrake.core.files import write_whole
+
+CACHED = "cache=True"  # in generated code
 _loaded: dict[str, ModuleType] = {}
 
 
@@ -22,44 +23,45 @@ def cache_folder() -> Path:
 
 
 def load_text(stem: str, text: str) -> ModuleType:
-    """Imports generated code; machine code comes from numba's cache when this text was compiled before.
+    """Runs generated code as a module; machine code comes from numba's cache when this text was compiled before.
 
     Args:
         stem: first part of the file name; a hash of the text follows.
-        text: the source.
+        text: the source, which is run as it is given, whatever its file holds.
     """
     name = f"{stem}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     if name not in _loaded:
         os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # idle threads sleep, and leave their core to other work
-        spec = importlib.util.spec_from_file_location(f"exodrake_generated_{name}", source_file(name, text))
-        assert spec and spec.loader
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module  # numba loads cached code by this name
-        spec.loader.exec_module(module)
+        module = ModuleType(f"exodrake_generated_{name}")
+        sys.modules[module.__name__] = module  # numba loads cached code by this name
+        try:
+            path = write_if_different(cache_folder() / f"{name}.py", text)
+            run(text, path, module)
+        except (OSError, RuntimeError) as error:  # no room, no right, no home folder, or nowhere for numba
+            say_once(str(error))
+            run(text.replace(CACHED, "cache=False"), Path(f"{name}.py"), module)
         _loaded[name] = module
     return _loaded[name]
 
 
-def source_file(name: str, text: str) -> Path:
-    """The file of that text, in the cache folder or, where that cannot be written, in a temporary one."""
-    try:
-        return write_if_different(cache_folder() / f"{name}.py", text)
-    except OSError as error:
-        return write_if_different(temporary_folder(str(error)) / f"{name}.py", text)
+def run(text: str, path: Path, module: ModuleType) -> None:
+    """Runs source that a file holds in a module. RuntimeError if its machine code can be kept nowhere."""
+    exec(compile(text, path, "exec"), module.__dict__)
+    if CACHED in text:
+        from exodrake.compiled.machine_code import mend
+
+        mend(module)
 
 
 def write_if_different(path: Path, text: str) -> Path:
     """Writes a file whole, unless it holds this text already."""
     if not path.exists() or path.read_bytes() != text.encode():
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}.part")
-        part.write_bytes(text.encode())
-        part.replace(path)
+        write_whole(path, text.encode())
     return path
 
 
 @cache
-def temporary_folder(reason: str) -> Path:
-    """A folder for this process; says once why."""
-    print(f"exodrake: compiled code is kept for this run only, the cache cannot be used: {reason}", file=sys.stderr)
-    return Path(tempfile.mkdtemp(prefix="exodrake-"))
+def say_once(reason: str) -> None:
+    """One line on standard error."""
+    print(f"exodrake: the cache of compiled code cannot be used, so each run compiles anew: {reason}", file=sys.stderr)

@@ -1,12 +1,28 @@
 """Errors a user can cause and mend."""
 
+MAX_MESSAGE, TAIL = 300, 120  # characters of a message, and of its end that a cut in the middle leaves
+
 
 class InputError(Exception):
     """Bad input from a user.
 
-    The message is one sentence that names the thing (file, column, row, key, option) and where it came from. The
-    command line prints it as one line and exits with status 2; a traceback would mean a bug of ours.
+    The message is one sentence that names the thing (file, column, row, key, option) and where it came from, at most
+    MAX_MESSAGE characters, control characters escaped. The command line prints it as one line and exits with status 2;
+    a traceback would mean a bug of ours.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(shortened(printable(message)))
+
+
+def printable(text: str) -> str:
+    """Text in one line, control characters shown escaped."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def shortened(text: str, most: int = MAX_MESSAGE, tail: int = TAIL) -> str:
+    """Text of at most so many characters: what is longer loses its middle."""
+    return text if len(text) <= most else f"{text[: most - tail - 5]} ... {text[-tail:]}"
 
 
 def nearest(word: str, words: list[str]) -> str:

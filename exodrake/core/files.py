@@ -2,9 +2,13 @@
 
 import contextlib
 import os
+import shutil
+import stat
 from pathlib import Path
 
 from exodrake.core.errors import InputError
+
+MAX_BYTES = 500_000_000  # assumed; an hour of 30 columns at 50 Hz takes 100 MB as text, the largest kind of file
 
 
 def is_file(path: str | Path) -> bool:
@@ -24,13 +28,32 @@ def is_folder(path: str | Path) -> bool:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Contents of a file. InputError naming the file if it is absent, a folder, or may not be read."""
+    """Contents of a regular file. InputError naming the file if it is absent, no such, too large or not to be read."""
+    refuse_special(path)
     try:
-        return Path(path).read_bytes()
+        with open(path, "rb") as stream:
+            return limited(stream.read(MAX_BYTES + 1), path)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
+
+
+def refuse_special(path: str | Path) -> None:
+    """InputError for a pipe or device, which may have no end."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise InputError(f"{path}: a pipe or device, wanted a file")
+
+
+def limited(data: bytes, source: str | Path) -> bytes:
+    """The data; InputError naming their source if they are more than MAX_BYTES."""
+    if len(data) > MAX_BYTES:
+        raise InputError(f"{source}: larger than {MAX_BYTES / 1e6:g} MB, and not read")
+    return data
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -44,9 +67,20 @@ def write_bytes(path: str | Path, data: bytes) -> None:
         if target.exists() and not target.is_file():
             target.write_bytes(data)
             return
-        _write_and_rename(target, data)
+        write_whole(target, data)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be written ({_reason(error)})") from None
+
+
+def write_whole(target: Path, data: bytes) -> None:
+    """`write_bytes` of a regular file; OSError if it cannot be written."""
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        _write_and_flush(temporary, data)
+        os.replace(temporary, target)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -55,28 +89,35 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
-    """Write files into a folder, made if absent, by `write_bytes`. InputError if it cannot be made or written."""
+    """Write files into a folder together: all are there before the first is moved to its place.
+
+    A new folder appears with all of them or not at all. InputError if it cannot be made or written.
+    """
     target = Path(folder)
+    there = target.exists()
+    part = (target if there else target.parent) / f".{target.name}.{os.getpid()}.part"
     try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{target}: cannot make this folder ({error.strerror})") from None
-    for name, data in contents.items():
-        write_bytes(target / name, data)
+        part.mkdir(parents=True)
+        for name, data in contents.items():
+            (part / name).parent.mkdir(parents=True, exist_ok=True)
+            _write_and_flush(part / name, data)
+        if not there:
+            part.replace(target)
+        for name in contents if there else ():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(part / name, target / name)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{target}: cannot be written ({_reason(error)})") from None
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     return [target / name for name in contents]
 
 
-def _write_and_rename(target: Path, data: bytes) -> None:
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        with open(temporary, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(temporary, target)
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+def _write_and_flush(path: Path, data: bytes) -> None:
+    with open(path, "wb") as stream:
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def _reason(error: Exception) -> str:

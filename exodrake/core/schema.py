@@ -16,7 +16,7 @@ from typing import Any
 from exodrake.core.errors import InputError
 
 Schema = Callable[[Any, str], Any]
-MAX_MESSAGE, MAX_PLACE, MAX_SHOWN = 300, 160, 40  # characters
+MAX_PLACE, MAX_SHOWN = 160, 40  # characters
 
 
 def shown(value: Any) -> str:
@@ -26,10 +26,8 @@ def shown(value: Any) -> str:
 
 
 def refusal(where: str, reason: str) -> InputError:
-    """An InputError of one sentence: `where: reason`, at most MAX_MESSAGE characters, control characters escaped."""
-    place = where if len(where) <= MAX_PLACE else "..." + where[-MAX_PLACE:]
-    words = "".join(c if c.isprintable() else repr(c)[1:-1] for c in f"{place}: {reason}")
-    return InputError(words if len(words) <= MAX_MESSAGE else words[: MAX_MESSAGE - 3] + "...")
+    """An InputError of one sentence: `where: reason`, of a long place only its end."""
+    return InputError(f"{where if len(where) <= MAX_PLACE else '...' + where[-MAX_PLACE:]}: {reason}")
 
 
 def inside(where: str, key: str) -> str:

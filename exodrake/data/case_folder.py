@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from exodrake.core.errors import InputError
-from exodrake.core.files import is_file, is_folder, write_text
+from exodrake.core.errors import InputError, printable
+from exodrake.core.files import is_file, is_folder, write_folder
+from exodrake.core.schema import refusal, shown
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
-from exodrake.data.case_file import case_text, find_logs, read_case_file
+from exodrake.data.case_file import CaseFile, case_text, find_logs, read_case_file
 from exodrake.data.clock import regularise
 from exodrake.data.columns import check_columns
 from exodrake.data.formats import stem
 from exodrake.data.log import REQUIRED, Log
-from exodrake.data.log_file import read_table, write_log
+from exodrake.data.log_file import log_bytes, read_table
 
 
-def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: float | None = None) -> Case:
+def read_case(
+    folder: str | Path,
+    required: Sequence[str] = REQUIRED,
+    period: float | None = None,
+    allow_outside: bool = False,
+) -> Case:
     """Read a case folder, or one log file as a case of itself. InputError names file and key, or file, column and row.
 
-    required: as in `read_log`. period: frame [s] when case.yaml gives none. Repeated rows and missing frames are
-    mended and noted; a clock that steps backwards is refused.
+    Repeated rows and missing frames are mended and noted; a clock that steps backwards is refused.
+
+    Args:
+        folder: the folder, its case.yaml, or a log.
+        required: as in `read_log`.
+        period: frame [s] when case.yaml gives none.
+        allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
     """
     place = Path(folder)
     if is_file(place) and place.name != FILE:
@@ -31,29 +40,33 @@ def read_case(folder: str | Path, required: Sequence[str] = REQUIRED, period: fl
     place = place.parent if place.name == FILE and is_file(place) else place
     if not is_folder(place):
         raise InputError(f"{folder}: no such folder")
-    name = place.resolve().name
-    if not (place / FILE).is_file():
+    if is_file(place / FILE):
+        content, notes = read_case_file(place / FILE), []
+    else:
         entries, notes = find_logs(place)
-        return _case(name, place, entries, {}, period or PERIOD, required, notes)
-    content = read_case_file(place / FILE)
-    return _case(content.name or name, place, content.logs, content.robot, content.period or period or PERIOD, required)
+        content = CaseFile(None, {}, None, tuple(entries))
+    name = printable(content.name or place.resolve().name)
+    for entry in content.logs if not allow_outside else ():
+        check_inside(place, entry["file"], str(folder))
+    return _case(name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes)
 
 
 def write_case(case: Case, folder: str | Path) -> None:
     """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all."""
-    target = Path(folder)
-    if target.exists():
-        _write_into(case, target)
-        return
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    for item in case.logs:
+        check_inside(folder, item.file, case.name)
+    contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
+    write_folder(folder, contents | {FILE: case_text(case).encode()})
+
+
+def check_inside(folder: str | Path, file: str, where: str) -> None:
+    """InputError, saying where the name stands, if a log's name or link leads out of the folder of its case."""
     try:
-        temporary.mkdir(parents=True)
-        _write_into(case, temporary)
-        temporary.replace(target)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        inside = (Path(folder) / file).resolve().is_relative_to(Path(folder).resolve())
+    except (OSError, ValueError, RuntimeError):  # a name too long, a null byte, a ring of links
+        inside = False
+    if not inside:
+        raise refusal(f"{where}: log {shown(file)}", "lies outside the folder; --allow-outside reads it")
 
 
 def _case(
@@ -78,14 +91,3 @@ def _read(path: Path, required: Sequence[str], period: float) -> tuple[Log, list
     log = read_table(path)
     check_columns(log, required)
     return regularise(log, period)
-
-
-def _write_into(case: Case, folder: Path) -> None:
-    """Logs first: a folder with a case.yaml is complete."""
-    for item in case.logs:
-        path = folder / item.file
-        if not path.resolve().is_relative_to(folder.resolve()):
-            raise InputError(f"{case.name}: log {item.file!r} would be written outside {folder}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_log(item.log, path)
-    write_text(folder / FILE, case_text(case))

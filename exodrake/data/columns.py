@@ -8,13 +8,16 @@ from exodrake.core.errors import InputError
 from exodrake.core.units import KINDS, check_unit, to_si
 from exodrake.data.log import Log
 
+LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
+MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
+
 
 def check_writable(log: Log, target: str) -> None:
-    """InputError for no rows, an infinite sample, a hole in the clock, and a column name that no heading can hold."""
+    """InputError for no rows, a sample too large, a hole in the clock, and a column name that no heading can hold."""
     if not len(log):
         raise InputError(f"{target}: the log has no rows, it is not written")
     for name, values in {"time": log.time, **log.signals}.items():
-        wrong = np.flatnonzero(np.isinf(values) | (np.isnan(values) if name == "time" else False))
+        wrong = np.flatnonzero((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
         if len(wrong):
             row = int(wrong[0])
             raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
@@ -56,7 +59,7 @@ def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> 
         where = f"{source}, column {name!r}"
         units[name] = check_unit(name, unit, where)
         signals[name] = to_si(values, unit, where)
-        _refuse_infinite(signals[name], where)
+        _refuse_large(signals[name], where)
     if "time" not in signals:
         raise InputError(
             f"{source}: required column 'time [s]' is missing (found {', '.join(signals) or 'no columns'})"
@@ -95,6 +98,15 @@ def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = (
                 )
 
 
-def _refuse_infinite(values: np.ndarray, where: str) -> None:
-    if np.isinf(values).any():
-        raise InputError(f"{where}, row {int(np.flatnonzero(np.isinf(values))[0]) + 1}: infinite")
+def check_size(samples: int, source: str) -> None:
+    """InputError for a log that would fill the memory."""
+    if samples > MAX_SAMPLES:
+        raise InputError(f"{source}: {samples} samples, more than {MAX_SAMPLES}; cut it into several logs")
+
+
+def _refuse_large(values: np.ndarray, where: str) -> None:
+    wrong = np.flatnonzero(np.abs(values) > LARGEST)
+    if len(wrong):
+        value = values[wrong[0]]
+        reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
+        raise InputError(f"{where}, row {int(wrong[0]) + 1}: {reason}")

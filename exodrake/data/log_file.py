@@ -37,12 +37,17 @@ def read_table(path: str | Path) -> Log:
 
 
 def write_log(log: Log, path: str | Path) -> None:
-    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit.
+    """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit. InputError as `log_bytes`."""
+    write_bytes(path, log_bytes(log, path))
+
+
+def log_bytes(log: Log, path: str | Path) -> bytes:
+    """Content of a log's file.
 
     Raises:
-        InputError: for an unknown ending, and for what no file would give back: no rows, an infinite sample, a hole in
-            the clock, a name that no heading can hold.
+        InputError: for an unknown ending, and for what no file would give back: no rows, a sample that is infinite or
+            larger than any signal, a hole in the clock, a name that no heading can hold.
     """
     module = format_of(path)
     check_writable(log, str(path))
-    write_bytes(path, module.write(log))
+    return module.write(log)

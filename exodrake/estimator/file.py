@@ -7,7 +7,6 @@ joints, and for a robot file of another signature.
 import hashlib
 import io
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_bytes
+from exodrake.data.formats.npz import read_arrays
 from exodrake.estimator.gp import Estimator
 from exodrake.systems.gp_estimator import Weights
 
@@ -93,12 +93,10 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
 
 def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Read record and arrays."""
-    data = read_bytes(path)
+    arrays = read_arrays(read_bytes(path), str(path))
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
         record = json.loads(str(arrays.pop("record")))
-    except (ValueError, KeyError, TypeError, EOFError, OSError, AttributeError, zipfile.BadZipFile) as error:
+    except (ValueError, KeyError, RecursionError) as error:
         raise InputError(f"{path}: not an estimator file ({error})") from None
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError(f"{path}: not an estimator file of this version ({FORMAT!r})")

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 from exodrake.data.case import CaseLog
+from exodrake.data.formats.npz import read_arrays
 from exodrake.data.log import Log
 
 
@@ -50,9 +52,24 @@ def file_of(path: Path, name: str) -> Path:
     return found
 
 
-def parameters(path: Path, **options) -> np.ndarray:
-    """A NumPy file, or a text table with `options` of numpy.loadtxt. InputError for one that does not parse."""
+def text_of(path: Path) -> str:
+    """Content of a text file. InputError for one that is none."""
     try:
-        return np.load(path, allow_pickle=False) if path.suffix == ".npy" else np.loadtxt(path, ndmin=2, **options)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: not a table of numbers ({error})") from None
+        return read_bytes(path).decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file") from None
+
+
+def parameters(path: Path) -> np.ndarray:
+    """A table of a NumPy file, or of text with commas. InputError for one that does not parse."""
+    data = read_bytes(path)
+    if path.suffix == ".npy":
+        found = next(iter(read_arrays(data, str(path)).values()), np.zeros(0))
+    else:
+        try:
+            found = np.array([line.split(",") for line in data.decode().splitlines() if line.strip()], float)
+        except ValueError as error:
+            raise InputError(f"{path}: not a table of numbers ({error})") from None
+    if found.ndim != 2 or found.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {found.dtype} of shape {found.shape}, wanted a table of numbers")
+    return found

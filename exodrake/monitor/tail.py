@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import refuse_special
 from exodrake.core.machine import Machine
 from exodrake.monitor.columns import Columns, read_heading
 
@@ -71,6 +72,7 @@ class Tail:
 
     def open(self) -> None:
         """Opens the file if it is there; InputError if it may not be read."""
+        refuse_special(self.path)
         try:
             self.stream = open(self.path, "rb")  # noqa: SIM115
         except FileNotFoundError:

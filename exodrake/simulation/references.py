@@ -82,6 +82,6 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
         value = tension[row, column]
         what = "is missing" if np.isnan(value) else f"is {value:g} N"
         raise InputError(f"{log.label}: tension_ref_{wires[column]} {what} in row {row + 2}, wanted 0 or more")
-    if len(log) > 1 and np.abs(np.diff(log.time) - robot.machine.frame).max() > ALIKE:
+    if log.dt and np.abs(np.diff(log.time) - robot.machine.frame).max() > ALIKE:
         raise InputError(f"{log.label}: rows are not {robot.machine.frame:g} s apart; see exodrake.regularise")
     return Reference(tension, Path(path).name.split(".")[0])

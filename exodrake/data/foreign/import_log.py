@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.units import to_si
@@ -26,7 +27,8 @@ def import_log(file: str | Path, map_file: str | Path) -> Log:
     if Path(file).name.lower().endswith(".mcap"):
         from exodrake.data.foreign.ros2 import read_tracks
 
-        tracks = read_tracks(data, str(file), [column.foreign for column in mapped.columns], mapped.stamp)
+        foreign = [column.foreign for column in mapped.columns]
+        tracks = in_child(read_tracks, data, str(file), foreign, mapped.stamp, source=str(file), size=len(data))
         period = mapped.period or 0.02  # topics have clocks of their own, so a common one is needed
     else:
         tracks = _one_clock(read_columns(data, str(file), mapped), mapped, f"{file}")

@@ -4,7 +4,7 @@ A cell `[1, 2, 3]`, and a matrix, make columns `name[0]`, `name[1]` ...
 """
 
 import csv
-import io
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,9 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
 
         return _spread(read_variables(data, source))
     if name.endswith((".npy", ".npz")):
-        return _spread(_numpy(data, source))
+        from exodrake.data.formats.npz import read_arrays
+
+        return _spread(read_arrays(data, source))
     if name.endswith(".parquet"):
         from exodrake.data.formats.parquet import read_columns as read_parquet
 
@@ -38,15 +40,7 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     return _text(data, source, mapped)
 
 
-def _numpy(data: bytes, source: str) -> dict[str, object]:
-    try:
-        loaded = np.load(io.BytesIO(data), allow_pickle=False)
-        return {"": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded.files}
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole NumPy file of numbers ({type(error).__name__})") from None
-
-
-def _spread(arrays: dict[str, object]) -> dict[str, np.ndarray]:
+def _spread(arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
     """Vectors by name, and the columns of a matrix (n, m) as `name[0]` ... (a nameless one's as `0` ...)."""
     columns = {}
     for name, value in arrays.items():

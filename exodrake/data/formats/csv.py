@@ -2,12 +2,14 @@
 
 import csv
 import io
+from array import array
+from collections.abc import Iterator
 from math import nan
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import headings, log_from_columns
+from exodrake.data.columns import check_size, headings, log_from_columns
 from exodrake.data.log import Log
 
 ENDINGS = (".csv",)
@@ -21,23 +23,24 @@ def read(data: bytes, source: str) -> Log:
 
 def read_cells(data: bytes, source: str) -> tuple[list[str], np.ndarray]:
     """Headings as they stand, and values (rows, columns), NaN for empty cells. InputError for text or a ragged row."""
+    check_size(sum(data.count(end) for end in (b",", b"\n", b"\r")), source)
     rows = _rows(data, source)
-    if not rows or not any(cell.strip() for cell in rows[0]):
+    names = [name.strip() for name in next(rows, [])]
+    if not any(names):
         raise InputError(f"{source}: empty file")
-    names = [name.strip() for name in rows[0]]
     if len(names) == 1 and ";" in names[0]:
         raise InputError(f"{source}: cells are separated by ';', wanted ','")
-    values = np.empty((len(rows) - 1, len(names)))
-    for number, row in enumerate(rows[1:]):
+    values = array("d")
+    for number, row in enumerate(rows):
         if len(row) != len(names):
             raise InputError(
                 f"{source}: row {number + 1} (line {number + 2}) has {len(row)} cells, the heading has {len(names)}"
             )
         try:
-            values[number] = [float(cell) for cell in row]
+            values.extend([float(cell) for cell in row])
         except ValueError:
-            values[number] = [_number(cell, name, number, source) for cell, name in zip(row, names, strict=True)]
-    return names, values
+            values.extend([_number(cell, name, number, source) for cell, name in zip(row, names, strict=True)])
+    return names, np.array(values).reshape(-1, len(names))
 
 
 def write(log: Log) -> bytes:
@@ -50,24 +53,23 @@ def write(log: Log) -> bytes:
     return stream.getvalue().encode()
 
 
-def _rows(data: bytes, source: str) -> list[list[str]]:
+def _rows(data: bytes, source: str) -> Iterator[list[str]]:
+    """Rows of cells; empty lines at the end are no rows."""
     try:
-        text = data.decode("utf-8-sig")
-        if "_" in text[text.find("\n") :]:  # float() takes 1_000, a log must not
-            return [[cell.replace("_", "·") for cell in row] if n else row for n, row in enumerate(_split(text))]
-        return _split(text)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{source}: not a text file (byte {error.start})") from None
+        underscores = data.find(b"_", data.find(b"\n")) >= 0  # float() takes 1_000, a log must not
+        text = io.TextIOWrapper(io.BytesIO(data), "utf-8-sig", newline="")
+        empty: list[list[str]] = []
+        for number, row in enumerate(csv.reader(text, strict=True)):
+            if not any(cell.strip() for cell in row):
+                empty.append(row)
+                continue
+            yield from empty
+            empty.clear()
+            yield [cell.replace("_", "·") for cell in row] if underscores and number else row
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: not a text file") from None
     except csv.Error as error:
         raise InputError(f"{source}: not a CSV file ({error})") from None
-
-
-def _split(text: str) -> list[list[str]]:
-    """Rows of cells; empty lines at the end are no rows."""
-    rows = list(csv.reader(io.StringIO(text, newline=""), strict=True))
-    while rows and not any(cell.strip() for cell in rows[-1]):
-        rows.pop()
-    return rows
 
 
 def _number(cell: str, name: str, number: int, source: str) -> float:

@@ -1,9 +1,11 @@
 """CSV, gzipped."""
 
 import gzip
+import io
 import zlib
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import MAX_BYTES, limited
 from exodrake.data.formats import csv
 from exodrake.data.log import Log
 
@@ -16,9 +18,10 @@ def read(data: bytes, source: str) -> Log:
 
 
 def unpack(data: bytes, source: str) -> bytes:
-    """Gunzipped bytes."""
+    """Gunzipped bytes. InputError for more of them than a file may have."""
     try:
-        return gzip.decompress(data)
+        with gzip.open(io.BytesIO(data)) as stream:
+            return limited(stream.read(MAX_BYTES + 1), source)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{source}: not a whole gzip file ({error})") from None
 

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.data.columns import heading, log_from_columns
 from exodrake.data.log import Log
@@ -43,7 +44,15 @@ def write(log: Log) -> bytes:
 
 
 def read_variables(data: bytes, source: str) -> dict[str, object]:
-    """Variables of a MAT file up to version 7; structs as objects with attributes."""
+    """Variables of a MAT file up to version 7; structs as objects with attributes.
+
+    InputError for a damaged file, even one that crashes SciPy's reader.
+    """
+    return in_child(parse, data, source, source=source, size=len(data))
+
+
+def parse(data: bytes, source: str) -> dict[str, object]:
+    """`read_variables` in this process."""
     from scipy.io import loadmat
 
     try:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.units import kind_of
 from exodrake.data.columns import heading, log_from_columns
@@ -24,6 +25,11 @@ BARE = "value"  # field of a column that has no channel in its name
 
 def read(data: bytes, source: str) -> Log:
     """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
+    return log_from_columns(in_child(parse, data, source, source=source, size=len(data)), source)
+
+
+def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
+    """Headings and columns, in this process."""
     make_reader, _ = _mcap(source)
     try:
         reader = make_reader(io.BytesIO(data))
@@ -33,12 +39,11 @@ def read(data: bytes, source: str) -> Log:
             for _, channel, message in reader.iter_messages(log_time_order=False):
                 topics.setdefault(channel.topic, []).append(json.loads(message.data))
         places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
-        columns = [(heading(n, u), _values(topics.get(t, []), f)) for n, u, t, f in places]
+        return [(heading(n, u), _values(topics.get(t, []), f)) for n, u, t, f in places]
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         if isinstance(error, KeyError) and error.args == (RECORD,):
             raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file") from None
         raise InputError(f"{source}: not a whole MCAP file ({type(error).__name__})") from None
-    return log_from_columns(columns, source)
 
 
 def write(log: Log) -> bytes:

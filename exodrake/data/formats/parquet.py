@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
-from exodrake.data.columns import headings, log_from_columns
+from exodrake.data.columns import check_size, headings, log_from_columns
 from exodrake.data.log import Log
 
 ENDINGS = (".parquet",)
@@ -14,14 +15,31 @@ ENDINGS = (".parquet",)
 
 def read(data: bytes, source: str) -> Log:
     """Parse a Parquet log. InputError for a damaged file, a column that is not numeric, and pyarrow not installed."""
-    table = _table(data, source)
-    return log_from_columns([(name, _numbers(table.column(i), name, source)) for i, name in _named(table)], source)
+    columns = in_child(parse, data, source, source=source, size=len(data))
+    for name, values in columns:
+        if isinstance(values, str):
+            raise InputError(f"{source}: column {name!r} is {values}, wanted numbers")
+    return log_from_columns(columns, source)
 
 
 def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """Numeric columns of any Parquet file by name, (n,) as recorded."""
-    table = _table(data, source)
-    return {name: _numbers(table.column(i), name, source) for i, name in _named(table) if _numeric(table.column(i))}
+    columns = in_child(parse, data, source, source=source, size=len(data))
+    return {name: values for name, values in columns if not isinstance(values, str)}
+
+
+def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
+    """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
+    _, parquet = _pyarrow(source)
+    try:
+        file = parquet.ParquetFile(io.BytesIO(data))
+        check_size(file.metadata.num_rows * file.metadata.num_columns, source)
+        table = file.read()
+        return [(name, _values(table.column(i))) for i, name in enumerate(table.column_names)]
+    except InputError:
+        raise
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
 
 
 def write(log: Log) -> bytes:
@@ -33,31 +51,12 @@ def write(log: Log) -> bytes:
     return stream.getvalue()
 
 
-def _table(data: bytes, source: str) -> Any:
-    _, parquet = _pyarrow(source)
-    try:
-        return parquet.read_table(io.BytesIO(data))
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
-
-
-def _named(table: Any) -> list[tuple[int, str]]:
-    """Columns by number, since a file may hold the same name twice."""
-    return list(enumerate(table.column_names))
-
-
-def _numeric(column: Any) -> bool:
+def _values(column: Any) -> np.ndarray | str:
     import pyarrow
 
     kind = column.type
-    return pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind) or pyarrow.types.is_null(kind)
-
-
-def _numbers(column: Any, name: str, source: str) -> np.ndarray:
-    import pyarrow
-
-    if not _numeric(column):
-        raise InputError(f"{source}: column {name!r} is {column.type}, wanted numbers")
+    if not (pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind) or pyarrow.types.is_null(kind)):
+        return str(kind)
     return column.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
 
 

@@ -5,31 +5,55 @@ with a negative residual is missing.
 """
 
 import os
+import struct
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.units import si_unit, to_si
 from exodrake.identification.kinematics.markers import Recording, checked
 
+BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
+BLOCK = 512  # bytes
+
 
 def read_c3d(path: str | Path) -> Recording:
-    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length."""
+    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length.
+
+    A file that crashes ezc3d, holds it for ever or lacks frames that its header promises is refused, too.
+    """
+    data = read_bytes(path)
+    return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
+
+
+def frames_of(data: bytes) -> int:
+    """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
+    mark = BLOCK * (data[0] - 1) + 3 if data else 0
+    if mark < 0 or len(data) <= max(mark, BLOCK):
+        return 0
+    first, last = struct.unpack_from(">HH" if data[mark] == BIG_ENDIAN else "<HH", data, 6)
+    return last - first + 1
+
+
+def parse(path: str, frames: int) -> Recording:
+    """`read_c3d` in this process; frames: how many there have to be at least."""
     import ezc3d
 
-    read_bytes(path)
     try:
-        content = ezc3d.c3d(os.fspath(path))
+        content = ezc3d.c3d(path)
     except Exception as error:  # ezc3d raises bare C++ exceptions of several kinds
         raise InputError(f"{path}: not a C3D file ({error})") from None
     settings = content["parameters"]["POINT"]
     names = tuple(label.rsplit(":", 1)[-1].strip() for label in settings["LABELS"]["value"])
     points = np.moveaxis(content["data"]["points"][:3], 0, 2).swapaxes(0, 1)
     rate = float(np.ravel(settings["RATE"]["value"])[0]) if len(np.ravel(settings["RATE"]["value"])) else 0.0
-    if not names or points.shape[0] == 0 or rate <= 0:
+    if len(points) < frames:
+        raise InputError(f"{path}: {len(points)} frames, but its header promises {frames}: it is cut short")
+    if not names or len(points) == 0 or rate <= 0:
         raise InputError(f"{path}: no points, or no frame rate")
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)

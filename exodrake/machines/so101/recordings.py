@@ -16,7 +16,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case
 from exodrake.data.log import Log
-from exodrake.machines.recording_tools import file_of, halves, joint_log
+from exodrake.machines.recording_tools import file_of, halves, joint_log, text_of
 
 FRAME = 0.02  # s
 CONTROL, STATE, LIST = "control.csv", "state_motor.csv", "joint_list.txt"
@@ -33,7 +33,7 @@ def case(path: Path) -> Case:
 
 def read(run: Path) -> Log:
     """One run."""
-    joints = [name.replace("_", "") for name in file_of(run, LIST).read_text().split()]
+    joints = [name.replace("_", "") for name in text_of(file_of(run, LIST)).split()]
     command, angle = (positions(file_of(run, name), len(joints)) for name in (CONTROL, STATE))
     rows = min(len(command), len(angle))
     return joint_log(joints, command[:rows], angle[:rows], FRAME, str(run))
@@ -42,17 +42,14 @@ def read(run: Path) -> Log:
 def positions(file: Path, joints: int) -> np.ndarray:
     """The lists in column `positions` (n, joints)."""
     found = []
-    with file.open(newline="") as stream:
-        for number, row in enumerate(csv.DictReader(stream)):
-            try:
-                values = [float(v) for v in json.loads(row["positions"])]
-            except (KeyError, TypeError, ValueError):
-                raise InputError(f"{file}: column 'positions', row {number + 1}: no list of numbers") from None
-            if len(values) != joints:
-                raise InputError(
-                    f"{file}: column 'positions', row {number + 1}: {len(values)} numbers, wanted {joints}"
-                )
-            found.append(values)
+    for number, row in enumerate(csv.DictReader(text_of(file).splitlines())):
+        try:
+            values = [float(v) for v in json.loads(row["positions"])]
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
+            raise InputError(f"{file}: column 'positions', row {number + 1}: no list of numbers") from None
+        if len(values) != joints:
+            raise InputError(f"{file}: column 'positions', row {number + 1}: {len(values)} numbers, wanted {joints}")
+        found.append(values)
     if not found:
         raise InputError(f"{file}: no rows")
     return np.array(found)

@@ -44,7 +44,7 @@ def bend_of(file: Path) -> float:
 
 def read(file: Path) -> Log:
     """One configuration, a row for each time of the trajectory."""
-    rows = parameters(file, delimiter=",")
+    rows = parameters(file)
     if rows.shape[1] != COLUMNS:
         raise InputError(f"{file}: {rows.shape[1]} columns, wanted {COLUMNS}")
     rows = rows[np.concatenate([[True], np.diff(rows[:, TIME]) > 0])]

@@ -1,0 +1,116 @@
+"""Calls in a process of their own: a file that crashes a reader, or never ends in it, costs that file alone.
+
+    variables = in_child(parse, data, source, source=source, size=len(data))
+
+The process has limits of memory and time. It stays for the next call, and ends with the process that started it.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from threading import Lock
+from typing import Any
+
+from exodrake.core.errors import InputError
+from exodrake.core.parallel import ONE_THREAD
+
+SECONDS = 8.0  # assumed: of a small file; readers take milliseconds
+BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
+MEMORY = 4 << 30  # bytes of address space; readers of the largest file that `read_bytes` takes need less
+_lock = Lock()
+_child: Child | None = None
+
+
+def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: int) -> T:
+    """Calls a function in the child process.
+
+    Args:
+        function: one that a module of this package defines.
+        arguments: of the call, sent by value, as its result is.
+        source: the file it reads, for messages.
+        size: of that file [bytes]; a larger one may take longer.
+
+    Raises:
+        InputError: as the function does, or naming the file if the call crashes, takes too long or too much memory.
+    """
+    global _child
+    with _lock:
+        if _child is None or not _child.usable():
+            _child = Child()
+        try:
+            answer = _child.call(function, arguments, SECONDS + size / BYTES_PER_SECOND)
+        except BaseException as error:
+            _child.end()
+            if isinstance(error, TimeoutError):
+                raise InputError(f"{source}: not read: its reader does not come to an end") from None
+            if isinstance(error, EOFError | OSError):
+                raise InputError(f"{source}: not read: its reader crashes on it, so the file is damaged") from None
+            raise
+    if isinstance(answer, MemoryError):
+        raise InputError(f"{source}: not read: its content takes more than {MEMORY >> 30} GB of memory")
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
+
+
+class Child:
+    """A process that takes calls one by one."""
+
+    def __init__(self) -> None:
+        self.pipe, theirs = Pipe()
+        environment = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        command = [sys.executable, "-m", "exodrake.core.child", str(theirs.fileno())]
+        quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **quiet)
+        self.owner = os.getpid()
+        theirs.close()
+
+    def usable(self) -> bool:
+        """Whether it runs, and belongs to this process: after a fork it is the parent's."""
+        return self.owner == os.getpid() and self.process.poll() is None
+
+    def call(self, function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
+        """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
+        self.pipe.send((function, arguments, seconds))
+        if not self.pipe.poll(seconds):
+            raise TimeoutError
+        return self.pipe.recv()
+
+    def end(self) -> None:
+        """Ends the process at once."""
+        self.process.kill()
+        self.process.wait()
+        self.pipe.close()
+
+
+def serve(pipe: Connection) -> None:
+    """Answers calls until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
+    for limit, most in ((resource.RLIMIT_AS, MEMORY), (resource.RLIMIT_CORE, 0)):
+        with suppress(ValueError, OSError):  # a lower limit is in force, or the system has none
+            resource.setrlimit(limit, (most, most))
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send(answered(*pipe.recv()))
+
+
+def answered(function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
+    """Result or exception of a call. It ends the process, should the parent be gone, after twice the time."""
+    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    resource.setrlimit(resource.RLIMIT_CPU, (round(used + 2 * seconds) + 1, resource.RLIM_INFINITY))
+    try:
+        return function(*arguments)
+    except Exception as error:
+        return error
+
+
+if __name__ == "__main__":
+    serve(Connection(int(sys.argv[1])))

@@ -1,0 +1,155 @@
+"""Inputs that did harm: each is refused in one short sentence, in seconds, and costs that input alone."""
+
+import gzip
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fuzzing import packed, run
+
+import exodrake as exo
+from exodrake.core import child, files
+from exodrake.core.errors import MAX_MESSAGE
+from exodrake.data import columns
+from exodrake.data.case_folder import read_case
+from exodrake.data.formats import csv_gz
+from exodrake.identification.kinematics.c3d import c3d_bytes
+from exodrake.identification.kinematics.marker_file import read_markers
+from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+from exodrake.monitor.tail import Tail
+
+HERE = Path(__file__).parent / "spoilt"
+C3D = c3d_bytes(synthesise(Hand(), Faults(noise=3e-4), 3.0, 50.0, 3)[0])  # 150 frames of 14 points of 16 bytes
+COUNT = 820  # place of a size in that file's parameters
+NAMES = ("tension_ref_AF", "tension_AF", "stroke_AF")
+
+
+def log(rows: int = 30) -> exo.Log:
+    return exo.Log(0.02 * np.arange(rows), {name: np.linspace(0.0, 1e-3, rows) for name in NAMES})
+
+
+def refusal(function, *arguments, **options) -> str:
+    with pytest.raises(exo.InputError) as caught:
+        function(*arguments, **options)
+    said = str(caught.value)
+    assert len(said) <= MAX_MESSAGE and said.isprintable()
+    return said
+
+
+def test_a_mat_file_that_crashes_the_reader_costs_itself_alone(tmp_path):
+    exo.write_log(log(), tmp_path / "good.mat")
+    assert "segv.mat" in run("export", HERE / "segv.mat", "--out", tmp_path / "x.csv")
+    assert exo.read_log(tmp_path / "good.mat").equals(log()) and not (tmp_path / "x.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["hang", "crash", "cut"])
+def test_c3d_files_that_hang_crash_or_end_early_are_refused(tmp_path, monkeypatch, name):
+    monkeypatch.setattr(child, "SECONDS", 4.0)
+    damaged = C3D[:COUNT] + b"\xff\xff\xff\x7f" + C3D[COUNT + 4 :]
+    data = {"hang": (HERE / "hang.c3d").read_bytes(), "crash": damaged, "cut": C3D[: -126 * 14 * 16]}[name]
+    (tmp_path / f"{name}.c3d").write_bytes(data)
+    said = refusal(read_markers, tmp_path / f"{name}.c3d")
+    assert f"{name}.c3d" in said and (name != "cut" or ("24 frames" in said and "150" in said))
+    (tmp_path / "good.c3d").write_bytes(C3D)
+    assert len(read_markers(tmp_path / "good.c3d").time) == 150
+
+
+def test_a_call_that_does_not_end_or_takes_all_memory_is_ended(monkeypatch):
+    monkeypatch.setattr(child, "SECONDS", 1.0)
+    assert "does not come to an end" in refusal(child.in_child, time.sleep, 100, source="a", size=0)
+    assert "memory" in refusal(child.in_child, bytearray, 2 * child.MEMORY, source="a", size=0)
+    assert "crashes" in refusal(child.in_child, os._exit, 3, source="a", size=0)
+    assert child.in_child(max, 1, 2, source="a", size=0) == 2
+
+
+def test_a_column_name_that_is_no_text_is_refused(tmp_path):
+    exo.write_log(log().with_signals({"glow_AF": np.ones(30)}, {"glow_AF": "N"}), tmp_path / "a.parquet")
+    data = (tmp_path / "a.parquet").read_bytes()
+    (tmp_path / "a.parquet").write_bytes(data.replace(b"glow_AF", b"glow\xff_F"))
+    assert "a.parquet" in refusal(exo.read_log, tmp_path / "a.parquet")
+
+
+def test_too_many_rows_and_too_many_bytes_are_refused_before_they_are_parsed(tmp_path, monkeypatch):
+    rows = b"time [s]," + ",".join(f"{name} [N]" for name in NAMES[:2]).encode() + b"\n" + b"0.02,1,1\n" * 7_000_000
+    (tmp_path / "rows.csv.gz").write_bytes(gzip.compress(rows, 1))
+    assert "samples" in refusal(exo.read_log, tmp_path / "rows.csv.gz")
+    monkeypatch.setattr(csv_gz, "MAX_BYTES", 10**6)
+    monkeypatch.setattr(files, "MAX_BYTES", 10**6)
+    assert "larger than 1 MB" in refusal(exo.read_log, tmp_path / "rows.csv.gz")
+    (tmp_path / "large.csv").write_bytes(rows[: 10**6 + 1])
+    assert "larger than 1 MB" in refusal(exo.read_log, tmp_path / "large.csv")
+
+
+def test_numbers_that_compress_well_fill_no_memory(tmp_path, monkeypatch):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    parquet.write_table(arrow.table({"time [s]": arrow.nulls(6 * 10**8)}), tmp_path / "a.parquet")  # 4.8 GB as numbers
+    assert (tmp_path / "a.parquet").stat().st_size < 2 * 10**6
+    assert "samples" in refusal(exo.read_log, tmp_path / "a.parquet", required=())
+    monkeypatch.setattr(columns, "MAX_SAMPLES", 10**5)
+    np.savez_compressed(tmp_path / "a.npz", np.zeros(2 * 10**5))
+    assert "samples" in refusal(exo.read_log, tmp_path / "a.npz", required=())
+
+
+@pytest.mark.parametrize("command", ["export", "import", "simulate", "diagnose", "identify"])
+def test_pipes_and_devices_are_refused(tmp_path, command):
+    pipe, out = tmp_path / "p.csv", tmp_path / "x.csv"
+    os.mkfifo(pipe)
+    words = {
+        "export": [pipe, "--out", out],
+        "import": ["/dev/zero", "--map", pipe, "--out", out],
+        "simulate": ["--scenario", pipe],
+        "diagnose": [pipe],
+        "identify": ["kinematics", pipe],
+    }
+    assert "error: " in run(command, *words[command]) and not out.exists()
+    assert "a pipe" in refusal(next, Tail(pipe, exo.load_robot().machine).poll())
+
+
+@pytest.mark.parametrize("value", ["1e300", "-1e13", "1e400", "9" * 400])
+def test_values_beyond_any_signal_are_refused(tmp_path, value):
+    (tmp_path / "a.csv").write_text(f"time [s],tension_AF [N]\n0,1\n0.02,{value}\n")
+    said = refusal(exo.read_log, tmp_path / "a.csv", required=())
+    assert "'tension_AF', row 2" in said
+
+
+@pytest.mark.parametrize("way", ["name", "absolute", "link", "link without case.yaml"])
+def test_logs_outside_the_folder_of_their_case_are_read_only_if_allowed(tmp_path, way):
+    folder, outside = tmp_path / "case", tmp_path / "secret.csv"
+    folder.mkdir()
+    exo.write_log(log(), outside)
+    name = {"name": "../secret.csv", "absolute": str(outside)}.get(way, "link.csv")
+    if name == "link.csv":
+        (folder / name).symlink_to(outside)
+    if way != "link without case.yaml":
+        (folder / "case.yaml").write_text(f"logs: [{{file: {name}}}]")
+    assert "outside" in refusal(read_case, folder)
+    assert len(read_case(folder, allow_outside=True).logs) == 1
+    assert "--allow-outside" in run("diagnose", folder)
+    assert "is missing" in run("diagnose", folder, "--allow-outside")
+
+
+def test_names_are_neither_obeyed_by_the_terminal_nor_read_as_markup(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = "[red]a\x1b[31m\r\nb[/red]" + "c" * 100
+    said = run("export", name * 2 + ".csv", "--out", "x.npz")
+    assert "[red]a\\x1b[31m\\r\\nb[/red]" in said and "\x1b" not in said and len(said) < MAX_MESSAGE + 10
+
+
+@pytest.mark.parametrize("text", ["a: &a [*a]", "a: &a {}\nb: *a", "[" * 99, "a: 1\na: 2", "!!python/name:os.system x"])
+@pytest.mark.parametrize("kind", ["robot", "scenario", "case", "mapping", "markers"])
+def test_every_yaml_file_is_plain_data(tmp_path, text, kind):
+    page = tmp_path / "case.yaml"
+    page.write_text(text)
+    (tmp_path / "log.csv.gz").write_bytes(packed(b"time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,1\n"))
+    (tmp_path / "log.csv").write_bytes(b"time [s],B1_x [mm],B1_y [mm],B1_z [mm]\n0,1,1,1\n")
+    words = {
+        "robot": ["draw", "--robot", page],
+        "scenario": ["simulate", "--scenario", page],
+        "case": ["diagnose", tmp_path],
+        "mapping": ["import", tmp_path / "log.csv.gz", "--map", page, "--out", tmp_path / "x.csv"],
+        "markers": ["identify", "kinematics", tmp_path / "log.csv", "--markers", page],
+    }
+    said = run(*words[kind])
+    assert "case.yaml, line" in said, said
