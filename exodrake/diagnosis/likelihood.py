@@ -11,7 +11,6 @@ cost each view is divided by how far the best robot so far is from its noise, so
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -107,10 +106,14 @@ class Likelihood:
         for _ in range(draws):
             run, sign, parts = int(rng.integers(runs)), rng.choice((-1.0, 1.0)), []
             shifts = [int(rng.integers(len(trial.reference))) for trial in problem.fit]
-            level = dict(zip(problem.columns, sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns))), strict=True))
+            level = dict(
+                zip(problem.columns, sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns))), strict=True)
+            )
             for view in self.views:
                 levels = np.array([level[column] for column in view.problem.columns])
-                parts += [(levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(view.noise[run], shifts, strict=True)]
+                parts += [
+                    (levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(view.noise[run], shifts, strict=True)
+                ]
             out.append(np.concatenate(parts))
         return np.array(out, dtype=np.float32)
 

@@ -67,6 +67,11 @@ class Problem:
     detected: tuple[Detection, ...] = ()
 
     @property
+    def judged(self) -> tuple[Trial, ...]:
+        """Trials that the closure is measured on: held-out ones, else those that were fitted."""
+        return self.holdout or self.fit
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """Kind of each column: its name without the channel."""
         return tuple(column.rsplit("_", 1)[0] for column in self.columns)
@@ -219,16 +224,21 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 
 
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
-    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the noise only;
-    without held-out logs the last fitted one is held out. tried: ids of the effects to try; None: the machine's own.
+    """The regression of a case.
+
+    Args:
+        case: logs; repeats of a trial count for the noise only.
+        robot: nominal robot.
+        tried: ids of the effects to try; by default all that are not `not_tried`.
+
+    Raises:
+        InputError: where `check_case` has one.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
-    if not held and len(fit) > 1:
-        held = [fit.pop()]
-    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
+    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
     return replace(problem, tried=tried)

@@ -1,6 +1,6 @@
 """The verdict: what follows from the explanations that the logs do not reject.
 
-    none needed: NO_GAP or RETUNE        one left: NAMED        several: AMBIGUOUS        none left: UNKNOWN
+none needed: NO_GAP or RETUNE        one left: NAMED        several: AMBIGUOUS        none left: UNKNOWN
 """
 
 from __future__ import annotations
@@ -76,6 +76,10 @@ def rejected(t: Tested) -> str:
     p, chi2 = t.levels, float(t.chi2[0])
     if p.fit <= ALPHA or p.local <= ALPHA:
         return f"the best explanation, {t.explanation.name}, leaves a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
+    if p.moved > p.most_moved:
+        return (
+            f"the best explanation, {t.explanation.name}, moves nominal parameters further than their tolerances allow"
+        )
     return f"{p.beaten_by} removes {p.share:.0%} of what the best explanation, {t.explanation.name}, leaves"
 
 

@@ -199,7 +199,14 @@ def candidate_blocks(diagnosis: Diagnosis) -> list[Block]:
         (f"`{c.id}`", f"{100 * c.score:.1f} %", n.digits(c.chi2), shown(c.prediction_chi2), p_value(c.fit), kept(c))
         for c in diagnosis.candidates
     ]
-    header = ("Candidate", "Excess removed", "chi-square, closed loop", "chi-square, prediction error", "p of the fit", "")
+    header = (
+        "Candidate",
+        "Excess removed",
+        "chi-square, closed loop",
+        "chi-square, prediction error",
+        "p of the fit",
+        "",
+    )
     title = f"All {len(rows)} candidates in numbers (the figure shows {min(MOST, len(rows))})"
     label = "excess chi-square of the retuned robot that the candidate removes [%]"
     caption = (
