@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
@@ -210,3 +211,17 @@ def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
 def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
     """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
     return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]
+
+
+def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
+    """Every number of the decision: meaning, value and source."""
+    limits = calibration_of(machine)
+    source = limits.source or "development robots of the Exo-Index"
+    return [
+        ("level of each test", f"{ALPHA:g}", "chosen"),
+        ("rho, relative error of a law", f"{limits.law_error:g}", source),
+        ("rho of a parameter that means the same in every law", f"{limits.same_meaning:g}", source),
+        ("relative difference between two simulators of one law", f"{MODEL_ERROR:g}", "development robots"),
+        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
+        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
+    ]
