@@ -1,8 +1,7 @@
-"""Pages generated from the package when the site is built: commands, effects, Python reference, thresholds."""
+"""Pages generated from the package when the site is built: commands, effects, Python reference."""
 
 from collections.abc import Iterator
 from importlib import import_module
-from importlib.resources import files
 
 import click
 from mkdocs.structure.files import File, Files
@@ -46,11 +45,6 @@ def on_files(files: Files, config):
     for path, text in pages():
         files.append(File.generated(config, path, content=text))
     return files
-
-
-def on_page_markdown(markdown: str, page, config, files):
-    """Insert the thresholds where a page has the placeholder."""
-    return markdown.replace("<!-- thresholds -->", thresholds())
 
 
 def pages() -> Iterator[tuple[str, str]]:
@@ -122,9 +116,3 @@ def where(name: str) -> str:
     """Find the full name of a public name in the module that defines it."""
     found = getattr(import_module(PUBLIC[name]), name)
     return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
-
-
-def thresholds() -> str:
-    """Format the thresholds, with comments."""
-    text = (files("exodrake.diagnosis") / "thresholds.yaml").read_text()
-    return f"```yaml\n{text.strip()}\n```"

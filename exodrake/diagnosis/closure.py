@@ -56,8 +56,12 @@ def measure(problem: Problem, rows: np.ndarray, seed: int = 0) -> Closure:
     nominal, retuned, improved = (blocks(one, length) for one in logs)
     picks = np.random.default_rng(seed).integers(0, len(nominal), (DRAWS, len(nominal)))
     signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
-    steps = ((nominal, improved), (nominal, retuned), (retuned, improved))
-    return Closure(*(bootstrapped(before, after, picks) for before, after in steps), signals)
+    return Closure(
+        overall=bootstrapped(nominal, improved, picks),
+        retune=bootstrapped(nominal, retuned, picks),
+        effect=bootstrapped(retuned, improved, picks),
+        signals=signals,
+    )
 
 
 def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> Interval:

@@ -12,17 +12,17 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.nuisance import coordinates, turned
+from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
 
 def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    tolerances = coordinates(robot.machine)
-    largest = np.array([t.max_deviation for t in tolerances])
-    drawn = rng.standard_normal(len(tolerances)) * [t.prior_std for t in tolerances]
-    return replace(robot, values=turned(robot.values, tolerances, np.clip(drawn, -largest, largest)), source="healthy")
+    parameters = nominal_parameters(robot)
+    low, high = np.array([p.bounds for p in parameters]).T
+    drawn = rng.standard_normal(len(parameters)) * [p.prior_std for p in parameters]
+    return replace(robot, values=apply(robot.values, parameters, np.clip(drawn, low, high)), source="healthy")
 
 
 def healthy_case(nominal: Robot, seed: int) -> Case:

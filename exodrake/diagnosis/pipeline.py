@@ -61,7 +61,7 @@ def isolated(problem: Problem, progress: StageProgress = no_progress) -> tuple[P
     certain = sum(d.certain for d in problem.detected)
     if certain:
         start, again = retune(short)
-        simulated += again
+        simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     return problem, Isolator(short, start, simulated, progress).isolate(max(most, 0))
 
@@ -101,15 +101,17 @@ def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
 
     def candidate(t: Tested) -> Candidate:
         score = 1.0 - float(np.mean(np.maximum(t.chi2 - 1.0, 0.0) / before))
-        chi2 = (*t.chi2.tolist(), float("nan"))[:2]
-        return Candidate(t.explanation.name, score, *chi2, t.levels.fit, t.levels.complete, t in found.left)
+        closed, prediction = (*t.chi2.tolist(), float("nan"))[:2]
+        levels, left = t.levels, t in found.left
+        return Candidate(t.explanation.name, score, closed, prediction, levels.fit, levels.complete, left)
 
     return tuple(candidate(t) for size in reversed(found.tested) for t in size)
 
 
 def baselines_of(found: Isolation) -> dict[str, str]:
-    """What trivial methods would have said of the same fits in closed loop: the smallest residual, and raw BIC with
-    every sample counted as independent.
+    """What trivial methods would have said of the same fits in closed loop.
+
+    The smallest residual, and raw BIC with every sample counted as independent.
     """
     singles = found.tested[0] if found.tested else ()
     if not singles:
