@@ -1,4 +1,4 @@
-"""Pages generated from the package when the site is built: commands, effects, Python reference."""
+"""Pages generated from the package when the site is built: commands, effects, Python, numbers of the tests."""
 
 from collections.abc import Iterator
 from importlib import import_module
@@ -9,6 +9,7 @@ from mkdocs.structure.files import File, Files
 from exodrake import PUBLIC
 from exodrake.cli.effects import describe, plausible
 from exodrake.cli.main import COMMANDS, cli
+from exodrake.diagnosis.levels import decision_numbers
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
@@ -45,6 +46,11 @@ def on_files(files: Files, config):
     for path, text in pages():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def on_page_markdown(markdown: str, page, config, files):
+    """Insert the numbers of the tests where a page has the placeholder."""
+    return markdown.replace("<!-- levels -->", levels())
 
 
 def pages() -> Iterator[tuple[str, str]]:
@@ -116,3 +122,9 @@ def where(name: str) -> str:
     """Find the full name of a public name in the module that defines it."""
     found = getattr(import_module(PUBLIC[name]), name)
     return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
+
+
+def levels() -> str:
+    """Format the numbers of the tests of the built-in robot's machine, with their sources."""
+    rows = decision_numbers(load_robot().machine)
+    return "| number | value | source |\n|---|---|---|\n" + "\n".join(f"| {a} | {b} | {c} |" for a, b, c in rows)

@@ -24,25 +24,30 @@ class Calibration:
         law_error: rho, relative standard deviation of the law of an effect [-].
         same_meaning: the same of a parameter that means the same in every law [-].
         taken: share of the excess over noise that an effect which is not there takes up [-].
+        moved: mean square of the changes of nominal parameters in standard deviations of their tolerances [-].
         source: command and date; empty if nothing was measured.
     """
 
     law_error: float
     same_meaning: float
     taken: float
+    moved: float
     source: str = ""
 
 
-UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.7)  # development robots of the Exo-Index
+UNCALIBRATED = Calibration(
+    law_error=0.4, same_meaning=0.05, taken=0.7, moved=2.0
+)  # development robots of the Exo-Index
 SCHEMA = mapping(
     {
         "law_error": number(above=0.0),
         "same_meaning": number(above=0.0),
         "taken": number(above=0.0),
+        "moved": number(above=0.0),
         "source": text(),
         "rates": anything,
     },
-    required=("law_error", "same_meaning", "taken", "source"),
+    required=("law_error", "same_meaning", "taken", "moved", "source"),
 )
 
 
@@ -52,4 +57,4 @@ def calibration_of(machine: Machine) -> Calibration:
     if folder is None or not (folder / FILE).is_file():
         return UNCALIBRATED
     content = SCHEMA(read_yaml(folder / FILE), str(folder / FILE))
-    return Calibration(**{key: content[key] for key in ("law_error", "same_meaning", "taken", "source")})
+    return Calibration(**{key: content[key] for key in ("law_error", "same_meaning", "taken", "moved", "source")})

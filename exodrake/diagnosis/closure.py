@@ -2,11 +2,14 @@
 
     C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
-in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time. In the
-band of a tremor its strength counts, not its phase (`filters.mismatch`).
+in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time.
+Held-out logs serve this alone; without any, each fitted log is judged by robots fitted to the others (`left_out`). In
+the band of a tremor its strength counts, not its phase (`filters.mismatch`).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,19 +22,19 @@ DRAWS = 400
 CONFIDENCE = 0.90
 
 
-def residuals(problem: Problem, rows: np.ndarray) -> list[list[np.ndarray]]:
-    """Residuals of robots on the held-out logs, in closed loop.
+def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    """Residuals of robots on the logs that they are judged by, in closed loop.
 
     Args:
-        problem: case with held-out logs.
-        rows: (robots, parameters) flat parameter vectors [SI].
+        problem: the case.
+        rows: for each of these logs (robots, parameters) flat parameter vectors [SI].
 
     Returns:
         For each robot the (n, columns) residuals of the logs [noise_std].
     """
     period, found = problem.robot.machine.frame, []
-    for trial in problem.holdout:
-        simulated = problem.predict(rows, trial)
+    for trial, robots in zip(problem.judged, rows, strict=True):
+        simulated = problem.predict(robots, trial)
         gaps = [mismatch(trial.measured, one, problem.notched, period) / problem.noise_std for one in simulated]
         found.append([np.nan_to_num(gap, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps])
     return [list(logs) for logs in zip(*found, strict=True)]
@@ -43,12 +46,13 @@ def closure(before: np.ndarray, after: np.ndarray) -> float:
     return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else float("nan")
 
 
-def measure(problem: Problem, rows: np.ndarray, seed: int = 0) -> Closure:
-    """Gap and closure on the held-out logs, overall and per signal.
+def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
+    """Gap and closure, overall and per signal.
 
     Args:
-        problem: case with held-out logs.
-        rows: (3, parameters) flat parameter vectors of the nominal, the retuned and the improved robot [SI].
+        problem: the case.
+        rows: for each log of `Problem.judged` (3, parameters) flat parameter vectors [SI] of the nominal, the retuned
+            and the improved robot.
         seed: of the bootstrap.
     """
     logs = residuals(problem, rows)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.levels import Levels, Tests
+from exodrake.diagnosis.levels import Levels, Tests, taken_up
 from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, nominal_parameters
@@ -31,6 +31,8 @@ REFINED = 5  # sets of effects of one size that are fitted
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-3  # of all fits, of those that are not far behind, and their tolerance
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
+FRESH = 2  # fits with a new nominal Jacobian
+PROMISING = 0.2  # share of the excess over noise that the first effect of a larger set takes up at least
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
 
@@ -164,6 +166,8 @@ class Isolator:
         if found.nominal.levels.settled or found.retuned.levels.kept:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
+        if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
+            return found
         while not found.settled and len(found.tested) < max_effects:
             larger = self.grown(found)
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
@@ -198,13 +202,12 @@ class Isolator:
         cost = [mean_log(likelihood.chi2(e.residual)) for e in begun]
         near = [c < min(cost) + BEHIND for c in cost]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
-        least = min((mean_log(likelihood.chi2(e.residual)) for e in done), default=0.0)
-        done = [self.refreshed(likelihood, e) if self.worth(likelihood, e, least) else e for e in done]
+        done.sort(key=lambda e: mean_log(likelihood.chi2(e.residual)))
+        least = mean_log(likelihood.chi2(done[0].residual)) if done else 0.0
+        for k, e in enumerate(done[:FRESH]):
+            if CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR:
+                done[k] = self.refreshed(likelihood, e)
         return sorted(done, key=lambda e: mean_log(likelihood.chi2(e.residual)))
-
-    def worth(self, likelihood: Likelihood, e: Explanation, least: float) -> bool:
-        """Whether a fit leaves more than noise, and hardly more than the best, so that it is to be converged."""
-        return CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""

@@ -11,6 +11,9 @@ Draws of it, with matrix products and no simulation, give p-values of an explana
     fit         may so much be left?                                 draws with a = rho
     complete    may one more effect take up so much of it?           draws whose a leaves as much as there is
 
+An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
+them.
+
 Another explanation that was fitted beats one if it takes up more than noise and the difference between two simulators
 let an effect take up, and a larger share of the excess over noise than a mere error of the law lets one.
 """
@@ -22,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
@@ -48,6 +52,9 @@ class Levels:
         beaten_by: name of an explanation that was fitted and beats it; empty if none does.
         share: share of the excess that the best other explanation takes up.
         law_error: error of the laws that explains what is left, in units of rho.
+        moved: mean square of the nominal parameters' changes in standard deviations of their tolerances; about 1 or
+            less for a robot of these tolerances.
+        most_moved: largest plausible one.
     """
 
     fit: float
@@ -58,11 +65,13 @@ class Levels:
     beaten_by: str
     share: float
     law_error: float
+    moved: float
+    most_moved: float
 
     @property
     def kept(self) -> bool:
         """Whether the logs reject it not, as far as was tried."""
-        return min(self.fit, self.local) > ALPHA and not self.beaten_by
+        return min(self.fit, self.local) > ALPHA and self.moved <= self.most_moved and not self.beaten_by
 
     @property
     def settled(self) -> bool:
@@ -117,6 +126,8 @@ class Tests:
             beaten_by=beaten_by,
             share=share,
             law_error=float(np.median(needed)),
+            moved=float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0,
+            most_moved=self.calibration.moved,
         )
 
     def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
@@ -211,3 +222,17 @@ def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
 def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
     """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
     return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]
+
+
+def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
+    """Every number of the decision: meaning, value and source."""
+    limits = calibration_of(machine)
+    source = limits.source or "development robots of the Exo-Index"
+    return [
+        ("level of each test", f"{ALPHA:g}", "chosen"),
+        ("rho, relative error of a law", f"{limits.law_error:g}", source),
+        ("rho of a parameter that means the same in every law", f"{limits.same_meaning:g}", source),
+        ("relative difference between two simulators of one law", f"{MODEL_ERROR:g}", "development robots"),
+        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
+        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
+    ]

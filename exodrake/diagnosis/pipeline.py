@@ -18,9 +18,11 @@ from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import SHARE, Isolation, Isolator, Tested, retune
+from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
+from exodrake.diagnosis.retuning import retuned
 from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
 from exodrake.machines.robot_file import load_robot
 
@@ -133,7 +135,7 @@ def answer(
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": best.explanation.robot}
-    closure = measure(problem, np.array(list(rows.values())))
+    closure = measure(problem, judged(problem, found, best, np.array(list(rows.values()))))
     effects = effects_of(problem, found, decision)
     experiment = None
     if decision.verdict == AMBIGUOUS:
@@ -159,8 +161,22 @@ def answer(
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         simulated=dict(found.likelihood.simulated),
+        retune=retuned(found),
         problem=problem,
     )
+
+
+def judged(problem: Problem, found: Isolation, best: Tested, rows: np.ndarray) -> list[np.ndarray]:
+    """The robots that each log judges, (3, parameters) flat vectors [SI].
+
+    `rows`, the nominal, the retuned and the best one; without held-out logs the latter two as fitted to the other logs.
+    """
+    if problem.holdout:
+        return [rows] * len(problem.holdout)
+    if len(problem.fit) == 1:
+        return [rows]
+    retuned, improved = (without_each_log(found.likelihood, t.explanation) for t in (found.retuned, best))
+    return [np.array([rows[0], a, b]) for a, b in zip(retuned, improved, strict=True)]
 
 
 def evidence_of(found: Isolation, best: Tested) -> dict[str, float]:

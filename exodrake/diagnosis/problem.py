@@ -65,6 +65,11 @@ class Problem:
     detected: tuple[Detection, ...] = ()
 
     @property
+    def judged(self) -> tuple[Trial, ...]:
+        """Trials that the closure is measured on: held-out ones, else those that were fitted."""
+        return self.holdout or self.fit
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """Kind of each column: its name without the channel."""
         return tuple(column.rsplit("_", 1)[0] for column in self.columns)
@@ -114,14 +119,14 @@ class Problem:
             return delayed(machine, records, self.signal_indices)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """Residuals (measured - simulated) / noise_std.
+        """Residuals (measured - simulated) / noise_std, 0 where nothing was measured.
 
         Args:
             rows: (rows, parameters) flat parameter vectors [SI].
-            trials: trials to simulate.
+            trials: to simulate.
 
         Returns:
-            (rows, samples), all trials and columns in a row, 0 where nothing was measured [-].
+            (rows, samples), all trials and columns in a row [-].
         """
         out, at = np.empty((len(rows), sum(trial.measured.size for trial in trials))), 0
         for trial in trials:
@@ -195,11 +200,7 @@ WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is b
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
-    """Columns that every log of the case has, of the kinds that can be compared, in the machine's order.
-
-    Raises:
-        InputError: where there is none.
-    """
+    """Columns to compare that every log of the case has, in the machine's order. Raises InputError if there is none."""
     axis = {c.kind: machine.axes.of(machine.signal[c.signal].axis) for c in machine.columns}
     wanted = [f"{kind}_{channel}" for kind in machine.compared for channel in axis[kind]]
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
@@ -228,23 +229,19 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
     """The regression of a case.
 
-    Repeats of a trial count for the noise only; without held-out logs the last fitted one is held out.
-
     Args:
-        case: the case.
+        case: logs; repeats of a trial count for the noise only.
         robot: nominal robot.
-        tried: ids of the effects to try; those of the machine that are tried by default if None.
+        tried: ids of the effects to try; by default all that are not `not_tried`.
 
     Raises:
-        InputError: where `check_case` or `columns_of` has one.
+        InputError: where `check_case` has one.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
-    if not held and len(fit) > 1:
-        held = [fit.pop()]
-    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
+    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
     return replace(problem, tried=tried)

@@ -146,6 +146,46 @@ class Closure:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """A nominal parameter that retuning moved.
+
+    Attributes:
+        name: full name.
+        nominal, value: before and after [unit].
+        unit: its unit.
+        deviations: change in standard deviations of its tolerance.
+    """
+
+    name: str
+    nominal: float
+    value: float
+    unit: str
+    deviations: float
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the JSON answer."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Retune:
+    """What retuning did.
+
+    Attributes:
+        moved: parameters that moved by more than `retuning.VISIBLE` standard deviations, largest change first.
+        alike: effect -> share of what retuning explains that it explains alone, with nominal parameters, by the
+            linearisation.
+    """
+
+    moved: tuple[Moved, ...] = ()
+    alike: dict[str, float] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """As in the JSON answer."""
+        return {"moved": [m.to_json() for m in self.moved], "alike": self.alike}
+
+
+@dataclass(frozen=True)
 class Candidate:
     """An explanation that was fitted.
 
@@ -180,6 +220,7 @@ class Diagnosis:
         robots: the nominal, the retuned and the improved robot.
         evidence: reduced chi-squares of these on the fitted logs.
         simulated: simulated seconds by stage [s].
+        retune: what retuning moved.
         problem: case as a regression, with what detectors found; not part of the JSON.
     """
 
@@ -198,6 +239,7 @@ class Diagnosis:
     robots: dict[str, Robot]
     evidence: dict[str, float] = field(default_factory=dict)
     simulated: dict[str, float] = field(default_factory=dict)
+    retune: Retune = field(default_factory=Retune)
     problem: Problem | None = None
 
     @property
@@ -221,6 +263,7 @@ class Diagnosis:
             "reasons": list(self.reasons),
             "notes": list(self.notes),
             "seconds": self.seconds,
+            "retune": self.retune.to_json(),
             "simulated": self.simulated,
             "simulated_seconds": self.simulated_seconds,
         }

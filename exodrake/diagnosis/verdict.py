@@ -79,6 +79,9 @@ def rejected(t: Tested) -> str:
     if p.fit <= ALPHA or p.local <= ALPHA:
         left = f"a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
         return f"the best explanation, {t.explanation.name}, leaves {left}"
+    if p.moved > p.most_moved:
+        name = t.explanation.name
+        return f"the best explanation, {name}, moves nominal parameters further than their tolerances allow"
     return f"{p.beaten_by} removes {p.share:.0%} of what the best explanation, {t.explanation.name}, leaves"
 
 

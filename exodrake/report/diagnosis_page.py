@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
-from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR
+from exodrake.diagnosis.levels import decision_numbers
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
@@ -260,13 +259,5 @@ def log_table(runs: HeldOutRuns) -> Table:
 
 def level_table(runs: HeldOutRuns) -> Table:
     """Each number of the tests with its meaning and provenance."""
-    limits = calibration_of(runs.problem.robot.machine)
-    source = limits.source or "not calibrated for this machine"
-    rows = [
-        ("level of each test", f"{ALPHA:g}", "chosen"),
-        ("error of a law", f"{limits.law_error:g}", source),
-        ("error of a parameter that means the same in every law", f"{limits.same_meaning:g}", source),
-        ("difference between two simulators", f"{MODEL_ERROR:g}", "development robots"),
-        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
-    ]
+    rows = decision_numbers(runs.problem.robot.machine)
     return Table(("Number", "Value", "Source"), rows, words=3, folded="The numbers of the tests")
