@@ -17,13 +17,12 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.levels import Levels, Tests, taken_up
-from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
+from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
-from exodrake.diagnosis.whitening import ORDER, Whitening
 
 RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
 SHARE = 0.35  # of each fit log that is used
@@ -111,9 +110,7 @@ class Isolation:
 
 def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:
     """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated seconds."""
-    columns, nominal = len(problem.columns), nominal_parameters(problem.robot)
-    unit = Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))
-    likelihood, values = Likelihood((View(problem, unit),), stage="retune"), problem.silent()
+    nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
     found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
     for _ in range(RETUNE_ROUNDS):
         lin = linearise(likelihood, values, found.x, nominal, ())

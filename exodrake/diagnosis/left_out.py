@@ -2,7 +2,8 @@
 
     x_k = x - (J'J + P)^-1 (J'r + P x)
 
-J, r: Jacobian and residual without the rows of log k, at the fit x to all logs; P: prior precision. One Gauss-Newton step from the joint fit, which is small where no single log decides.
+J, r: Jacobian and residual without the rows of log k, at the fit x to all logs; P: prior precision. One Gauss-Newton
+step from the joint fit, which is small where no single log decides.
 """
 
 from __future__ import annotations

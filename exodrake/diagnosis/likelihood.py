@@ -19,7 +19,7 @@ import numpy as np
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.noise import noise_uncertainty
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
-from exodrake.diagnosis.whitening import Whitening, whitening_of
+from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 
 NOISE_RUNS = 4  # simulated runs with noise; draws are made from them
 
@@ -121,6 +121,14 @@ class Likelihood:
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0))
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
         return Likelihood(views, self.simulated, self.stage)
+
+
+def output_error(problem: Problem, stage: str = "") -> Likelihood:
+    """The likelihood of a case in closed loop alone, in units of the sensors' noise, which counts as white."""
+    columns = len(problem.columns)
+    return Likelihood(
+        (View(problem, Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))),), stage=stage
+    )
 
 
 def likelihood_of(problem: Problem, values: np.ndarray) -> Likelihood:
