@@ -1,7 +1,7 @@
 """For the bench: one fit, the same by scipy on the compiled simulator and on the Drake Diagram, and one diagnosis.
 
 The robot has friction in its sheaths, planted; its logs are 10 s of random motion. All three fits look for the three
-coefficients; ours fits the errors of the nominal numbers along with them, as a diagnosis does, the others hold those.
+coefficients; ours fits the nominal parameters along with them, as a diagnosis does, the others hold those.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.closure import shown
-from exodrake.diagnosis.fit import Fitter
-from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
+from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.linearise import linearise
+from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.refine import STEP, Explanation, minimise
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import random_motion
 from exodrake.simulation.simulate import record, simulate
 
 EFFECT, COEFFICIENT = "tendon.capstan_friction", "mu_phi"
 PLANTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}
-SECOND_SHORTLIST = 10.0
+SECONDS = 10.0
+STEPS, TOL = 8, 1e-3  # of a fit
 Row = tuple[str, float, str]
 
 
@@ -47,61 +49,63 @@ def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
     return perf_counter() - begun, found
 
 
-def ours(problem: Problem, wanted: Hypothesis) -> np.ndarray:
-    """u by the diagnosis' own fit, the responses to the nominal numbers included."""
-    fitter = Fitter(problem)
-    responses = fitter.responses(fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates))))
-    start = fitter.at(wanted, wanted.start, np.zeros(len(fitter.coordinates)))
-    return fitter.fit(start, responses).u
+def explanation(problem: Problem) -> Explanation:
+    """The nominal robot with the effect at its initial values, nominal parameters and their Jacobian along with it."""
+    machine, likelihood, nominal = problem.robot.machine, output_error(problem), nominal_parameters(problem.robot)
+    parameters = (*nominal, *effect_parameters(machine, machine.effect(EFFECT), tuple(PLANTED)))
+    start, values = np.array([p.start for p in parameters]), problem.silent()
+    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ())
+    return Explanation((EFFECT,), parameters, start, values, lin.residual, lin.jacobian).at(likelihood, start)
 
 
-def by_scipy(residual: Callable[[np.ndarray], np.ndarray], wanted: Hypothesis) -> np.ndarray:
-    """u by scipy's bounded least squares, from the same start with the same steps."""
+def ours(problem: Problem) -> np.ndarray:
+    """Coordinates of the effect by the diagnosis' own fit, the Jacobian of the nominal parameters included."""
+    start = explanation(problem)
+    return minimise(output_error(problem), start, STEPS, TOL).x[start.nominal :]
+
+
+def by_scipy(residual: Callable[[np.ndarray], np.ndarray], parameters: tuple[Parameter, ...]) -> np.ndarray:
+    """Coordinates by scipy's bounded least squares, from the same start with the same steps."""
     from scipy.optimize import least_squares
 
-    from exodrake.diagnosis.fit import GAIN_ENOUGH, NUDGE
-
-    step = NUDGE * wanted.scales / np.maximum(np.abs(wanted.start), 1e-12)
-    return least_squares(
-        residual, wanted.start, bounds=tuple(wanted.bounds.T), x_scale=wanted.scales, diff_step=step, ftol=GAIN_ENOUGH
-    ).x
+    start, scale = (np.array([getattr(p, name) for p in parameters]) for name in ("start", "scale"))
+    bounds = tuple(np.array([p.bounds for p in parameters]).T)
+    step = STEP * scale / np.maximum(np.abs(start), 1e-12)
+    return least_squares(residual, start, bounds=bounds, x_scale=scale, diff_step=step, ftol=TOL).x
 
 
-def compiled_residual(problem: Problem, wanted: Hypothesis, u: np.ndarray) -> np.ndarray:
-    """Residual (samples,) [floors] by the compiled simulator."""
-    return problem.residual(wanted.apply(problem.silent(), u)[None], problem.fit)[0]
+def compiled_residual(problem: Problem, parameters: tuple[Parameter, ...], x: np.ndarray) -> np.ndarray:
+    """Residual (samples,) [noise_std] by the compiled simulator."""
+    return problem.residual(apply(problem.silent(), parameters, x)[None], problem.fit)[0]
 
 
-def diagram_residual(problem: Problem, wanted: Hypothesis, u: np.ndarray) -> np.ndarray:
-    """Residual (samples,) [floors] by the Drake Diagram."""
-    robot = replace(problem.robot, values=wanted.apply(problem.robot.values, u))
-    trial = problem.fit[0]
+def diagram_residual(problem: Problem, parameters: tuple[Parameter, ...], x: np.ndarray) -> np.ndarray:
+    """Residual (samples,) [noise_std] by the Drake Diagram."""
+    robot, trial = replace(problem.robot, values=apply(problem.robot.values, parameters, x)), problem.fit[0]
     run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine="drake")
-    return np.nan_to_num((trial.measured - shown(problem, run)) / problem.noise_std).ravel()
+    simulated = np.concatenate([run.signals[signal.name] for signal in robot.machine.signals], axis=1)
+    return np.nan_to_num((trial.measured - simulated[:, problem.signal_indices]) / problem.noise_std).ravel()
 
 
-def rows(seconds: float = SECOND_SHORTLIST) -> list[Row]:
+def rows(seconds: float = SECONDS) -> list[Row]:
     """Figures for `make bench`: name, value, unit."""
     nominal = load_robot()
     case = rubbing(nominal, seconds)
     problem = make_problem(case, nominal)
-    wanted = hypothesis(nominal.machine, nominal.machine.effect(EFFECT), tuple(PLANTED))
+    parameters = effect_parameters(nominal.machine, nominal.machine.effect(EFFECT), tuple(PLANTED))
+    by_compiled, by_diagram = (partial(f, problem, parameters) for f in (compiled_residual, diagram_residual))
     fits = {
-        "ours, errors of the nominal numbers along with it": partial(ours, problem, wanted),
-        "scipy least squares on the compiled simulator": partial(
-            by_scipy, partial(compiled_residual, problem, wanted), wanted
-        ),
-        "scipy least squares on the Drake Diagram": partial(
-            by_scipy, partial(diagram_residual, problem, wanted), wanted
-        ),
+        "ours, errors of the nominal parameters along with it": partial(ours, problem),
+        "scipy least squares on the compiled simulator": partial(by_scipy, by_compiled, parameters),
+        "scipy least squares on the Drake Diagram": partial(by_scipy, by_diagram, parameters),
     }
-    compiled_residual(problem, wanted, wanted.start)  # loads the compiled code
+    by_compiled(np.array([p.start for p in parameters]))  # loads the compiled code
     found = {name: timed(fit) for name, fit in fits.items()}
-    truth = np.array([coordinate.at(PLANTED[coordinate.channels[0]]) for coordinate in wanted.coordinates])
+    truth = np.array([p.coordinate(PLANTED[p.channels[0]]) for p in parameters])
     table: list[Row] = []
-    for name, (time, u) in found.items():
+    for name, (time, x) in found.items():
         table += [(f"fit of {len(truth)} coefficients to {seconds:g} s: {name}", time, "s")]
-        table += [("  its largest error", float(np.max(np.abs(u - truth) / np.abs(truth))), "-")]
+        table += [("  its largest error", float(np.max(np.abs(x - truth) / np.abs(truth))), "-")]
     mine, simulator, diagram = (time for time, _ in found.values())
     table += [
         ("scipy on the Diagram / ours", diagram / mine, "-"),

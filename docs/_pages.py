@@ -1,4 +1,4 @@
-"""Pages generated from the package when the site is built: commands, effects, Python reference, numbers of the tests."""
+"""Pages generated from the package when the site is built: commands, effects, Python, numbers of the tests."""
 
 from collections.abc import Iterator
 from importlib import import_module

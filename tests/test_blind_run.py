@@ -99,8 +99,8 @@ def test_answers_of_another_configuration_are_refused_or_redone(tmp_path):
     running.run(folder)
     page = folder / "case_00" / "diagnosis.json"
     answer = json.loads(page.read_text())
-    page.write_text(json.dumps(answer | {"configuration": answer["configuration"] | {"thresholds": "of yesterday"}}))
-    with pytest.raises(InputError, match=r"case_00: answered with .*thresholds of yesterday.*1 of 2.*--redo"):
+    page.write_text(json.dumps(answer | {"configuration": answer["configuration"] | {"code": "of yesterday"}}))
+    with pytest.raises(InputError, match=r"case_00: answered with .*code of yesterday.*1 of 2.*--redo"):
         running.run(folder)
     with pytest.raises(InputError, match="several configurations"):
         score(folder, labels)

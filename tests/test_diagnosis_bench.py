@@ -1,48 +1,46 @@
 """The bench of the diagnosis: its three fits look for the same thing."""
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from benchmarks import diagnosis as bench
 from benchmarks.speed import as_row
-from exodrake.diagnosis.hypothesis import hypothesis
+from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")
-def asked():
+def problem():
     nominal = load_robot()
-    machine = nominal.machine
-    problem = make_problem(bench.rubbing(nominal, 4.0), nominal)
-    return problem, hypothesis(machine, machine.effect(bench.EFFECT), tuple(bench.PLANTED))
+    return make_problem(bench.rubbing(nominal, 4.0), nominal)
 
 
-def test_diagram_and_twin_leave_the_same_residual(asked):
-    problem, wanted = asked
-    one, other = (
-        residual(problem, wanted, wanted.start) for residual in (bench.compiled_residual, bench.diagram_residual)
+@pytest.fixture(scope="module")
+def parameters(problem):
+    machine = problem.robot.machine
+    return effect_parameters(machine, machine.effect(bench.EFFECT), tuple(bench.PLANTED))
+
+
+def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, parameters):
+    start = np.array([p.start for p in parameters])
+    np.testing.assert_array_equal(
+        *(f(problem, parameters, start) for f in (bench.compiled_residual, bench.diagram_residual))
     )
-    np.testing.assert_array_equal(one, other)
 
 
-def test_own_fit_and_scipy_find_what_was_planted(asked):
-    problem, wanted = asked
-    truth = [bench.PLANTED[coordinate.channels[0]] for coordinate in wanted.coordinates]
-    for u in (
-        bench.ours(problem, wanted),
-        bench.by_scipy(lambda u: bench.compiled_residual(problem, wanted, u), wanted),
-    ):
-        np.testing.assert_allclose(
-            [coordinate.value(v) for coordinate, v in zip(wanted.coordinates, u)], truth, rtol=0.1
-        )
+def test_own_fit_and_scipy_find_what_was_planted(problem, parameters):
+    truth = [bench.PLANTED[p.channels[0]] for p in parameters]
+    residual = partial(bench.compiled_residual, problem, parameters)
+    for x in (bench.ours(problem), bench.by_scipy(residual, parameters)):
+        np.testing.assert_allclose([p.value(c) for p, c in zip(parameters, x)], truth, rtol=0.1)
 
 
 def test_rows_are_the_bench_s(monkeypatch):
-    monkeypatch.setattr(bench, "by_scipy", lambda residual, wanted: wanted.start)
-    monkeypatch.setattr(bench, "ours", lambda problem, wanted: wanted.start)
+    monkeypatch.setattr(bench, "by_scipy", lambda residual, parameters: np.array([p.start for p in parameters]))
+    monkeypatch.setattr(bench, "ours", lambda problem: np.ones(3))
     monkeypatch.setattr(bench, "diagnose", lambda case, robot: type("Answer", (), {"verdict": "NAMED"}))
     rows = [as_row(item) for item in bench.rows(2.0)]
     assert [row.unit for row in rows] == ["s", "-"] * 3 + ["-", "-", "s"] and "NAMED" in rows[-1].name
@@ -59,14 +57,14 @@ def test_scaling_cuts_logs_and_reads_exponents():
 
 
 def test_scaling_has_a_diagnosis_try_fewer_effects():
-    from benchmarks.scaling import FRICTION, trying
-    from exodrake.diagnosis.fit import Fitter
-    from exodrake.diagnosis.hypothesis import NOTHING
-    from exodrake.diagnosis.screen import library
+    from benchmarks.scaling import FRICTION, common, trying
 
-    problem = make_problem(bench.rubbing(load_robot(), 3.0), load_robot())
-    fitter = Fitter(replace(problem, tried=trying(5)))
-    start = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
-    assert len(found := library(fitter, start)) == 5 and FRICTION[1][0] in {effect.id for effect in found}
-    fitter = Fitter(problem)
-    assert len(library(fitter, start)) > 20
+    assert len(common()) > 20 and trying(None) == set(common())
+    assert len(trying(5)) == 5 and trying(5) < set(common()) and FRICTION[1][0] in trying(5)
+
+
+def test_scaling_loads_what_a_diagnosis_needs():
+    """The call signature of what it warms up."""
+    from benchmarks.scaling import load_everything
+
+    load_everything(bench.rubbing(load_robot(), 3.0))

@@ -95,7 +95,7 @@ def read_diagnosis(path: Path) -> Diagnosis:
 
 
 def check_configurations(answered: list[Answered], folder: Path) -> None:
-    """InputError if the diagnoses were made with several versions or thresholds."""
+    """InputError if the diagnoses were made with several versions of the package or its code."""
     from exodrake.core.provenance import described
 
     found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}

@@ -46,7 +46,7 @@ def make(
 @command.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @where_to_run
-@click.option("--redo", is_flag=True, help="Answer anew what another version or other thresholds answered.")
+@click.option("--redo", is_flag=True, help="Answer anew what another version or other code answered.")
 def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
     """Diagnose every case of FOLDER that has no diagnosis yet.
 

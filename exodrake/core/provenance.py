@@ -1,4 +1,4 @@
-"""The configuration of a diagnosis (version, thresholds, code): answers of two make no set."""
+"""The configuration of a diagnosis (version, code): answers of two make no set."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from exodrake import __version__
 from exodrake.core import plugins
 
 PACKAGE = Path(__file__).parent.parent
-THRESHOLDS = PACKAGE / "diagnosis" / "thresholds.yaml"
 ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simulation", "diagnosis")
 ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
 
 
 @cache
 def configuration() -> dict[str, str]:
-    """Version of the package, and first digits of the SHA-256 of the thresholds and of the code that finds answers."""
+    """Version of the package, and first digits of the SHA-256 of the code and numbers that find answers."""
     files = [file for name in ANSWERING for file in source_files(PACKAGE / name)]
     files += [file for folder in plugins.folders() for file in source_files(folder)]
-    return {"version": __version__, "thresholds": digest([THRESHOLDS]), "code": digest(files)}
+    return {"version": __version__, "code": digest(files)}
 
 
 def source_files(place: Path) -> list[Path]:
     """Python and YAML files that bear on an answer, sorted: the file itself, or all below a folder."""
     found = [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
-    return [file for file in found if not name_of(file).startswith(ASIDE) and file != THRESHOLDS]
+    return [file for file in found if not name_of(file).startswith(ASIDE)]
 
 
 def name_of(file: Path) -> str:

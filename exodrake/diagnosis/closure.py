@@ -2,9 +2,9 @@
 
     C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
-in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time. Held-out
-logs serve this alone; without any, each fitted log is judged by robots fitted to the others (`left_out`). In the band of
-a tremor its strength counts, not its phase (`filters.mismatch`).
+in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time.
+Held-out logs serve this alone; without any, each fitted log is judged by robots fitted to the others (`left_out`). In
+the band of a tremor its strength counts, not its phase (`filters.mismatch`).
 """
 
 from __future__ import annotations
@@ -60,8 +60,12 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
     nominal, retuned, improved = (blocks(one, length) for one in logs)
     picks = np.random.default_rng(seed).integers(0, len(nominal), (DRAWS, len(nominal)))
     signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
-    steps = ((nominal, improved), (nominal, retuned), (retuned, improved))
-    return Closure(*(bootstrapped(before, after, picks) for before, after in steps), signals)
+    return Closure(
+        overall=bootstrapped(nominal, improved, picks),
+        retune=bootstrapped(nominal, retuned, picks),
+        effect=bootstrapped(retuned, improved, picks),
+        signals=signals,
+    )
 
 
 def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> Interval:

@@ -1,6 +1,8 @@
 """Model discrepancy: random smooth functions of the measured state, by which the law of an effect may be wrong.
 
-h(state) = sum of cosines of the standardised, smoothed columns and their rates         zero mean, unit variance
+    h(state) = sum of cosines of the standardised, smoothed columns and their rates
+
+scaled to zero mean and unit variance over the logs of a case.
 """
 
 from __future__ import annotations

@@ -61,8 +61,18 @@ def outside(bands: Bands, signals: np.ndarray, period: float) -> np.ndarray:
 
 
 def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: float) -> np.ndarray:
-    """measured - simulated (n, columns), NaN where nothing was measured; in the `bands` [Hz] of a tremor, whose phase
-    no simulation repeats, as if the simulated one had the measured phase: only its strength counts.
+    """Difference of measured and simulated signals, in the bands of a tremor that of its strength alone.
+
+    No simulation repeats the phase of a tremor: in its bands the simulated signal is given the measured phase.
+
+    Args:
+        measured: (n, columns), NaN where nothing was measured.
+        simulated: (n, columns).
+        bands: of the tremor [Hz].
+        period: of the samples [s].
+
+    Returns:
+        measured - simulated (n, columns), NaN where nothing was measured.
     """
     if not bands:
         return measured - simulated

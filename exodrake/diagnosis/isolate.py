@@ -9,7 +9,7 @@ Retune, linearise once, rank all effects by algebra, fit the best few, test them
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,13 +17,12 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.levels import Levels, Tests, taken_up
-from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
+from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
-from exodrake.diagnosis.whitening import ORDER, Whitening
 
 RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
 SHARE = 0.35  # of each fit log that is used
@@ -106,11 +105,9 @@ class Isolation:
         return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
 
 
-def retune(problem: Problem) -> tuple[Explanation, Counter[str]]:
+def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:
     """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated seconds."""
-    columns, nominal = len(problem.columns), nominal_parameters(problem.robot)
-    unit = Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))
-    likelihood, values = Likelihood((View(problem, unit),), stage="retune"), problem.silent()
+    nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
     found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
     for _ in range(RETUNE_ROUNDS):
         lin = linearise(likelihood, values, found.x, nominal, ())
@@ -130,7 +127,11 @@ class Isolator:
     """
 
     def __init__(
-        self, problem: Problem, start: Explanation, simulated: Counter[str], progress: StageProgress = no_progress
+        self,
+        problem: Problem,
+        start: Explanation,
+        simulated: defaultdict[str, float],
+        progress: StageProgress = no_progress,
     ) -> None:
         self.problem, self.start, self.progress = problem, start, progress
         self.machine, self.simulated = problem.robot.machine, simulated
@@ -149,7 +150,8 @@ class Isolator:
         retuned = self.refined(likelihood, start, STEPS)
         zero = start.at(likelihood, np.zeros(len(start.x)))
         tests = Tests(likelihood, lin, zero.residual - retuned.residual)
-        found = Isolation(likelihood, tests, *(tested(likelihood, tests, [e])[0] for e in (zero, retuned)))
+        nominal, best = (tested(likelihood, tests, [e])[0] for e in (zero, retuned))
+        found = Isolation(likelihood, tests, nominal, best)
         if found.nominal.levels.settled or found.retuned.levels.settled or not max_effects or not self.effects:
             return found.without_effects()
         screened = NormalMatrix(likelihood, retuned, lin).singles()
@@ -220,9 +222,7 @@ class Isolator:
         return min(begun, key=lambda e: e.cost(likelihood))
 
     def starts(self, likelihood: Likelihood, known: Explanation, predicted: Predicted) -> list[Explanation]:
-        """A further effect beside those of an explanation: as the linearisation predicts it, less of it, and at
-        initial amplitudes.
-        """
+        """Explanations with one more effect: as the linearisation predicts it, less of it, at initial amplitudes."""
         (probe,), (factors,) = predicted.probes, predicted.factors
         values = with_effects(known.values, [(self.machine, self.machine.effect(probe.effect))])
         parameters, own = known.parameters + probe.parameters, probe.coordinates(factors)

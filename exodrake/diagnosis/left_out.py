@@ -1,8 +1,9 @@
 """Leave one log out: the fitted robot as it would be without one of the logs, for a closure without held-out logs.
 
-    x_k = x - (J'J + P)^-1 (J'r + P x)          J, r without the rows of log k, at the fit x to all logs; P prior precision
+    x_k = x - (J'J + P)^-1 (J'r + P x)
 
-One Gauss-Newton step from the joint fit, which is small where no single log decides.
+J, r: Jacobian and residual without the rows of log k, at the fit x to all logs; P: prior precision. One Gauss-Newton
+step from the joint fit, which is small where no single log decides.
 """
 
 from __future__ import annotations

@@ -102,8 +102,8 @@ class Tests:
         left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], self.noise, law))
         needed = amplitude(left[0], noise_left, law_left)
         draws = zip(likelihood.split(self.noise), likelihood.split(law), likelihood.split(e.residual), strict=True)
-        fit = exceeding(noise_left + law_left, left[0])
-        views = tuple(exceeding(power(noise) + power(error), power(own)) for noise, error, own in draws)
+        fit = exceeding(noise_left + law_left, float(left[0]))
+        views = tuple(exceeding(power(noise) + power(error), float(power(own))) for noise, error, own in draws)
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
@@ -142,8 +142,11 @@ class Tests:
         return law, model
 
     def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
-        """What each channel of each effect adds to the residual (samples,) that no other parameter imitates, and the
-        change of the nominal parameters, with rho, the relative standard deviation of its law.
+        """Contribution of each channel of each effect, and of the change of the nominal parameters.
+
+        Returns:
+            (samples,) the part of it that no other parameter imitates [noise_std], and rho, the relative standard
+            deviation of its law.
         """
         e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
         decoded = self.likelihood.views[0].problem.counted
@@ -192,7 +195,15 @@ def exceeding(draws: np.ndarray, value: float) -> float:
 
 
 def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
-    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs of rows (n, samples): (n, 2)."""
+    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs.
+
+    Args:
+        likelihood: views of the case.
+        rows: (n, samples) whitened residuals [noise_std].
+
+    Returns:
+        (n, 2) both statistics of each row.
+    """
     length, found = max(2, round(WINDOW / likelihood.robot.machine.frame)), np.zeros((len(rows), 2))
     for view, part in zip(likelihood.views, likelihood.split(rows), strict=True):
         ends = np.cumsum([trial.measured.size for trial in view.problem.fit])[:-1]

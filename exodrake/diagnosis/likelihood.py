@@ -10,7 +10,7 @@ cost each view is divided by how far the best robot so far is from its noise, so
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,7 +19,7 @@ import numpy as np
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.noise import noise_uncertainty
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
-from exodrake.diagnosis.whitening import Whitening, whitening_of
+from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 
 # s of a log that count as one sample against the tolerances: a model's error repeats in every motion. With 0.66 s, 90 %
 # intervals of nominal parameters of 24 healthy robots of the reference simulator covered 90 %, with one frame 41 %
@@ -63,7 +63,7 @@ class Likelihood:
     """Views of a case side by side; `simulated` counts the seconds that were simulated, by stage."""
 
     views: tuple[View, ...]
-    simulated: Counter[str] = field(default_factory=Counter)
+    simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     stage: str = ""
 
     @property
@@ -101,22 +101,21 @@ class Likelihood:
         return 0.5 * float(weighted @ weighted) + 0.5 * float(np.sum((x / prior_std) ** 2))
 
     def noise_draws(self, draws: int, rng: np.random.Generator) -> np.ndarray:
-        """Residuals of noise alone (draws, samples): simulated runs, each log shifted round in time and of either
-        sign, each column as strong as its noise may be (`noise_uncertainty`).
+        """Residuals of noise alone (draws, samples).
+
+        Simulated runs, each log shifted round in time and of either sign, each column as strong as its noise may be
+        (`noise_uncertainty`).
         """
         problem, out, runs = self.views[0].problem, [], len(self.views[0].noise)
         uncertainty = noise_uncertainty(problem.case)
         for _ in range(draws):
             run, sign, parts = int(rng.integers(runs)), rng.choice((-1.0, 1.0)), []
             shifts = [int(rng.integers(len(trial.reference))) for trial in problem.fit]
-            level = dict(
-                zip(problem.columns, sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns))), strict=True)
-            )
+            strengths = sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns)))
+            level = dict(zip(problem.columns, strengths, strict=True))
             for view in self.views:
-                levels = np.array([level[column] for column in view.problem.columns])
-                parts += [
-                    (levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(view.noise[run], shifts, strict=True)
-                ]
+                levels, logs = np.array([level[column] for column in view.problem.columns]), view.noise[run]
+                parts += [(levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(logs, shifts, strict=True)]
             out.append(np.concatenate(parts))
         return np.array(out, dtype=np.float32)
 
@@ -128,6 +127,14 @@ class Likelihood:
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
         return Likelihood(views, self.simulated, self.stage)
+
+
+def output_error(problem: Problem, stage: str = "") -> Likelihood:
+    """The likelihood of a case in closed loop alone, in units of the sensors' noise, which counts as white."""
+    columns = len(problem.columns)
+    return Likelihood(
+        (View(problem, Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))),), stage=stage
+    )
 
 
 def likelihood_of(problem: Problem, values: np.ndarray) -> Likelihood:

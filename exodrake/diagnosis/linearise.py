@@ -158,8 +158,9 @@ def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[
 
 
 def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
-    """Coordinates at which directions are taken channel by channel: a modest amplitude, further parameters at their
-    initial values and elsewhere in their ranges.
+    """Coordinates at which directions are taken channel by channel.
+
+    A modest amplitude, further parameters at their initial values and elsewhere in their ranges.
     """
     if not amplitudes:
         return []

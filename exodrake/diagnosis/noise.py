@@ -1,5 +1,7 @@
-"""Noise noise standard deviation of each signal: from trials that repeat the same reference, else from two simulated
-runs of the nominal robot, whose loop passes sensor noise on to every signal.
+"""Noise standard deviation of each signal.
+
+It comes from trials that repeat the same reference, else from two simulated runs of the nominal robot, whose loop
+passes sensor noise on to every signal.
 
 Rounding to a resolution q adds q^2/12 to the noise of a reading; two runs of one motion round alike, so repeats do not
 show it.

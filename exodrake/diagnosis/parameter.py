@@ -69,7 +69,7 @@ class Parameter:
         return base + x if self.transform == "additive" else base * (1.0 + x)
 
     def coordinate(self, value: float) -> float:
-        """x of a value [unit of the parameter]."""
+        """Coordinate x of a value [unit of the parameter]."""
         if self.transform == "reciprocal":
             return 0.0 if math.isinf(value) else 1.0 / value
         if self.transform == "log":

@@ -64,7 +64,7 @@ def isolated(problem: Problem, progress: StageProgress = no_progress) -> tuple[P
     certain = sum(d.certain for d in problem.detected)
     if certain:
         start, again = retune(short)
-        simulated += again
+        simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     return problem, Isolator(short, start, simulated, progress).isolate(max(most, 0))
 
@@ -104,15 +104,17 @@ def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
 
     def candidate(t: Tested) -> Candidate:
         score = 1.0 - float(np.mean(np.maximum(t.chi2 - 1.0, 0.0) / before))
-        chi2 = (*t.chi2.tolist(), float("nan"))[:2]
-        return Candidate(t.explanation.name, score, *chi2, t.levels.fit, t.levels.complete, t in found.left)
+        closed, prediction = (*t.chi2.tolist(), float("nan"))[:2]
+        levels, left = t.levels, t in found.left
+        return Candidate(t.explanation.name, score, closed, prediction, levels.fit, levels.complete, left)
 
     return tuple(candidate(t) for size in reversed(found.tested) for t in size)
 
 
 def baselines_of(found: Isolation) -> dict[str, str]:
-    """What trivial methods would have said of the same fits in closed loop: the smallest residual, and raw BIC with
-    every sample counted as independent.
+    """What trivial methods would have said of the same fits in closed loop.
+
+    The smallest residual, and raw BIC with every sample counted as independent.
     """
     singles = found.tested[0] if found.tested else ()
     if not singles:
@@ -166,8 +168,9 @@ def answer(
 
 
 def judged(problem: Problem, found: Isolation, best: Tested, rows: np.ndarray) -> list[np.ndarray]:
-    """The robots that each log judges: `rows` (3, parameters), the nominal, the retuned and the best one, or without
-    held-out logs the latter two as fitted to the other logs.
+    """The robots that each log judges, (3, parameters) flat vectors [SI].
+
+    `rows`, the nominal, the retuned and the best one; without held-out logs the latter two as fitted to the other logs.
     """
     if problem.holdout:
         return [rows] * len(problem.holdout)

@@ -1,6 +1,4 @@
-"""A case as a regression: what was measured, in units of its noise, and what a robot of given numbers would have
-logged.
-"""
+"""A case as a regression: what was measured, in units of its noise, and what given robots would have logged."""
 
 from __future__ import annotations
 
@@ -121,8 +119,14 @@ class Problem:
             return delayed(machine, records, self.signal_indices)
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """(measured - simulated) / noise standard deviation, (rows, samples): all trials and columns in a row, 0
-        where nothing was measured.
+        """Residuals (measured - simulated) / noise_std, 0 where nothing was measured.
+
+        Args:
+            rows: (rows, parameters) flat parameter vectors [SI].
+            trials: to simulate.
+
+        Returns:
+            (rows, samples), all trials and columns in a row [-].
         """
         out, at = np.empty((len(rows), sum(trial.measured.size for trial in trials))), 0
         for trial in trials:
@@ -149,8 +153,9 @@ class Problem:
         return replace(self, fit=tuple(t.first(max(2, int(share * len(t.reference)))) for t in self.fit))
 
     def prediction_error(self) -> Problem | None:
-        """The problem with runs that follow what was measured where the machine says so (`Machine.observer`): errors do
-        not go round the loop, nor does noise. None where the columns for it are missing.
+        """The problem with runs that follow what was measured where the machine says so (`Machine.observer`).
+
+        Errors do not go round the loop, nor does noise. None where the columns for it are missing.
         """
         observer, kinds = self.robot.machine.observer, self.kinds
         if observer is None or not {observer.measured_input, observer.output} <= set(kinds):
@@ -195,9 +200,7 @@ WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is b
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
-    """Columns that every log of the case has, of the kinds that can be compared, in the machine's order whatever the
-    file's.
-    """
+    """Columns to compare that every log of the case has, in the machine's order. Raises InputError if there is none."""
     axis = {c.kind: machine.axes.of(machine.signal[c.signal].axis) for c in machine.columns}
     wanted = [f"{kind}_{channel}" for kind in machine.compared for channel in axis[kind]]
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))

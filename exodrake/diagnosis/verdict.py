@@ -1,6 +1,8 @@
 """The verdict: what follows from the explanations that the logs do not reject.
 
-none needed: NO_GAP or RETUNE        one left: NAMED        several: AMBIGUOUS        none left: UNKNOWN
+    none needed: NO_GAP or RETUNE        one left: NAMED        several: AMBIGUOUS        none left: UNKNOWN
+
+A detector that found an effect for certain makes it NAMED where no further effect is needed.
 """
 
 from __future__ import annotations
@@ -75,11 +77,11 @@ def rejected(t: Tested) -> str:
     """Why the best explanation is rejected, in one sentence."""
     p, chi2 = t.levels, float(t.chi2[0])
     if p.fit <= ALPHA or p.local <= ALPHA:
-        return f"the best explanation, {t.explanation.name}, leaves a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
+        left = f"a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
+        return f"the best explanation, {t.explanation.name}, leaves {left}"
     if p.moved > p.most_moved:
-        return (
-            f"the best explanation, {t.explanation.name}, moves nominal parameters further than their tolerances allow"
-        )
+        name = t.explanation.name
+        return f"the best explanation, {name}, moves nominal parameters further than their tolerances allow"
     return f"{p.beaten_by} removes {p.share:.0%} of what the best explanation, {t.explanation.name}, leaves"
 
 

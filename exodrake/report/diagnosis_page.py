@@ -198,20 +198,14 @@ def candidate_blocks(diagnosis: Diagnosis) -> list[Block]:
         (f"`{c.id}`", f"{100 * c.score:.1f} %", n.digits(c.chi2), shown(c.prediction_chi2), p_value(c.fit), kept(c))
         for c in diagnosis.candidates
     ]
-    header = (
-        "Candidate",
-        "Excess removed",
-        "chi-square, closed loop",
-        "chi-square, prediction error",
-        "p of the fit",
-        "",
-    )
+    chi2 = ("chi-square, closed loop", "chi-square, prediction error")
+    header = ("Candidate", "Excess removed", *chi2, "p of the fit", "")
     title = f"All {len(rows)} candidates in numbers (the figure shows {min(MOST, len(rows))})"
     label = "excess chi-square of the retuned robot that the candidate removes [%]"
     caption = (
         "Each candidate is fitted on the fit logs together with the nominal parameters, in closed loop and as "
-        "prediction error; in blue what the verdict names. 100 %: reduced chi-square of 1, as of noise alone. A candidate "
-        "that is far behind after two steps is not fitted to the end."
+        "prediction error; in blue what the verdict names. 100 %: reduced chi-square of 1, as of noise alone. A "
+        "candidate that is far behind after two steps is not fitted to the end."
     )
     drawing = Drawing(ranking_svg(diagnosis.candidates, chosen, label), caption, wide=True)
     return [drawing, Table(header, rows, folded=title)]

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.fit import Fitter, Point
-from exodrake.diagnosis.hypothesis import NOTHING, Hypothesis, hypothesis
+from exodrake.diagnosis.likelihood import Likelihood, output_error
+from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
+from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.pipeline import robot_of
 from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.refine import Explanation, minimise
 
 ROUNDS, STEPS = 4, 8  # of fitting, with a new Jacobian in each; steps within a round
+TOL = 1e-3  # share of the cost that a step and a round must gain
 STARTS = (1.0, -1.0, 0.3)  # times the initial value, from which a new effect is fitted
 
 
@@ -35,65 +39,58 @@ class FittedModel:
         return np.sqrt(np.nanmean(np.concatenate(self.held) ** 2, axis=0))
 
 
-def growing_models(
-    problem: Problem, steps: list[tuple[str, tuple[str, ...]]], retune: bool = True
-) -> list[FittedModel]:
-    """Fits models of growing size.
+def growing_models(problem: Problem, steps: list[tuple[str, tuple[str, ...]]]) -> list[FittedModel]:
+    """Fits models of growing size in closed loop.
 
     Args:
         problem: logs to fit and to hold out.
         steps: name of each model, and the effects that it adds to the one before.
-        retune: whether the nominal parameters are fitted, too.
     """
-    fitter = Fitter(problem)
-    if not retune:
-        fitter.limit = np.full_like(fitter.limit, 1e-12)
-    point = fitter.at(NOTHING, np.zeros(0), np.zeros(len(fitter.coordinates)))
+    likelihood, nominal = output_error(problem), nominal_parameters(problem.robot)
+    values, x = problem.silent(), np.zeros(len(nominal))
+    lin = linearise(likelihood, values, x, nominal, ())
+    point = Explanation((), nominal, x, values, lin.residual, lin.jacobian)
     found = []
     for name, effects in steps:
         for identity in effects:
-            machine = problem.robot.machine
-            point = extended(fitter, point, hypothesis(machine, machine.effect(identity)))
-        found.append(model(problem, fitter, point, name))
+            point = extended(likelihood, point, identity)
+        found.append(model(problem, point, name))
     return found
 
 
-def extended(fitter: Fitter, point: Point, extra: Hypothesis) -> Point:
+def extended(likelihood: Likelihood, point: Explanation, identity: str) -> Explanation:
     """The best fit with one more effect, from several starts."""
-    both = point.hypothesis.joined(extra)
-    first = np.array([coordinate.first for coordinate in extra.coordinates])
-    best = None
+    machine = likelihood.robot.machine
+    effect = machine.effect(identity)
+    extra = effect_parameters(machine, effect)
+    values, parameters = with_effects(point.values, [(machine, effect)]), (*point.parameters, *extra)
+    joined = replace(point, effects=(*point.effects, identity), parameters=parameters, values=values)
+    low, high = np.array([p.bounds for p in parameters]).T
+    fits = []
     for factor in STARTS:
-        u = np.where(first, factor * extra.start, extra.start)
-        start = fitter.at(both, np.clip(np.concatenate([point.u, u]), *both.bounds.T), point.x)
-        fitted = converged(fitter, start)
-        best = fitted if best is None or fitted.cost < best.cost else best
-    assert best is not None
-    return best
+        own = [factor * p.start if p.amplitude else p.start for p in extra]
+        start = joined.at(likelihood, np.clip(np.concatenate([point.x, own]), low, high))
+        fits.append(converged(likelihood, start))
+    return min(fits, key=lambda e: e.cost(likelihood))
 
 
-def converged(fitter: Fitter, point: Point) -> Point:
+def converged(likelihood: Likelihood, point: Explanation) -> Explanation:
     """A fit with new Jacobians of the nominal parameters until it gains no more."""
+    count = point.nominal
     for _ in range(ROUNDS):
-        better = fitter.fit(point, fitter.responses(point), steps=STEPS)
-        if better.cost > 0.999 * point.cost:
+        here = apply(point.values, point.parameters, np.concatenate([np.zeros(count), point.x[count:]]))
+        jacobian = nominal_jacobian(likelihood, here, point.parameters[:count], point.x[:count], point.residual)
+        better = minimise(likelihood, replace(point, jacobian=jacobian), STEPS, TOL)
+        if better.cost(likelihood) > (1.0 - TOL) * point.cost(likelihood):
             return better
         point = better
     return point
 
 
-def model(problem: Problem, fitter: Fitter, point: Point, name: str) -> FittedModel:
+def model(problem: Problem, point: Explanation, name: str) -> FittedModel:
     """A fitted point with its robot and held-out residuals."""
-    values = fitter.values(point.hypothesis, point.u, point.x)
-    noisy = [problem.robot.machine.index[n] for n in (*problem.robot.machine.noise, *problem.robot.machine.resolution)]
-    kept = values.copy()
-    kept[noisy] = problem.robot.values[noisy]
-    nominal = problem.robot
-    fitted = {
-        e.name: "fitted" for e, a, b in zip(nominal.machine.parameters, kept, nominal.values, strict=True) if a != b
-    }
-    robot = Robot(nominal.machine, kept, {**nominal.sources, **fitted}, nominal.ranges, source=f"fitted: {name}")
-    held = tuple(t.measured - problem.predict(values[None], t)[0] for t in problem.holdout)
+    robot = replace(robot_of(problem, point.robot, f"fit of {name}"), source=f"fitted: {name}")
+    held = tuple(t.measured - problem.predict(point.robot[None], t)[0] for t in problem.judged)
     return FittedModel(name, robot, held)
 
 

@@ -5,8 +5,8 @@ A module offers
     detect(problem, effect, values) -> Problem
 
 effect: the effect that names the module in its field `detector`. values: (parameters,) flat vector of the retuned
-robot. The problem that it returns may hold latent inputs of trials (`Trial.latent`), filtered bands (`Problem.without`),
-a `Detection`, and other effects to try (`Problem.tried`).
+robot. The problem that it returns may hold latent inputs of trials (`Trial.latent`), filtered bands
+(`Problem.without`), a `Detection`, and other effects to try (`Problem.tried`).
 """
 
 from importlib import import_module

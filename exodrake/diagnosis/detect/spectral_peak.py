@@ -60,8 +60,14 @@ class Peak:
 
 
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
-    """The problem without the band of a tremor, if what the retuned robot leaves has one; it is no candidate of a
-    fit.
+    """The problem without the band of a tremor, if what the retuned robot leaves has one.
+
+    A tremor is no candidate of a fit.
+
+    Args:
+        problem: case as a regression.
+        effect: the tremor.
+        values: (parameters,) flat parameters of the retuned robot [SI].
     """
     from exodrake.diagnosis.problem import by_trial
 
