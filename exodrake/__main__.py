@@ -24,6 +24,9 @@ def interrupt(number: int, _: Any) -> None:
 
 def run() -> None:
     """Entry point of the console script."""
+    while (last := os.open(os.devnull, os.O_RDWR)) <= 2:  # no file takes the place of a closed stream
+        pass
+    os.close(last)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
             signal.signal(number, interrupt)
