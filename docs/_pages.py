@@ -1,8 +1,7 @@
-"""Pages generated from the package when the site is built: commands, effects, Python reference, thresholds."""
+"""Pages generated from the package when the site is built: commands, effects, Python reference, numbers of the tests."""
 
 from collections.abc import Iterator
 from importlib import import_module
-from importlib.resources import files
 
 import click
 from mkdocs.structure.files import File, Files
@@ -10,6 +9,7 @@ from mkdocs.structure.files import File, Files
 from exodrake import PUBLIC
 from exodrake.cli.effects import describe, plausible
 from exodrake.cli.main import COMMANDS, cli
+from exodrake.diagnosis.levels import decision_numbers
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
@@ -49,8 +49,8 @@ def on_files(files: Files, config):
 
 
 def on_page_markdown(markdown: str, page, config, files):
-    """Insert the thresholds where a page has the placeholder."""
-    return markdown.replace("<!-- thresholds -->", thresholds())
+    """Insert the numbers of the tests where a page has the placeholder."""
+    return markdown.replace("<!-- levels -->", levels())
 
 
 def pages() -> Iterator[tuple[str, str]]:
@@ -124,7 +124,7 @@ def where(name: str) -> str:
     return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
 
 
-def thresholds() -> str:
-    """Format the thresholds, with comments."""
-    text = (files("exodrake.diagnosis") / "thresholds.yaml").read_text()
-    return f"```yaml\n{text.strip()}\n```"
+def levels() -> str:
+    """Format the numbers of the tests of the built-in robot's machine, with their sources."""
+    rows = decision_numbers(load_robot().machine)
+    return "| number | value | source |\n|---|---|---|\n" + "\n".join(f"| {a} | {b} | {c} |" for a, b, c in rows)

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import CaseMix
+from exodrake.blind.case_mix import MIXES
 from exodrake.blind.commitment import read_committed
 from exodrake.blind.score import score
 from exodrake.cli.main import cli
@@ -21,7 +21,7 @@ from exodrake.data.case_folder import read_case
 from exodrake.diagnosis.many import diagnose_one
 from tests.short_sets import answers, write_set
 
-HEALTHY = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
+HEALTHY = (MIXES["healthy"],)
 PACKAGE = Path(running.__file__).parents[2]
 
 
@@ -87,7 +87,7 @@ def test_a_case_that_fails_is_recorded_tried_again_and_counted(tmp_path):
     assert json.loads((folder / "case_01" / "failed.json").read_text())["reason"] == failed["case_01"]
     result = score(folder, labels)
     assert result.failed == ("case_01",) and result.missing == () and result.cases == 2
-    assert next((s.hits, s.total) for s in result.shares if s.name == "false alarm on healthy") == (1, 2)
+    assert next((s.hits, s.total) for s in result.groups[0].shares if s.name == "false alarm on healthy") == (1, 2)
     log.write_text(whole)
     assert running.run(folder) == {}
     assert sorted(answers(folder)) == ["case_00", "case_01"] and not list(folder.glob("*/failed.json"))
@@ -121,20 +121,20 @@ def contents(folder):
 
 
 def test_a_set_is_the_same_whatever_made_it_and_an_interrupted_one_is_completed(tmp_path):
-    labels = making.make(tmp_path / "one", 5, 3, mix=HEALTHY)
-    in_two = making.make(tmp_path / "two", 5, 3, mix=HEALTHY, jobs=2)
+    labels = making.make(tmp_path / "one", 5, 3, mixes=HEALTHY)
+    in_two = making.make(tmp_path / "two", 5, 3, mixes=HEALTHY, jobs=2)
 
     def stop(done, failed, total):
         if done == 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        making.make(tmp_path / "cut", 5, 3, mix=HEALTHY, progress=stop)
+        making.make(tmp_path / "cut", 5, 3, mixes=HEALTHY, progress=stop)
     assert len(list((tmp_path / "cut").glob("case_*"))) == 1 and not (tmp_path / "cut-labels.json").exists()
     (tmp_path / "cut" / ".case_02.123.part").mkdir()  # as a killed process leaves it
     with pytest.raises(InputError, match="started with another seed"):
-        making.make(tmp_path / "cut", 6, 3, mix=HEALTHY)
-    completed = making.make(tmp_path / "cut", 5, 3, mix=HEALTHY)
+        making.make(tmp_path / "cut", 6, 3, mixes=HEALTHY)
+    completed = making.make(tmp_path / "cut", 5, 3, mixes=HEALTHY)
     assert contents(tmp_path / "one") == contents(tmp_path / "two") == contents(tmp_path / "cut")
     committed = [
         read_committed(path, tmp_path / name / "seal.txt")

@@ -1,77 +1,101 @@
-"""Making, running and scoring a blind set."""
+"""Scoring a blind set: planted answers whose counts are known by hand, and statistics against closed forms."""
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from exodrake.blind import make as making
+from exodrake.blind.answers import Answered
 from exodrake.blind.case_mix import CaseMix
 from exodrake.blind.commitment import read_committed, write_committed
-from exodrake.blind.matching import covered
-from exodrake.blind.score import binomial_interval, score
-from exodrake.blind.score_table import as_json, as_markdown, as_table
+from exodrake.blind.matching import is_truth
+from exodrake.blind.measures import exactly_named
+from exodrake.blind.parameter_intervals import interval_score, intervals_of, scale_of
+from exodrake.blind.score import score
+from exodrake.blind.score_table import as_json, as_markdown, as_tables
+from exodrake.blind.shares import Paired, Share, binomial_interval, paired
 from exodrake.core.errors import InputError
 
 
-def truth(effect_id, gap=10.0, exact=True, **parameters):
+def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):
     block = effect_id.split(".")[0]
     return {
-        "id": effect_id,
-        "block": block,
-        "wires": [],
-        "joints": [],
-        "parameters": parameters,
-        "exact": exact,
-        "gap": gap,
-    }
-
-
-def answer(verdict, block=None, effects=(), equivalents=(), closure=(0.97, 0.9), seconds=20.0, baselines=None):
-    parts = []
-    for name, bounds in effects:
-        parameters = {key: {"value": (low + high) / 2, "low": low, "high": high} for key, (low, high) in bounds.items()}
-        parts.append({"id": name, "parameters": parameters})
-    overall = {"value": closure[0], "low": closure[1], "high": 0.99}
-    return {
-        "verdict": verdict, "where": {"block": block}, "effects": parts, "equivalents": list(equivalents),
-        "closure": {"overall": overall}, "seconds": seconds, "baselines": baselines or {},
+        "id": effect_id, "block": block, "blocks": list(blocks or (block,)), "wires": list(wires),
+        "joints": list(joints), "parameters": parameters, "exact": exact, "gap": gap,
     }  # fmt: skip
 
 
-NONE, GAIN, SLACK, HOMING = ("sensor.gain", {}), "sensor.gain", "tendon.slack", "encoder.homing_offset"
+def answer(verdict, block=None, effects=(), wires=(), joints=(), seconds=20.0, closed=None, **rest):
+    parts = []
+    for name, bounds in dict(effects).items():
+        parameters = {key: {"value": (low + high) / 2, "low": low, "high": high} for key, (low, high) in bounds.items()}
+        parts.append({"id": name, "parameters": parameters})
+    closure = {"overall": {"value": 0.97, "low": 0.9, "high": 0.99}}
+    if closed is not None:
+        closure["effect"] = {"value": closed + 0.05, "low": closed, "high": closed + 0.1}
+    where = {"block": block, "wires": list(wires), "joints": list(joints)}
+    return {"verdict": verdict, "where": where, "effects": parts, "closure": closure, "seconds": seconds} | rest
+
+
+GAIN, SLACK, HOMING, CREEP = "sensor.gain", "tendon.slack", "encoder.homing_offset", "tendon.creep"
+SNAG = truth("outside.wire_snag", exact=False, blocks=["tendon"], wires=["AF"])
+JUMP = truth("outside.marker_jump", exact=False, blocks=["mocap"], joints=["PIP"])
+SLOW_STRETCH = truth(CREEP, exact=False, stiffness=8000.0, time_constant=5.0)
 SET = {
-    "case_0": ("healthy", [], answer("RETUNE")),
-    "case_1": ("healthy", [], answer("NAMED", "sensor", [NONE])),
-    "case_2": (
-        "single",
-        [truth(GAIN, gain=0.05)],
-        answer("NAMED", "sensor", [(GAIN, {"gain": (0.04, 0.06)})], baselines={"bic": GAIN}),
+    "case_00": ("healthy", [], answer("RETUNE", "none")),
+    "case_01": ("healthy", [], answer("NAMED", "sensor", {GAIN: {}})),
+    "case_02": (
+        "single", [truth(GAIN, gain=0.05, wires=["AF"])],
+        answer(
+            "NAMED", "sensor", {GAIN: {"gain": (0.04, 0.06)}}, ["AF"], closed=0.85, simulated_seconds=50e3,
+            baselines={"bic": GAIN, "replay": CREEP},
+        ),
     ),
-    "case_3": ("single", [truth(SLACK, length=1e-3)], answer("AMBIGUOUS", "encoder", [(HOMING, {})], [HOMING, SLACK])),
-    "case_4": (
-        "single",
-        [truth(GAIN, gain=0.05)],
-        answer("NAMED", "tendon", [("tendon.creep", {})], closure=(0.8, 0.5), seconds=90.0),
+    "case_03": (
+        "single", [truth(SLACK, length=1e-3, wires=["MF"])],
+        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], equivalents=[HOMING, SLACK], simulated_seconds=70e3),
     ),
-    "case_5": ("single", [truth("mocap.gain", gap=1.0, gain=0.01)], answer("NO_GAP")),
-    "case_6": (
-        "pair",
-        [truth(GAIN, gain=0.1), truth("finger.gravity", pitch=0.0)],
-        answer("NAMED", "finger", [("finger.gravity", {}), NONE]),
+    "case_04": (
+        "single", [truth(GAIN, gain=0.05)],
+        answer("NAMED", "tendon", {CREEP: {}}, seconds=90.0, closed=0.5, baselines={"bic": CREEP, "replay": GAIN}),
     ),
-    "case_7": ("unknown", [truth("outside.wire_snag", exact=False)], answer("UNKNOWN", "tendon")),
-    "case_8": ("single", [truth(GAIN, gain=0.2)], answer("NAMED", "sensor", [(GAIN, {"gain": (0.1, 0.15)})])),
-}
+    "case_05": ("single", [truth("mocap.gain", gap=1.0, gain=0.01)], answer("NO_GAP", "none")),
+    "case_06": (
+        "pair", [truth(GAIN, gain=0.1), truth("finger.gravity", pitch=0.0)],
+        answer("NAMED", "finger", {"finger.gravity": {}, GAIN: {}}),
+    ),
+    "case_07": ("unknown", [SNAG], answer("UNKNOWN", "tendon", wires=["AF", "MF"])),
+    "case_08": ("single", [truth(GAIN, gain=0.2)], answer("NAMED", "sensor", {GAIN: {"gain": (0.1, 0.15)}})),
+    "case_09": (
+        "pair", [truth(GAIN, gain=0.1), truth("mocap.gain", gain=0.1, joints=["DIP"])],
+        answer("NAMED", "sensor", {GAIN: {}, "mocap.gain": {}, CREEP: {}}, joints=["PIP", "DIP"]),
+    ),
+    "case_10": (
+        "three", [truth(SLACK, length=1e-3), truth(GAIN, gain=0.1), SLOW_STRETCH],
+        answer("NAMED", "tendon", {HOMING: {}, CREEP: {"stiffness": (9e3, 1e4), "time_constant": (4, 6)}, GAIN: {}}),
+    ),
+    "case_11": ("single", [truth(HOMING, offset=1e-3)], answer("NAMED", "tendon", {SLACK: {}})),
+    "case_12": ("unknown", [JUMP], answer("NAMED", "tendon", {CREEP: {}}, joints=["PIP"])),
+    "case_13": ("single", [truth(GAIN, gain=0.1)], answer("UNKNOWN", "sensor", candidates=[{"id": GAIN}])),
+    "case_14": ("same-block", [truth(CREEP), truth(SLACK)], answer("RETUNE", "none")),
+}  # fmt: skip
+
+
+def written(folder, answers):
+    """Write answers, each into the folder of its case."""
+    for name, diagnosis in answers.items():
+        (folder / name).mkdir(parents=True, exist_ok=True)
+        (folder / name / "case.yaml").write_text("logs: []\n")
+        (folder / name / "diagnosis.json").write_text(json.dumps(diagnosis))
+    return folder
 
 
 @pytest.fixture
 def tiny(tmp_path):
-    folder, labels = tmp_path / "set", tmp_path / "set-labels.json"
-    for name, (_, _, diagnosis) in SET.items():
-        (folder / name).mkdir(parents=True)
-        (folder / name / "case.yaml").write_text("logs: []\n")
-        (folder / name / "diagnosis.json").write_text(json.dumps(diagnosis))
+    folder = written(tmp_path / "set", {name: diagnosis for name, (_, _, diagnosis) in SET.items()})
+    labels = tmp_path / "set-labels.json"
     cases = {name: {"kind": kind, "effects": truths} for name, (kind, truths, _) in SET.items()}
     write_committed(cases, labels, folder / "seal.txt")
     return folder, labels
@@ -79,53 +103,188 @@ def tiny(tmp_path):
 
 def test_score_of_a_set_done_by_hand(tiny):
     result = score(*tiny)
-    found = {item.name: (item.hits, item.total) for item in result.shares}
-    assert found == {
-        "right block first": (3, 4),
-        "right effect first or in its class": (3, 4),
-        "both effects of a pair": (1, 1),
+    (group,) = result.groups
+    assert {item.name: (item.hits, item.total) for item in group.shares} == {
+        "exactly named, single": (3, 6),
+        "exactly named, pair": (1, 2),
+        "exactly named, same-block": (0, 1),
+        "exactly named, three": (1, 1),
+        "truth named or in its class, single": (3, 6),
+        "truth named or in its class, pair": (2, 2),
+        "truth named or in its class, same-block": (0, 1),
+        "truth named or in its class, three": (1, 1),
+        "truth first": (6, 10),
+        "UNKNOWN outside the library": (1, 2),
+        "wrongly UNKNOWN": (1, 12),
         "false alarm on healthy": (1, 2),
-        "UNKNOWN on outside effects": (1, 1),
-        "wrongly UNKNOWN": (0, 7),
-        "missed (NO_GAP or RETUNE) though visible": (0, 5),
-        "another effect named, or one too many": (1, 4),
-        "lower bound of closure > 0.8 when named": (3, 4),
-        "90 % interval covers, same parameter": (1, 2),
-        "90 % interval covers, other functional form": (0, 0),
-        "done within 60 s": (8, 9),
+        "missed (NO_GAP or RETUNE) though visible": (1, 10),
+        "another effect named, or one too many": (3, 7),
+        "block right": (8, 12),
+        "tendons right": (2, 3),
+        "joints right": (1, 2),
+        "C(effect given retune), lower bound > 0.8": (1, 2),
+        "90 % interval covers, same meaning": (1, 2),
+        "90 % interval covers, other law": (1, 2),
     }
-    baselines = {item.name: (item.hits, item.total) for item in result.baselines}
-    assert baselines["always the commonest effect"] == (3, 4)
-    assert baselines["bic: right effect"] == (1, 4)
-    assert result.quantities["closure when named, median (wanted >= 0.95)"] == pytest.approx(0.97)
-    assert result.confusion["sensor.gain", "tendon.creep"] == 1
+    assert result.confusion[GAIN, CREEP, False] == 1 and result.confusion["healthy", "RETUNE", True] == 1
 
 
-def test_lanes_count_one_by_one_where_the_truth_sits():
+def test_an_answer_without_an_entry_is_not_counted_and_a_failed_case_is_wrong(tiny):
+    folder, labels = tiny
+    page = folder / "case_02" / "diagnosis.json"
+    page.write_text(json.dumps({"verdict": "NAMED", "effects": [{"id": GAIN}]}))
+
+    def counted():
+        return {item.name: (item.hits, item.total) for item in score(folder, labels).groups[0].shares}
+
+    bare = counted()
+    assert (
+        bare["block right"] == (7, 11) and bare["tendons right"] == (1, 2) and bare["exactly named, single"] == (3, 6)
+    )
+    assert bare["C(effect given retune), lower bound > 0.8"] == (0, 1)
+    page.rename(page.with_name("failed.json"))
+    failed = counted()
+    assert failed["block right"] == (7, 12) and failed["exactly named, single"] == (2, 6)
+
+
+def test_quantities_of_a_set_done_by_hand(tiny):
+    found = {
+        item.name: (pytest.approx(item.value, nan_ok=True), item.count) for item in score(*tiny).groups[0].quantities
+    }
+    assert found["size of an AMBIGUOUS class, mean"] == (2.0, 1)
+    assert found["C(overall) when named, median"] == (0.97, 7)
+    assert found["C(effect given retune) when named, median"] == (0.725, 2)
+    assert found["C(retune) when named, median"][1] == 0
+    assert found["relative half width, same meaning, median"] == ((0.2 + 0.125) / 2, 2)
+    assert found["relative half width, other law, median"] == ((0.2 + 0.0625) / 2, 2)
+    assert found["relative interval score, same meaning, mean"] == ((0.4 + 5.25) / 2, 2)
+    assert found["relative interval score, other law, mean"] == ((0.4 + 2.625) / 2, 2)
+    assert found["simulated seconds a case, median"] == (60e3, 2)
+    assert found["simulated seconds a case, 95 %"] == (69e3, 2)
+    assert found["seconds a case, median"] == (20.0, 15)
+    assert found["seconds a case, 95 %"] == (20.0 + 0.3 * 70.0, 15)
+
+
+def test_baselines_are_paired_with_the_diagnosis(tiny):
+    (group,) = score(*tiny).groups
+    assert {item.name: (item.hits, item.total) for item in group.baselines} == {
+        "always the commonest effect": (4, 6),
+        "always the commonest block": (4, 6),
+        "bic names the truth": (1, 6),
+        "replay names the truth": (1, 6),
+    }
+    assert group.paired == (
+        Paired("truth first; bic names the truth", both=1, first=3, second=0, neither=2),
+        Paired("truth first; replay names the truth", both=0, first=4, second=1, neither=1),
+    )
+    assert [item.p for item in group.paired] == pytest.approx([2 / 2**3, 2 * (1 + 5) / 2**5])
+
+
+def test_two_methods_are_compared_on_the_cases_that_both_answered(tiny, tmp_path):
+    others = {name: diagnosis for name, (_, _, diagnosis) in SET.items() if name != "case_03"}
+    others["case_02"] = answer("UNKNOWN", "sensor")
+    others["case_04"] = answer("NAMED", "sensor", {GAIN: {}})
+    others["case_11"] = answer("NAMED", "encoder", {HOMING: {}})
+    folder, labels = tiny
+    found = {item.name: item for item in score(folder, labels, written(tmp_path / "other", others)).groups[0].paired}
+    assert found["exactly named, single"] == Paired("exactly named, single", both=1, first=1, second=2, neither=1)
+    assert found["block right"] == Paired("block right", both=7, first=0, second=2, neither=2)
+    assert found["exactly named, single"].p == pytest.approx(1.0)
+
+
+def test_mcnemar_is_the_sign_test_of_a_textbook():
+    legs = Paired("fore and hind leg lengths of ten deer (Zar, Biostatistical Analysis, sign test)", 0, 8, 2, 0)
+    assert legs.p == pytest.approx(0.109375)
+    assert Paired("no difference", 5, 0, 0, 5).p == 1.0
+
+
+def test_shares_pair_by_case():
+    first, second = Share("it", {"a": True, "b": True, "c": False}), Share("it", {"b": False, "c": False, "d": True})
+    assert paired(first, second) == Paired("it", both=0, first=1, second=0, neither=1)
+
+
+@pytest.mark.parametrize(("true", "penalty"), [(0.5, 0.0), (-0.1, 2.0), (1.3, 6.0)])
+def test_interval_score_is_width_plus_a_penalty_of_two_over_alpha(true, penalty):
+    assert interval_score(0.0, 1.0, true) == pytest.approx(1.0 + penalty)
+
+
+def test_interval_score_is_smallest_for_the_true_quantiles():
+    from scipy.stats import norm
+
+    draws = norm.ppf((np.arange(2000) + 0.5) / 2000)
+    wanted = norm.ppf(0.95)
+
+    def mean(half):
+        return sum(interval_score(-half, half, value) for value in draws) / len(draws)
+
+    assert mean(wanted) < min(mean(0.9 * wanted), mean(1.1 * wanted))
+
+
+def test_a_set_matches_the_truth_up_to_inseparable_effects():
+    pair = [truth(SLACK), truth(HOMING, offset=-1e-3)]
+    assert is_truth(pair, (HOMING, SLACK)) and not is_truth(pair, (HOMING,)) and not is_truth(pair, (SLACK, CREEP))
+    assert not is_truth([truth(SLACK), truth(CREEP)], (CREEP, GAIN)) and not is_truth([truth(GAIN)], (GAIN, CREEP))
+
+
+@pytest.mark.parametrize(("others", "exact"), [([SLACK], True), ([], True), ([SLACK, CREEP], False), ([GAIN], False)])
+def test_a_class_of_provably_inseparable_effects_counts_as_one_name(others, exact):
+    verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, equivalents=[HOMING, *others])
+    assert exactly_named(Answered("case", {"kind": "single", "effects": [truth(SLACK)]}, verdict)) == exact
+
+
+def test_channels_count_one_by_one_where_the_truth_sits():
     stated = {"low": 0.04, "high": 0.06}, {"low": 0.07, "high": 0.08}, {"low": -0.01, "high": 0.01}
     effect = {
         "id": GAIN,
         "parameters": {"gain": stated[0]},
         "channels": {"gain": dict(zip(("AF", "MF", "AE"), stated))},
     }
-    here = truth(GAIN, gain=0.05) | {"wires": ["AF", "MF"]}
-    assert covered(here, {"effects": [effect]}, exact=True) == [True, False]
-    assert covered(here, {"effects": [effect]}, exact=False) == []
-    assert covered(here, {"effects": [effect | {"channels": {}}]}, exact=True) == [True]
+    label = {"kind": "single", "effects": [truth(GAIN, gain=0.05, wires=["AF", "MF"])]}
+
+    def covers(effect):
+        return [i.covers for i in intervals_of(Answered("case", label, {"verdict": "NAMED", "effects": [effect]}))]
+
+    assert covers(effect) == [True, False]
+    assert covers(effect | {"channels": {}}) == [True]
+    assert covers(effect | {"id": CREEP}) == []
 
 
-def test_score_prints_everywhere(tiny, tmp_path):
-    result = score(*tiny)
-    assert as_table(result).row_count == 12 + 6 + 3
-    assert json.loads(json.dumps(as_json(result)))["shares"]["right block first"]["hits"] == 3
-    assert "| right block first | >= 95 % | 75.0 % |" in as_markdown(result)
+def test_a_parameter_near_zero_is_scaled_by_its_range():
+    assert scale_of("finger.gravity", "pitch", 0.01) == pytest.approx(0.3)
+    assert scale_of(GAIN, "gain", -0.05) == pytest.approx(0.05)
+
+
+def test_score_prints_each_mix_and_leaves_out_rows_without_cases(tiny):
+    folder, labels = tiny
+    cases = read_committed(labels, folder / "seal.txt")
+    cases["case_13"]["mix"] = "small"
+    write_committed(cases, labels, folder / "seal.txt")
+    result = score(folder, labels)
+    assert [(group.name, group.cases) for group in result.groups] == [("standard", 14), ("small", 1)]
+    titles = ["standard, 14 cases", "standard, paired", "small, 1 case", "truth and answer, 15 cases"]
+    assert [table.title for table in as_tables(result)] == titles
+    page = as_markdown(result)
+    assert "| exactly named, single | >= 90 % | 60.0 % |" in page and "| wrongly UNKNOWN | <= 3 % | 100.0 % |" in page
+    assert page.count("| truth first |") == 2 and page.count("| false alarm on healthy |") == 1
+    small = json.loads(json.dumps(as_json(result)))["mixes"]["small"]
+    assert small["shares"]["truth first"]["hits"] == 1 and small["shares"]["false alarm on healthy"]["value"] is None
 
 
 def test_command_scores_and_refuses(tiny, tmp_path):
     from exodrake.cli.main import cli
 
     folder, labels = tiny
-    arguments = ["blind", "score", str(folder), "--labels", str(labels), "--markdown", str(tmp_path / "s.md")]
+    arguments = [
+        "blind",
+        "score",
+        str(folder),
+        "--labels",
+        str(labels),
+        "--markdown",
+        str(tmp_path / "s.md"),
+        "--against",
+        str(folder),
+    ]
     assert CliRunner().invoke(cli, arguments).exit_code == 0
     assert (tmp_path / "s.md").is_file()
     labels.write_text(labels.read_text().replace("tendon.slack", "tendon.creep"))
@@ -137,7 +296,7 @@ def test_command_scores_and_refuses(tiny, tmp_path):
 def test_tampered_labels_are_detected(tiny):
     folder, labels = tiny
     page = json.loads(labels.read_text())
-    page["cases"]["case_0"]["kind"] = "single"
+    page["cases"]["case_00"]["kind"] = "single"
     labels.write_text(json.dumps(page))
     with pytest.raises(InputError, match="not those committed"):
         read_committed(labels, folder / "seal.txt")
@@ -150,17 +309,16 @@ def test_interval_is_clopper_pearson():
 
 def test_missing_diagnoses_are_counted(tiny):
     folder, labels = tiny
-    (folder / "case_0" / "diagnosis.json").unlink()
+    (folder / "case_00" / "diagnosis.json").unlink()
     result = score(folder, labels)
-    assert result.missing == ("case_0",)
-    assert result.cases == 8
+    assert result.missing == ("case_00",)
+    assert result.cases == 14
 
 
 def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
     from exodrake.data.case_folder import read_case
 
-    mix = CaseMix(healthy=0.0, single=0.0, pair=0.0, unknown=1.0)
-    labels = making.make(tmp_path / "set", seed=1, cases=1, mix=mix)
+    labels = making.make(tmp_path / "set", seed=1, cases=1, mixes=[CaseMix(weights={"unknown": 1.0})])
     case = read_case(tmp_path / "set" / "case_00")
     assert [item.role for item in case.logs] == ["fit"] * 4 + ["holdout"]
     assert case.repeat_groups[0][1].file == "sweeps_2.csv.gz"

@@ -9,7 +9,7 @@ import pytest
 
 from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
-from exodrake.blind.make import gap_in_noise
+from exodrake.blind.gap import gap_in_noise
 from exodrake.blind.parameters import draw_parameters
 from exodrake.blind.protocols import grasps, protocols_of
 from exodrake.blind.robot_spec import FRAME, InjectedFault, Protocol, RobotSpec

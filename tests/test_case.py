@@ -76,7 +76,7 @@ def test_without_case_file_the_last_is_held_out(folder):
 
 def test_one_file_is_a_case(folder):
     case = read_case(folder / "b.csv.gz")
-    assert case.name == "b" and len(case.fit_logs) == 1 and "held out" in case.notes[0]
+    assert case.name == "b" and len(case.fit_logs) == 1 and not case.holdout_logs
 
 
 def test_overrides_hold_numbers_with_bare_exponents(folder):

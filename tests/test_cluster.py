@@ -7,7 +7,7 @@ import time
 import pytest
 
 from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import CaseMix
+from exodrake.blind.case_mix import MIXES
 from exodrake.blind.commitment import read_committed
 from exodrake.core import parallel
 from exodrake.core.errors import InputError
@@ -85,9 +85,8 @@ def test_blind_run_with_a_killed_worker_answers_as_one_process_does(cluster, tmp
 
 
 def test_a_set_made_there_is_the_set_made_here(cluster, tmp_path):
-    mix = CaseMix(healthy=1.0, single=0.0, pair=0.0, unknown=0.0)
     made = {
-        where: making.make(tmp_path / where, 5, 2, mix=mix, cluster=address)
+        where: making.make(tmp_path / where, 5, 2, mixes=[MIXES["healthy"]], cluster=address)
         for where, address in (("here", None), ("there", cluster.scheduler_address))
     }
     logs = {

@@ -1,11 +1,13 @@
-"""What may be injected, where and how much: one line per effect, and the draw of one of them.
+"""Catalogue of the faults that may be injected: one line per effect, and the draw of one of them.
 
 Ranges are those of effects.md and physics.md section 4 where they leave a gap above the noise, widened [A]
 where they do not (viscous friction, clock skew, current limit). A draw that leaves no gap is drawn again by the
 maker.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,19 +22,23 @@ ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 @dataclass(frozen=True)
 class Entry:
-    """How one effect is drawn.
+    """How one effect is drawn, and where it acts.
 
     Attributes:
         seat: "wire", "joint", "one joint", or "" (whole robot).
-        ranges: parameter -> (low, high), drawn log-uniformly if low > 0.
-        exact: whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
-        signed: parameters that get either sign.
+        ranges: Parameter -> (low, high), drawn log-uniformly if low > 0.
+        exact: Whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
+        signed: Parameters that get either sign.
+        blocks: Blocks it acts in, of a fault outside the library; an effect of the library says it in its id.
+        channels: Wires or joints it acts on, where these are not drawn.
     """
 
     seat: str
-    ranges: dict
+    ranges: dict[str, tuple[float, float]]
     exact: bool = False
-    signed: tuple = ()
+    signed: tuple[str, ...] = ()
+    blocks: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
 
 
 LIBRARY = {
@@ -75,45 +81,98 @@ LIBRARY = {
     "mocap.offset": Entry("joint", {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)),
 }
 
+
+def outside(
+    ranges: dict[str, tuple[float, float]],
+    blocks: tuple[str, ...],
+    channels: tuple[str, ...],
+    signed: tuple[str, ...] = (),
+) -> Entry:
+    """Entry of a fault outside the library, on channels that are not drawn; a spool is where motor and tendon meet."""
+    return Entry("", ranges, signed=signed, blocks=blocks, channels=channels)
+
+
 OUTSIDE = {
-    "outside.spool_eccentricity": Entry("", {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)}),
-    "outside.wire_snag": Entry("", {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)}),
-    "outside.wandering_rest": Entry("", {"size": (0.08, 0.2), "memory": (2.0, 10.0)}),
-    "outside.torque_bursts": Entry("", {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, signed=("torque",)),
-    "outside.posture_friction": Entry("", {"torque": (5e-3, 2e-2)}),
-    "outside.redonning": Entry("", {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)}, signed=("height",)),
-    "outside.tendon_jump": Entry("", {"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}),
-    "outside.snap_through": Entry("", {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)}),
-    "outside.flexible_mount": Entry("", {"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}),
-    "outside.voltage_sag": Entry("", {"depth": (0.75, 0.92)}),
-    "outside.abduction": Entry("", {"splay": (0.05, 0.12)}),
-    "outside.warming": Entry("", {"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}),
-    "outside.spool_slip": Entry("", {"rate": (1e-5, 6e-5), "load": (2.0, 4.0)}),
-    "outside.leaky_integrator": Entry("", {"leak": (3.0, 15.0)}),
-    "outside.wire_rub": Entry("", {"mu": (0.3, 0.8)}),
-    "outside.marker_jump": Entry("", {"angle": (0.08, 0.25)}, signed=("angle",)),
-    "outside.sticking_cell": Entry("", {"band": (0.15, 0.5)}),
+    "outside.spool_eccentricity": outside(
+        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)}, ("motor", "tendon"), WIRES
+    ),
+    "outside.wire_snag": outside(
+        {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)}, ("tendon",), ("AF",)
+    ),
+    "outside.wandering_rest": outside({"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS),
+    "outside.torque_bursts": outside(
+        {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)
+    ),
+    "outside.posture_friction": outside({"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
+    "outside.redonning": outside(
+        {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)}, ("finger", "tendon"), WIRES, signed=("height",)
+    ),
+    "outside.tendon_jump": outside({"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
+    "outside.snap_through": outside(
+        {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)}, ("finger",), ("PIP",)
+    ),
+    "outside.flexible_mount": outside({"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}, ("motor",), WIRES),
+    "outside.voltage_sag": outside({"depth": (0.75, 0.92)}, ("motor",), WIRES),
+    "outside.abduction": outside({"splay": (0.05, 0.12)}, ("finger",), ("MCP",)),
+    "outside.warming": outside({"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}, ("finger",), JOINTS),
+    "outside.spool_slip": outside({"rate": (1e-5, 6e-5), "load": (2.0, 4.0)}, ("motor", "tendon"), WIRES),
+    "outside.leaky_integrator": outside({"leak": (3.0, 15.0)}, ("motor",), WIRES),
+    "outside.wire_rub": outside({"mu": (0.3, 0.8)}, ("tendon",), ("AF", "MF")),
+    "outside.marker_jump": outside({"angle": (0.08, 0.25)}, ("mocap",), ("PIP",), signed=("angle",)),
+    "outside.sticking_cell": outside({"band": (0.15, 0.5)}, ("sensor",), WIRES),
 }
 ENTRIES = LIBRARY | OUTSIDE
+MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in name)  # unseen without joint angles
+
+# effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is
+# replaced whole
+WITHOUT_STRENGTH = ("finger.gravity", "tendon.slack", "tendon.stiffening", "timing.command_latency")
+NULLS = {
+    "motor.slow_velocity_loop": 1.0,
+    "motor.current_limit": math.inf,
+    "tendon.compliance": math.inf,
+    "tendon.creep": math.inf,
+    "finger.stiffness": 1.0,
+    "finger.contact": math.inf,
+}
+"""Effect -> null value of its first parameter, which sets its strength; 0 for the others."""
 
 
-def without_entry(effect_ids):
+def without_entry(effect_ids: Iterable[str]) -> list[str]:
     """Ids of a library's effects that this catalogue lacks, and that no case can therefore hold."""
     return [effect_id for effect_id in effect_ids if effect_id not in LIBRARY]
 
 
-def block_of(effect_id):
-    """Block an effect belongs to: the part of its id before the dot."""
+def block_of(effect_id: str) -> str:
+    """Block an effect of the library belongs to: the part of its id before the dot."""
     return effect_id.split(".")[0]
 
 
-def draw_value(rng, low, high, signed):
+def blocks_of(effect_id: str) -> tuple[str, ...]:
+    """Blocks an effect acts in."""
+    return ENTRIES[effect_id].blocks or (block_of(effect_id),)
+
+
+def channels_of(effect: InjectedFault, names: Iterable[str]) -> list[str]:
+    """Those of `names` (wires or joints) that an injected effect acts on."""
+    return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
+
+
+def weakened(effect: InjectedFault, strength: float) -> InjectedFault:
+    """Injected effect between absent (strength 0) and as it is (1)."""
+    name, value = next(iter(effect.parameters.items()))
+    null = NULLS.get(effect.id, 0.0)
+    weaker = value / strength if null == math.inf else null + strength * (value - null)
+    return replace(effect, parameters=effect.parameters | {name: weaker})
+
+
+def draw_value(rng: np.random.Generator, low: float, high: float, signed: bool) -> float:
     """One parameter, log-uniform over (low, high); uniform where low <= 0."""
     value = np.exp(rng.uniform(np.log(low), np.log(high))) if low > 0 else rng.uniform(low, high)
     return float(value * rng.choice((-1, 1)) if signed else value)
 
 
-def draw_seat(rng, seat):
+def draw_seat(rng: np.random.Generator, seat: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Wires and joints an effect sits on."""
     names = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(seat, ())
     chosen = tuple(names)
@@ -122,7 +181,7 @@ def draw_seat(rng, seat):
     return (chosen, ()) if seat == "wire" else ((), chosen)
 
 
-def draw_effect(effect_id, rng):
+def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
     """One effect with parameters and seat drawn from its catalogue line."""
     entry = ENTRIES[effect_id]
     parameters = {name: draw_value(rng, low, high, name in entry.signed) for name, (low, high) in entry.ranges.items()}

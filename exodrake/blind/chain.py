@@ -18,10 +18,13 @@ def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
     """Joint torques [N m] of a motion.
 
     Args:
-        p: record of the robot.
-        sine, cosine: of the absolute angles, triples.
-        turn, spin: absolute angular rates [rad/s] and accelerations [rad/s2], triples.
-        base_x, base_y: acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
+        p: Record of the robot.
+        sine: Sines of the absolute angles (3,).
+        cosine: Cosines of the absolute angles (3,).
+        turn: Absolute angular rates (3,) [rad/s].
+        spin: Absolute angular accelerations (3,) [rad/s2].
+        base_x: Distal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
+        base_y: Dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
     """
     mass, centre, length, unit = p.mass, p.centre, p.length, p.unit_inertia
     x0, y0 = swing(sine[0], cosine[0], turn[0], spin[0])

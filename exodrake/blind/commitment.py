@@ -7,19 +7,20 @@ import hashlib
 import json
 import secrets
 from pathlib import Path
+from typing import Any
 
 from exodrake.core.errors import InputError
 
 COMMITMENT = "seal.txt"  # in the folder of a set
 
 
-def digest(cases, salt):
+def digest(cases: dict[str, Any], salt: str) -> str:
     """Commitment: SHA-256 over salt and canonical JSON."""
     canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256((salt + canonical).encode()).hexdigest()
 
 
-def write_committed(cases, labels, commitment):
+def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> None:
     """Write labels with a fresh salt, and the commitment."""
     from exodrake.core.files import write_text
 
@@ -28,7 +29,7 @@ def write_committed(cases, labels, commitment):
     write_text(commitment, digest(cases, salt) + "\n")
 
 
-def read_committed(labels, commitment):
+def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]:
     """Labels by case. InputError if a file is missing or malformed, or if the labels have changed."""
     labels, commitment = Path(labels), Path(commitment)
     for path in (labels, commitment):

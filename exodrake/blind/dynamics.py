@@ -40,8 +40,10 @@ def inputs_at(p, inputs, time, u):
 
 @njit(cache=True)
 def current(p, y, u, wire, wanted):
-    """Drive's current [A] and whether its integrator stands still: clip, soft clip or back-EMF limit of a sagging
-    supply.
+    """Drive's current [A], limited by a clip, a soft clip or the back-EMF of a sagging supply.
+
+    Returns:
+        Current [A], and whether the integrator stands still.
     """
     raw = p.loop_p[wire] * wanted + y[INTEGRATOR + wire]
     limit = p.current_max[wire]

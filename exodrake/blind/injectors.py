@@ -47,7 +47,7 @@ def set_joints(**fields):
 
 
 def slow_loop(build, effect, rng):
-    """An extra first-order lag whose delay adds to the loop's own 1/bandwidth."""
+    """Speed loop with an extra first-order lag whose delay adds to the loop's own 1/bandwidth."""
     record = build.record
     bandwidth = record["loop_p"] * record["torque_constant"] / record["inertia"]
     where = wires_of(effect)
@@ -55,6 +55,7 @@ def slow_loop(build, effect, rng):
 
 
 def stribeck(build, effect, rng):
+    """LuGre friction whose static level exceeds the Coulomb level by the ratio."""
     set_wires(coulomb="force")(build, effect, rng)
     build.record["static"][wires_of(effect)] = effect.parameters["force"] * effect.parameters["ratio"]
     build.record["stribeck_speed"] = effect.parameters["speed"]
@@ -68,6 +69,7 @@ def compliance(build, effect, rng):
 
 
 def slack(build, effect, rng):
+    """Wire too long, that comes taut over a toe."""
     set_wires(slack="length")(build, effect, rng)
     build.record["toe"][wires_of(effect)] = TOE
 
@@ -88,6 +90,7 @@ def drift(build, effect, rng):
 
 
 def coupling(build, effect, rng):
+    """Spring between DIP and PIP."""
     build.record["coupling"][2] = effect.parameters["stiffness"]
     build.record["coupling_ratio"][2] = effect.parameters["ratio"]
 
@@ -108,6 +111,7 @@ def gravity(build, effect, rng):
 
 
 def contact(build, effect, rng):
+    """Object below the fingertip, Hunt-Crossley."""
     build.record["contact_depth"] = effect.parameters["distance"]
     build.record["contact_stiffness"] = effect.parameters["stiffness"]
 
@@ -122,6 +126,7 @@ def tremor(build, effect, rng):
 
 
 def latency(build, effect, rng):
+    """Commands that arrive whole frames late."""
     build.record["latency"] = effect.parameters["frames"]
 
 
@@ -136,10 +141,12 @@ def dropped(build, effect, rng):
 
 
 def mocap_delay(build, effect, rng):
+    """Angles logged a constant time late."""
     build.delay = effect.parameters["delay"]
 
 
 def mocap_skew(build, effect, rng):
+    """Motion-capture clock of another rate."""
     build.skew = effect.parameters["skew"]
 
 

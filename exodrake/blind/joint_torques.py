@@ -95,8 +95,10 @@ def digital_tendon(p, y, joint):
 
 @njit(cache=True)
 def contact_force(p, y):
-    """Force of the object on the fingertip, dorsal [N], Hunt-Crossley with exponent 1.3, and the chain's angles'
-    cosines times lengths [m].
+    """Contact of the fingertip with an object, Hunt-Crossley with exponent 1.3.
+
+    Returns:
+        Dorsal force [N], and the cosines of the chain's angles times the lengths (3,) [m].
     """
     first = y[ANGLE]
     second = first + y[ANGLE + 1]

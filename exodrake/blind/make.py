@@ -1,17 +1,20 @@
-"""Making a blind set: case folders that say nothing about their contents, and labels committed to apart from them."""
+"""Makes a blind set: case folders that say nothing about their contents, and labels committed to apart from them."""
 
 import hashlib
 import json
 import shutil
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from exodrake.blind.case_mix import CaseMix, draw_case, plan
-from exodrake.blind.catalogue import ENTRIES, block_of
+from exodrake.blind.case_mix import MIXES, CaseMix, CasePlan, DrawnCase, plan
+from exodrake.blind.catalogue import ENTRIES, blocks_of, channels_of
 from exodrake.blind.commitment import COMMITMENT, write_committed
+from exodrake.blind.gap import Gaps, kind_of, visible_case
+from exodrake.blind.records import JOINTS, WIRES
 from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
@@ -21,125 +24,85 @@ from exodrake.data.case import FILE, Case, CaseLog
 from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
 
-NOISE_STD = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
+Label = dict[str, Any]
 DECIMALS = {
-    "time": 2,
-    "tension_ref": 3,
-    "tension": 3,
-    "stroke": 6,
-    "speed_cmd": 5,
-    "angle": 4,
-}  # as in the practice data
+    "time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4,
+}  # as in the practice data  # fmt: skip
 ROLES = {
     "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
     "grasps": ("holdout", None),
 }  # fmt: skip
 MARK = ".begun"  # of a set that is not complete
-VISIBLE = 2.0  # noise standard deviations
-ATTEMPTS = 6
 
 
-def kind_of(column):
-    """Column name without its wire or joint."""
-    return column.rsplit("_", 1)[0] if column != "time" else column
-
-
-def gap_in_noise(with_effect, without):
-    """Gap per signal: RMS difference of two logs, in noise standard deviations."""
-    gaps = {}
-    for name, values in with_effect.items():
-        if kind_of(name) in NOISE_STD:
-            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[kind_of(name)])
-    return gaps
-
-
-def held_out_gap(spec, without, protocol, seed):
-    """Gap on a motion between two robots, noise-free; the same random courses in both."""
-    logs = [simulate(replace(robot, noisy=False), protocol, seed) for robot in (spec, without)]
-    return gap_in_noise(*logs)
-
-
-def parts_gaps(case, seed):
-    """What each effect of a case adds to the others (largest signal's gap, a list), and the gap of all, by signal."""
-    motion, effects = case.protocols["grasps"], case.spec.effects
-    whole = held_out_gap(case.spec, case.healthy, motion, seed)
-    if len(effects) < 2:
-        return [max(whole.values())] * len(effects), whole
-    without = [
-        replace(case.spec, effects=tuple(other for other in effects if other is not effect)) for effect in effects
-    ]
-    return [max(held_out_gap(case.spec, spec, motion, seed).values()) for spec in without], whole
-
-
-def visible_case(plan):
-    """Draw until every effect leaves a visible gap on the held-out motion, or the attempts run out: case, gaps per
-    effect, gaps per signal.
-    """
-    best = draw_case(plan), [], {}
-    for attempt in range(ATTEMPTS if plan.ids else 0):
-        case = draw_case(plan, attempt)
-        each, whole = parts_gaps(case, [*plan.seed, 4])
-        if not best[1] or min(each) > min(best[1]):
-            best = case, each, whole
-        if min(each) >= VISIBLE:
-            break
-    return best
-
-
-def label_of(plan, case, each, whole):
-    """Label of a case."""
+def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
+    """Label of a case: kind, mix, true effects with the channels they act on, gaps and nominal parameters."""
     effects = []
     for effect, gap in zip(case.spec.effects, each):
-        entry = ENTRIES[effect.id]
-        line = {
-            "id": effect.id,
-            "block": block_of(effect.id),
-            "wires": list(effect.wires),
-            "joints": list(effect.joints),
-        }
-        effects.append(line | {"parameters": effect.parameters, "exact": entry.exact, "gap": gap})
+        blocks = blocks_of(effect.id)
+        effects.append(
+            {
+                "id": effect.id,
+                "block": blocks[0],
+                "blocks": list(blocks),
+                "wires": channels_of(effect, WIRES),
+                "joints": channels_of(effect, JOINTS),
+                "parameters": effect.parameters,
+                "exact": ENTRIES[effect.id].exact,
+                "gap": gap,
+            }
+        )
     largest = max(whole.values(), default=0.0)
-    kind = {"kind": plan.kind, "effects": effects, "gap": largest, "gaps": whole, "unseen_motion": plan.unseen}
-    return kind | {"numbers": {name: np.asarray(value).tolist() for name, value in case.spec.parameters.items()}}
+    label = {"kind": plan.kind, "mix": plan.mix.name, "effects": effects, "gap": largest, "gaps": whole}
+    parameters = {name: np.asarray(value).tolist() for name, value in case.spec.parameters.items()}
+    return label | {"unseen_motion": plan.unseen, "numbers": parameters}
 
 
-def rounded(columns):
-    """Columns with the digits a real log carries; floats print short."""
+def rounded(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Round columns (n,) [SI] to the digits a real log carries; floats print short."""
     return {name: np.round(values, DECIMALS[kind_of(name)]) + 0.0 for name, values in columns.items()}
 
 
-def logs_of(case, name, seed):
-    """The case with its logs as the reference simulator would have written them."""
+def logs_of(case: DrawnCase, plan: CasePlan) -> Case:
+    """Simulate the logs of a case as the reference simulator would have written them."""
     logs = []
     for index, (log, (role, repeats)) in enumerate(ROLES.items()):
-        columns = rounded(simulate(case.spec, case.protocols[log], [*seed, 5, index]))
+        columns = rounded(simulate(case.spec, case.protocols[log], [*plan.seed, 5, index]))
         time = columns.pop("time")
+        columns = {name: values for name, values in columns.items() if plan.mix.mocap or kind_of(name) != "angle"}
         logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
-    return Case(name, {}, tuple(logs))
+    return Case(plan.name, {}, tuple(logs))
 
 
-def case_and_label(plan):
-    """A planned case with its logs, and its label; all of it follows from the plan's seed."""
+def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
+    """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
     case, gaps, whole = visible_case(plan)
-    return logs_of(case, plan.name, plan.seed), label_of(plan, case, gaps, whole)
+    return logs_of(case, plan), label_of(plan, case, gaps, whole)
 
 
-def make_case(plan, folder):
+def make_case(plan: CasePlan, folder: str | Path) -> Label:
     """Write one case into `folder` (kept if it is there already) and return its label."""
     case, label = case_and_label(plan)
     keep_case(case, Path(folder) / plan.name)
     return label
 
 
-def keep_case(case, folder):
+def keep_case(case: Case, folder: Path) -> None:
     """Write a case, whole or not at all, unless it is there."""
     if not (folder / FILE).is_file():
         write_case(case, folder)
 
 
-def begin(folder, labels, stamp):
-    """Open the folder for making. InputError if a set is finished there, or another one was started, or the labels
-    would lie inside.
+def begin(folder: Path, labels: Path, stamp: str) -> None:
+    """Open the folder of a set for making.
+
+    Args:
+        folder: Folder of the set.
+        labels: Labels file.
+        stamp: Digest of what the set follows from.
+
+    Raises:
+        InputError: If a set is finished there, another one was started, or the labels would lie inside.
     """
     if folder.resolve() in labels.resolve().parents:
         raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
@@ -159,14 +122,14 @@ def begin(folder, labels, stamp):
         shutil.rmtree(half)
 
 
-def stamp_of(seed, cases, mix):
-    """Digest of what a set follows from: seed, number of cases, mix, and the code of the reference simulator."""
+def stamp_of(seed: int, cases: int, mixes: Sequence[CaseMix]) -> str:
+    """Digest of what a set follows from: seed, number of cases, mixes, and the code of the reference simulator."""
     from exodrake.core.provenance import digest, source_files
 
-    return hashlib.sha256(f"{seed} {cases} {mix} {digest(source_files(Path(__file__).parent))}".encode()).hexdigest()
+    return hashlib.sha256(f"{seed} {cases} {mixes} {digest(source_files(Path(__file__).parent))}".encode()).hexdigest()
 
 
-def made(plan, folder, labels):
+def made(plan: CasePlan, folder: Path, labels: Path) -> Label | None:
     """Label of a case that is there already, whole; else None. `labels`: folder of labels by case."""
     try:
         return json.loads((labels / f"{plan.name}.json").read_text()) if (folder / plan.name / FILE).is_file() else None
@@ -175,39 +138,44 @@ def made(plan, folder, labels):
 
 
 def make(
-    folder,
-    seed,
-    cases,
-    labels=None,
-    jobs=1,
-    mix=None,
-    cluster=None,
+    folder: str | Path,
+    seed: int,
+    cases: int,
+    labels: str | Path | None = None,
+    jobs: int = 1,
+    mixes: Sequence[CaseMix] = (MIXES["standard"],),
+    cluster: str | None = None,
     progress: Count = no_progress,
-):
-    """Make a set: `folder`/case_xx, the commitment, and the labels file outside the folder; returns the labels' path.
+) -> Path:
+    """Make a set: case folders, the commitment, and the labels file outside the folder.
 
     A case's folder appears whole, then its label in `labels`.part; the labels file and the commitment when all are
     there. An interrupted set is continued.
 
     Args:
-        folder: of the set.
-        seed: of everything in it.
-        cases: how many.
-        labels: labels file; `folder`-labels.json if None.
-        jobs, cluster: as in `parallel.each`.
-        mix: a `CaseMix`.
-        progress: called with how many are made, have failed, and are wanted.
+        folder: Folder of the set.
+        seed: Seed of everything in it.
+        cases: Number of cases of each mix.
+        labels: Labels file; `folder`-labels.json if None.
+        jobs: As in `parallel.each`.
+        mixes: Case mixes.
+        cluster: As in `parallel.each`.
+        progress: Called with how many are made, have failed, and are wanted.
+
+    Returns:
+        Path of the labels file.
+
     Raises:
-        InputError: for a bad number of cases, as `begin`, and for cases that could not be made, once all others are.
+        InputError: For a bad number of cases, as `begin`, and for cases that could not be made, once all others are.
     """
-    folder, mix = Path(folder), mix or CaseMix()
+    folder = Path(folder)
     labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
-    begin(folder, labels, stamp_of(seed, cases, mix))
+    begin(folder, labels, stamp_of(seed, cases, mixes))
     parts = labels.with_name(labels.name + ".part")
     parts.mkdir(parents=True, exist_ok=True)
-    plans = plan(seed, cases, mix)
+    plans = plan(seed, cases, *mixes)
     found = make_all(plans, folder, parts, jobs, cluster, progress)
     write_committed({item.name: found[item.name] for item in plans}, labels, folder / COMMITMENT)
     shutil.rmtree(parts)
@@ -215,8 +183,10 @@ def make(
     return labels
 
 
-def make_all(plans, folder, parts, jobs, cluster, progress):
-    """Labels by case, made or read back; InputError naming the cases that could not be made."""
+def make_all(
+    plans: list[CasePlan], folder: Path, parts: Path, jobs: int, cluster: str | None, progress: Count
+) -> dict[str, Label]:
+    """Make or read back the labels by case; InputError naming the cases that could not be made."""
     found = {item.name: label for item in plans if (label := made(item, folder, parts)) is not None}
     warm_up()
     waiting, failed = [item for item in plans if item.name not in found], {}
@@ -235,8 +205,8 @@ def make_all(plans, folder, parts, jobs, cluster, progress):
     return found
 
 
-def keep(name, case, label, folder, parts):
-    """Write a case, then its label; the label as it is read back."""
+def keep(name: str, case: Case, label: Label, folder: Path, parts: Path) -> Label:
+    """Write a case, then its label; return the label as it is read back."""
     keep_case(case, folder / name)
     text = json.dumps(label, indent=1) + "\n"
     write_text(parts / f"{name}.json", text)

@@ -1,62 +1,52 @@
-"""When an answer counts as the truth: classes that no log can tell apart, and parameters under the names of both
-sides.
-"""
+"""Rules by which an answer counts as the truth, and the classes of effects that no log can tell apart."""
 
-SOFTER_WIRE = ("tendon.stiffness", "tendon.wire_stiffness", "tendon.softness")
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import Any
+
+Truth = dict[str, Any]  # one true effect, as the labels give it
+Diagnosis = dict[str, Any]  # an answer, as its JSON gives it
 
 
-def accepted_ids(truth):
-    """Ids that count as right for one true effect (effects.md, "Not separable"): itself and what is inseparable from
-    it.
+def accepted_ids(truth: Truth) -> set[str]:
+    """Ids that count as right for a true effect: itself and what is provably inseparable from it.
+
+    A slack wire and a negative homing offset give the same log (effects.md, "Not separable"). A wire that is softer
+    than nominal, which stands for a compliance, is a parameter and has no id.
     """
     name = truth["id"]
     if name == "tendon.slack":
         return {name, "encoder.homing_offset"}
     if name == "encoder.homing_offset" and truth["parameters"]["offset"] < 0:
         return {name, "tendon.slack"}
-    if name == "tendon.compliance":
-        return {name, *SOFTER_WIRE}
     return {name}
 
 
-def accepted_blocks(truth):
-    """Blocks that count as right for one true effect."""
-    return {name.split(".")[0] for name in accepted_ids(truth)}
+def accepted_blocks(truth: Truth) -> set[str]:
+    """Blocks that count as right for a true effect; none where old labels do not say where an outside fault acts."""
+    return {*truth.get("blocks", ()), *(name.split(".")[0] for name in accepted_ids(truth))} - {"outside"}
 
 
-def top_id(diagnosis):
-    """Id of the first effect named, or None."""
-    effects = diagnosis.get("effects") or ()
-    return effects[0]["id"] if effects else None
+def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the effects named, best first."""
+    return tuple(effect["id"] for effect in diagnosis.get("effects") or ())
 
 
-def found_ids(diagnosis):
+def first_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the set that comes first, whatever the verdict: what is named, else the best candidate."""
+    candidates = diagnosis.get("candidates") or ()
+    return named_ids(diagnosis) or (tuple(candidates[0]["id"].split(" + ")) if candidates else ())
+
+
+def found_ids(diagnosis: Diagnosis) -> set[str]:
     """All ids named, the class of an AMBIGUOUS verdict included."""
-    return {effect["id"] for effect in diagnosis.get("effects") or ()} | set(diagnosis.get("equivalents") or ())
+    return {*named_ids(diagnosis), *(i for name in diagnosis.get("equivalents") or () for i in name.split(" + "))}
 
 
-def covered(truth, diagnosis, exact):
-    """Whether each interval of the first effect holds the true value: list of bools.
-
-    exact: look at parameters that mean the same on both sides, else at those that mean nearly the same. Intervals per
-    channel count one by one, for the channels of the truth. Empty if the first effect has another id than the truth.
-    """
-    if top_id(diagnosis) != truth["id"] or bool(truth["exact"]) != exact:
-        return []
-    hits = []
-    for name, value in truth["parameters"].items():
-        for interval in intervals_of(name, truth, diagnosis["effects"][0]):
-            low, high = interval.get("low"), interval.get("high")
-            if low is not None and high is not None:
-                hits.append(low <= value <= high)
-    return hits
-
-
-def intervals_of(name, truth, stated):
-    """Intervals of one parameter: per channel if given, else the overall one."""
-    seat = (*truth["wires"], *truth["joints"])
-    channels = (stated.get("channels") or {}).get(name) or {}
-    if channels:
-        return [interval for channel, interval in channels.items() if not seat or channel in seat]
-    overall = (stated.get("parameters") or {}).get(name)
-    return [overall] if overall else []
+def is_truth(truths: Sequence[Truth], ids: Sequence[str]) -> bool:
+    """Tell whether a set of effects is the true one: an accepted id for each true effect, and nothing else."""
+    return len(ids) == len(truths) and any(
+        all(name in accepted_ids(truth) for truth, name in zip(truths, order)) for order in permutations(ids)
+    )

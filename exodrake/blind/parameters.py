@@ -59,9 +59,15 @@ FORMS = {
 CLIP = 2.5  # standard deviations
 
 
-def draw_parameters(rng=None):
-    """One robot's parameters: nominal without a generator, else each times its own clipped normal factor. Routing
-    per side (2) and joint (3).
+def draw_parameters(rng: np.random.Generator | None = None) -> dict[str, np.ndarray]:
+    """Draw one robot's parameters.
+
+    Args:
+        rng: Random generator; the nominal parameters without it.
+
+    Returns:
+        Name -> value [SI], each times its own clipped normal factor: scalar, (3,) by wire or joint, or (2, 3) by side
+        and joint.
     """
     shapes = {"axial": (2, 3)}
     parameters = {}
@@ -73,7 +79,7 @@ def draw_parameters(rng=None):
 
 
 def robot_record(parameters, quantised=True):
-    """Parameter record of a robot without any effect. Phalanges are solid cylinders, centre of mass half way."""
+    """Parameter record of a robot without any effect; phalanges are solid cylinders, centre of mass half way."""
     record = np.zeros(1, ROBOT)[0]
     axial = parameters["axial"]
     heights = np.array([parameters["height_flexor"], parameters["height_extensor"]])

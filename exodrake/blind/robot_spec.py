@@ -14,8 +14,13 @@ FRAME = 0.02
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """One effect in a robot: id, parameters by effects.md's names [SI], and the wires or joints it sits on (empty:
-    all or none).
+    """One effect in a robot.
+
+    Attributes:
+        id: Id of the effect.
+        wires: Wires it sits on; empty for all or none.
+        joints: Joints it sits on; empty for all or none.
+        parameters: Parameters by effects.md's names [SI].
     """
 
     id: str
@@ -26,7 +31,7 @@ class InjectedFault:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A motion: name and tension references (n, 3) N, one row per 20 ms frame."""
+    """A motion: name and tension references (n, 3) [N], one row per 20 ms frame."""
 
     name: str
     reference: np.ndarray

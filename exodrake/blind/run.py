@@ -27,7 +27,9 @@ def run(
     progress: Count = no_progress,
     redo: bool = False,
 ) -> dict[str, str]:
-    """Diagnose the unfinished cases of a set; {case: reason} for those that failed. Arguments and errors as `cases_of`
-    and `diagnose_all`.
+    """Diagnose the unfinished cases of a set; arguments and errors are those of `cases_of` and `diagnose_all`.
+
+    Returns:
+        Case -> reason, for those that failed.
     """
     return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)

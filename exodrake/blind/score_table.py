@@ -1,94 +1,130 @@
-"""A score as a table on the terminal, as JSON, and as Markdown."""
+"""A score as tables on the terminal, as JSON, and as Markdown."""
+
+from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from exodrake.blind.measures import Quantity
+from exodrake.blind.score import Group, Score
+from exodrake.blind.shares import Paired, Share
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 HEADINGS = ("measure", "wanted", "found", "95 % interval", "of")
+PAIRED = ("paired, McNemar", "both", "first alone", "second alone", "neither", "p")
+CONFUSION = ("truth", "answer", "right", "cases")
+Row = tuple[str, ...]
 
 
-def rows_of(shares):
-    """Cells of share rows."""
+def share_rows(shares: Iterable[Share], prefix: str = "") -> list[Row]:
+    """Cells of the shares that count any case."""
     rows = []
     for item in shares:
         low, high = item.interval
-        value = "-" if not item.total else f"{100 * item.value:.1f} %"
-        span = "-" if not item.total else f"{100 * low:.1f}-{100 * high:.1f} %"
-        rows.append((item.name, item.wanted, value, span, f"{item.hits}/{item.total}"))
+        found = f"{100 * item.value:.1f} %", f"{100 * low:.1f}-{100 * high:.1f} %", f"{item.hits}/{item.total}"
+        rows += [(prefix + item.name, item.wanted, *found)] if item.total else []
     return rows
 
 
-def sections(score):
-    """Rows of the table: shares, plain quantities, baselines."""
-    quantities = [
-        (name, "", "-" if math.isnan(value) else f"{value:.3g}", "", "") for name, value in score.quantities.items()
-    ]
-    baselines = [(f"baseline: {row[0]}", *row[1:]) for row in rows_of(score.baselines)]
-    return rows_of(score.shares) + quantities + baselines
+def quantity_rows(quantities: Iterable[Quantity]) -> list[Row]:
+    """Cells of the quantities that count any case."""
+    return [(item.name, item.wanted, f"{item.value:.3g}", "", str(item.count)) for item in quantities if item.count]
 
 
-def title_of(score):
+def paired_rows(found: Iterable[Paired]) -> list[Row]:
+    """Cells of the paired comparisons that count any case."""
+    cells = ((item.both, item.first, item.second, item.neither, f"{item.p:.2g}", item.name) for item in found)
+    return [(name, *map(str, counts)) for *counts, name in cells if any(counts[:4])]
+
+
+def confusion_rows(score: Score) -> list[Row]:
+    """Cells of truth against answer."""
+    return [(truth, answer, "yes" if right else "", str(n)) for (truth, answer, right), n in score.confusion.items()]
+
+
+def tables(score: Score) -> Iterator[tuple[str, Row, list[Row]]]:
+    """Title, headings and rows of each table."""
+    for group in score.groups:
+        rows = share_rows(group.shares) + quantity_rows(group.quantities) + share_rows(group.baselines, "baseline: ")
+        yield f"{group.name}, {counted(group.cases)}", HEADINGS, rows
+        if compared := paired_rows(group.paired):
+            yield f"{group.name}, paired", PAIRED, compared
+    yield f"truth and answer, {title_of(score)}", CONFUSION, confusion_rows(score)
+
+
+def title_of(score: Score) -> str:
+    """Number of cases, of those that failed, and of those without a diagnosis."""
     lacking = f", {len(score.missing)} without a diagnosis" if score.missing else ""
     failed = f", {len(score.failed)} of them failed" if score.failed else ""
-    return f"{score.cases} cases{failed}{lacking}"
+    return f"{counted(score.cases)}{failed}{lacking}"
 
 
-def as_table(score):
-    """rich table of the score."""
+def counted(cases: int) -> str:
+    """Number of cases in words."""
+    return f"{cases} case{'s' if cases != 1 else ''}"
+
+
+def as_tables(score: Score) -> list[Table]:
+    """Tables for the terminal; wrong answers in red."""
     from rich.table import Table
 
-    table = Table(title=title_of(score))
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading == "measure" else "right")
-    for row in sections(score):
-        table.add_row(*row)
-    return table
+    found = []
+    for title, headings, rows in tables(score):
+        table = Table(title=title)
+        for index, heading in enumerate(headings):
+            table.add_column(heading, justify="right" if index and headings is not CONFUSION else "left")
+        for row in rows:
+            table.add_row(*row, style="red" if headings is CONFUSION and not row[2] else None)
+        found.append(table)
+    return found
 
 
-def confusion_table(score):
-    """rich table of truth against answer, one line per pair that occurs; wrong ones in red."""
-    from rich.table import Table
-
-    table = Table(title="Truth and answer")
-    for heading in ("truth", "answer", "cases"):
-        table.add_column(heading, justify="right" if heading == "cases" else "left")
-    for (truth, answer), many in score.confusion.items():
-        table.add_row(truth, answer if is_right(truth, answer) else f"[red]{answer}[/red]", str(many))
-    return table
+def as_markdown(score: Score) -> str:
+    """The score as Markdown."""
+    lines = []
+    for title, headings, rows in tables(score):
+        lines += [title, "", "| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
+        lines += ["| " + " | ".join(row) + " |" for row in rows] + [""]
+    return "\n".join(lines)
 
 
-def is_right(truth, answer):
-    """For colouring only: the scoring rules are score.py's."""
-    if truth == "healthy":
-        return answer in ("NO_GAP", "RETUNE")
-    if truth.startswith("outside."):
-        return answer == "UNKNOWN"
-    return set(truth.split(" + ")) <= set(answer.split(" + "))
-
-
-def as_json(score):
+def as_json(score: Score) -> dict[str, Any]:
     """Plain data of the score."""
-
-    def plain(item):
-        low, high = item.interval
-        value = item.value if item.total else None
-        return {"hits": item.hits, "total": item.total, "value": value, "low": low, "high": high, "wanted": item.wanted}
-
-    confusion = [{"truth": truth, "answer": answer, "cases": many} for (truth, answer), many in score.confusion.items()]
-    quantities = {name: None if math.isnan(value) else value for name, value in score.quantities.items()}
+    confusion = [
+        {"truth": truth, "answer": answer, "right": right, "cases": many}
+        for (truth, answer, right), many in score.confusion.items()
+    ]
     return {
         "cases": score.cases,
         "missing": list(score.missing),
         "failed": list(score.failed),
-        "shares": {item.name: plain(item) for item in score.shares},
-        "numbers": quantities,
-        "baselines": {item.name: plain(item) for item in score.baselines},
+        "mixes": {group.name: group_json(group) for group in score.groups},
         "confusion": confusion,
     }
 
 
-def as_markdown(score):
-    """The score as Markdown."""
-    lines = [title_of(score), "", "| " + " | ".join(HEADINGS) + " |", "|" + "---|" * len(HEADINGS)]
-    lines += ["| " + " | ".join(row) + " |" for row in sections(score)]
-    lines += ["", "| truth | answer | cases |", "|---|---|---|"]
-    lines += [f"| {truth} | {answer} | {many} |" for (truth, answer), many in score.confusion.items()]
-    return "\n".join(lines) + "\n"
+def group_json(group: Group) -> dict[str, Any]:
+    """Plain data of the measures of a mix."""
+    return {
+        "cases": group.cases,
+        "shares": shares_json(group.shares),
+        "quantities": {
+            item.name: {"value": None if math.isnan(item.value) else item.value, "cases": item.count}
+            for item in group.quantities
+        },
+        "baselines": shares_json(group.baselines),
+        "paired": {item.name: vars(item) | {"p": item.p} for item in group.paired},
+    }
+
+
+def shares_json(shares: Sequence[Share]) -> dict[str, Any]:
+    """Plain data of shares; a share of no case has the value null."""
+    found = {}
+    for item in shares:
+        low, high = item.interval
+        value = item.value if item.total else None
+        found[item.name] = {"hits": item.hits, "total": item.total, "value": value, "low": low, "high": high}
+    return found

@@ -26,8 +26,15 @@ from exodrake.core.errors import InputError
 
 @dataclass
 class Build:
-    """A robot being assembled for one log: record, inputs (n + 2, INPUT_SIZE), dropped commands (n, 3), mocap delay
-    [s] and clock skew.
+    """A robot being assembled for one log of n frames.
+
+    Attributes:
+        record: Parameter record [SI].
+        inputs: (n + 2, INPUT_SIZE) time-varying inputs [SI].
+        dropped: (n, 3) commands that are lost.
+        time: (n + 2,) instants of the frames [s].
+        delay: Delay of motion capture [s].
+        skew: Relative error of its clock [-].
     """
 
     record: Any
@@ -38,8 +45,8 @@ class Build:
     skew: float = 0.0
 
 
-def assemble(spec, frames, rng):
-    """Build of a spec for a log of so many frames; effects with random courses draw them from rng."""
+def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
+    """Assemble a robot for a log of so many frames; effects with random courses draw them from rng."""
     from exodrake.blind.catalogue import INJECTORS
 
     time = FRAME * np.arange(frames + 2)
@@ -99,10 +106,19 @@ def measure(build, posture, theta, rng, noisy):
     return SPOOL_CONFIGURED * counted, angles
 
 
-def simulate(spec, protocol, seed):
-    """Log of one motion: columns by name (n,), SI. Same spec, protocol and seed: same log to the last bit.
+def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict[str, np.ndarray]:
+    """Simulate the log of one motion; equal arguments give equal bits.
 
-    InputError for an unknown effect, or if the robot cannot be integrated.
+    Args:
+        spec: Robot.
+        protocol: Motion of n frames.
+        seed: Seed of noise and random courses.
+
+    Returns:
+        Column name -> values (n,) [SI].
+
+    Raises:
+        InputError: For an unknown effect, or a robot that cannot be integrated.
     """
     from exodrake.blind.control_loop import run
 
@@ -127,6 +143,6 @@ def simulate(spec, protocol, seed):
     return columns
 
 
-def warm_up():
+def warm_up() -> None:
     """Compile the kernels into numba's cache, so that several processes do not do it at once."""
     simulate(RobotSpec(), Protocol("warm-up", np.full((2, 3), 1.0)), 0)

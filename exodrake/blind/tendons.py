@@ -113,8 +113,9 @@ def bristle_rate(z, speed, travel):
 
 @njit(cache=True)
 def through_sheath(p, y, dy, wire, tension, taken, speed):
-    """Tension at the finger [N] after capstan (Dahl), LuGre Coulomb/Stribeck, shear-thinning viscous and snag losses;
-    writes bristle rates.
+    """Tension at the finger [N] after the losses in the sheath; writes bristle rates.
+
+    The losses: capstan (Dahl), Coulomb and Stribeck (LuGre), viscous (shear-thinning), and a snag.
     """
     if p.capstan[wire] > 0.0:
         dy[CAPSTAN + wire] = bristle_rate(y[CAPSTAN + wire], speed, p.capstan_travel)

@@ -14,24 +14,33 @@ def command() -> None:
 
 @command.command(short_help="Write the logs of drawn robots, their labels committed to apart.")
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
-@click.option("--cases", required=True, type=click.IntRange(min=1), help="How many.")
+@click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")
 @click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
+@click.option(
+    "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
+    help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap, same-block"
+    " (two effects) or three (effects); several times for several mixes.",
+)  # fmt: skip
 @where_to_run
-def make(seed: int, cases: int, out: Path, labels: Path | None, jobs: int, cluster: str | None) -> None:
+def make(
+    seed: int, cases: int, out: Path, labels: Path | None, mixes: tuple[str, ...], jobs: int, cluster: str | None
+) -> None:
     """Draw robots from the reference simulator and write their logs; the labels are committed to apart.
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
+    from exodrake.blind.case_mix import named_mixes
     from exodrake.blind.catalogue import without_entry
     from exodrake.blind.make import make as make_set
     from exodrake.machines.robot_file import load_robot
 
     if lacking := without_entry(effect.id for effect in load_robot().machine.effects):
         click.echo(f"no entry in the catalogue, and so in no case: {', '.join(lacking)}", err=True)
+    chosen = named_mixes(mixes)
     with counted("making") as count:
-        path = make_set(out, seed, cases, labels, jobs, cluster=cluster, progress=count)
-    click.echo(f"{cases} cases in {out}; labels in {path}, committed in {out / 'seal.txt'}")
+        path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
+    click.echo(f"{cases * len(chosen)} cases in {out}; labels in {path}, committed in {out / 'seal.txt'}")
 
 
 @command.command()
@@ -57,22 +66,28 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 @command.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
+@click.option(
+    "--against", type=click.Path(path_type=Path), default=None, help="Folder of other answers to the same cases."
+)
 @click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write the score as JSON.")
 @click.option("--markdown", type=click.Path(path_type=Path), default=None, help="Write the score as Markdown.")
-def score(folder: Path, labels: Path, json_file: Path | None, markdown: Path | None) -> None:
-    """Check the commitment and score the diagnoses of FOLDER against the labels."""
+def score(folder: Path, labels: Path, against: Path | None, json_file: Path | None, markdown: Path | None) -> None:
+    """Check the commitment and score the diagnoses of FOLDER against the labels.
+
+    --against compares them, case by case, with the answers that another method or configuration gave.
+    """
     import json
 
     from rich.console import Console
 
     from exodrake.blind.score import score as score_set
-    from exodrake.blind.score_table import as_json, as_markdown, as_table, confusion_table
+    from exodrake.blind.score_table import as_json, as_markdown, as_tables
     from exodrake.core.files import write_text
 
-    result = score_set(folder, labels)
+    result = score_set(folder, labels, against)
     console = Console()
-    console.print(as_table(result))
-    console.print(confusion_table(result))
+    for table in as_tables(result):
+        console.print(table)
     if json_file:
         write_text(json_file, json.dumps(as_json(result), indent=1) + "\n")
     if markdown:

@@ -75,6 +75,7 @@ class Effect:
         same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
             delay; those of friction or creep belong to the fitted law, and reality follows another.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
+        detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
         order: where several effects act at one point, those of lower order act first; equal ones by id.
     """
 
@@ -89,6 +90,7 @@ class Effect:
     family: str = ""
     same_meaning: bool = False
     not_tried: str = ""
+    detector: str = ""
     order: int = LAST
 
     @property

@@ -19,12 +19,9 @@ class Stage(Enum):
     """Stage of a diagnosis: what it does, and the part of the work that lies before it [%]."""
 
     CHECK = "measuring the gap", 2
-    RETUNE = "retuning the nominal parameters", 8
-    SCREEN = "screening effects", 15
-    FIT = "fitting", 20
-    REFINE = "refining", 60
-    SECOND = "second effects", 70
-    REPEAT = "searching again", 75
+    RETUNE = "retuning the nominal parameters", 5
+    LINEARISE = "linearising every effect", 20
+    FIT = "fitting", 50
     CLOSURE = "measuring closure", 90
     LOCALISE = "localising the gap", 95
 

@@ -2,60 +2,77 @@
 
     C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
-with an interval from a bootstrap over blocks of time. In the band of a tremor its strength counts, not its phase
-(`signals.mismatch`).
+in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time. Held-out
+logs serve this alone; without any, each fitted log is judged by robots fitted to the others (`left_out`). In the band of
+a tremor its strength counts, not its phase (`filters.mismatch`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.robot import Robot
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
-from exodrake.simulation.simulate import Recording, record
 
 PART = 2.0  # s, longer than the loop's memory
 DRAWS = 400
 CONFIDENCE = 0.90
 
 
-def held_out(problem: Problem, robot: Robot, engine: str = "drake") -> list[np.ndarray]:
-    """Residuals (n, columns) [noise_std] of a robot on the held-out logs, in closed loop in the Drake Diagram."""
-    found = []
-    for trial in problem.holdout:
-        run = record(robot, Reference(trial.reference, trial.name), seed=None, quantisation=False, engine=engine)
-        gap = mismatch(trial.measured, shown(problem, run), problem.notched, problem.robot.machine.frame)
-        found.append(np.nan_to_num(gap / problem.noise_std))
-    return found
+def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    """Residuals of robots on the logs that they are judged by, in closed loop.
 
+    Args:
+        problem: the case.
+        rows: for each of these logs (robots, parameters) flat parameter vectors [SI].
 
-def shown(problem: Problem, run: Recording) -> np.ndarray:
-    """The problem's columns of a noise-free recording (n, columns) [SI]."""
-    return np.concatenate([run.signals[w.name] for w in problem.robot.machine.signals], axis=1)[
-        :, problem.signal_indices
-    ]
+    Returns:
+        For each robot the (n, columns) residuals of the logs [noise_std].
+    """
+    period, found = problem.robot.machine.frame, []
+    for trial, robots in zip(problem.judged, rows, strict=True):
+        simulated = problem.predict(robots, trial)
+        gaps = [mismatch(trial.measured, one, problem.notched, period) / problem.noise_std for one in simulated]
+        found.append([np.nan_to_num(gap, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps])
+    return [list(logs) for logs in zip(*found, strict=True)]
 
 
 def closure(before: np.ndarray, after: np.ndarray) -> float:
-    """Closure from mean squares in noise standard deviations (any shape)."""
+    """Closure from mean squares in noise variances (any shape); NaN where there was no gap."""
     gap = float(np.mean(before)) - 1.0
-    return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else 0.0
+    return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else float("nan")
 
 
-def measure(problem: Problem, nominal: Robot, retuned: Robot, improved: Robot, seed: int = 0) -> Closure:
-    """Gap and closure on the held-out logs, overall and per signal."""
-    before, tuned, after = (held_out(problem, robot) for robot in (nominal, retuned, improved))
+def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
+    """Gap and closure, overall and per signal.
+
+    Args:
+        problem: the case.
+        rows: for each log of `Problem.judged` (3, parameters) flat parameter vectors [SI] of the nominal, the retuned
+            and the improved robot.
+        seed: of the bootstrap.
+    """
+    logs = residuals(problem, rows)
     length = max(1, round(PART / problem.robot.machine.frame))
-    b, a = blocks(before, length), blocks(after, length)
-    value = closure(b, a)
-    rng = np.random.default_rng(seed)
-    draws = [closure(b[pick], a[pick]) for pick in rng.integers(0, len(b), (DRAWS, len(b)))]
+    nominal, retuned, improved = (blocks(one, length) for one in logs)
+    picks = np.random.default_rng(seed).integers(0, len(nominal), (DRAWS, len(nominal)))
+    signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
+    steps = ((nominal, improved), (nominal, retuned), (retuned, improved))
+    return Closure(*(bootstrapped(before, after, picks) for before, after in steps), signals)
+
+
+def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> Interval:
+    """Closure from mean squares (blocks,) with the interval of bootstrap draws, `picks` (draws, blocks)."""
+    value = closure(before, after)
+    draws = np.array([closure(before[pick], after[pick]) for pick in picks])
+    draws = draws[np.isfinite(draws)]
+    if not np.isfinite(value) or not len(draws):
+        return Interval(float("nan"), float("nan"), float("nan"))
     low, high = np.quantile(draws, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
-    signals = {c: signal(problem, i, before, tuned, after) for i, c in enumerate(problem.columns)}
-    return Closure(Interval(value, float(min(low, value)), float(max(high, value))), signals)
+    return Interval(value, float(min(low, value)), float(max(high, value)))
 
 
 def blocks(residuals: list[np.ndarray], length: int) -> np.ndarray:

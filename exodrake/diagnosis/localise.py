@@ -1,58 +1,64 @@
-"""Localisation: the block, tendons and joints of a gap, its segments and its regime."""
+"""Localisation: the block, tendons and joints of a gap, its segments and its regime.
+
+The share of a block is its Shapley value in the game whose value is the largest share of the whitened sum of squares
+that one effect of the blocks in play removes beyond retuning.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.diagnosis.fit import Fitter
+from exodrake.diagnosis.isolate import Isolation
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
-from exodrake.diagnosis.search import Fitted, Search
-from exodrake.diagnosis.segment_shares import segment_gaps, suspects
-from exodrake.diagnosis.views import View
+from exodrake.diagnosis.segment_shares import segment_gaps, shapley, subsets, suspects
 
 AFFECTED = 0.5  # a channel with this share of the strongest one's residual power counts as affected
 
 
-def block_shares(search: Search) -> dict[str, float]:
-    """Share of each block in the gap: the part of the residual power that its best single effect removes, normalised.
-
-    The part removed is divided by the part that remains, which favours an effect that explains nearly everything over
-    one that explains half.
-    """
-    before = search.retuned.chi2
+def block_shares(found: Isolation) -> dict[str, float]:
+    """Shapley share of each block, largest first; fitted effects count as fitted, the others as linearised."""
+    likelihood = found.tests.likelihood if not found.tested else found.likelihood
+    before = found.retuned.explanation.cost(likelihood)
+    cost = {p.probes[0].effect: p.cost for p in found.screened}
+    base = max(cost.values(), default=before)
+    gain = {effect: 1.0 - c / max(base, 1e-12) for effect, c in cost.items()}
+    for tested in found.tested[0] if found.tested else ():
+        e = tested.explanation
+        gain[e.effects[0]] = 1.0 - e.cost(likelihood) / max(before, 1e-12)
     best: dict[str, float] = {}
-    for fitted in search.singles:
-        block = fitted.point.hypothesis.effects[0].split(".")[0]
-        rest = max(fitted.chi2 - 1.0, 0.02)
-        best[block] = max(best.get(block, 0.0), max(before - fitted.chi2, 0.0) / rest)
-    total = sum(best.values())
-    return {b: v / total for b, v in sorted(best.items(), key=lambda i: -i[1])} if total else {}
+    for effect, value in gain.items():
+        block = effect.split(".")[0]
+        best[block] = max(best.get(block, 0.0), value)
+    if not any(best.values()):
+        return {}
+    removed = {play: 1.0 - max((best[b] for b in play), default=0.0) for play in subsets(best)}
+    return dict(sorted(shapley(removed).items(), key=lambda item: -item[1]))
 
 
-def localise(problem: Problem, fitter: Fitter, search: Search, chosen: View, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels, segments and regime of a gap.
+def localise(problem: Problem, found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
+    """Block, channels, segments and regime of a gap, from the fitted logs; the latter two follow the retuned robot.
 
     Args:
         problem: problem in closed loop.
-        fitter: its fitter.
-        search: its search; segments, regime and channels follow the retuned robot.
-        chosen: the simulation that decided; its search gives the shares of the blocks.
+        found: what the isolation tried.
+        verdict: its word.
         effects: effects that are named.
     """
-    if chosen.decision.verdict in (NO_GAP, RETUNE):
+    if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
-    values = fitter.values(search.retuned.point.hypothesis, search.retuned.point.u, search.retuned.point.x)
-    segments, replay = segment_gaps(problem, values, problem.holdout[0]) if separable(problem) else ({}, {})
-    residuals = residuals_by_trial(problem, search.retuned)
-    shares = block_shares(chosen.search)
+    values = found.retuned.explanation.robot
+    segments, replay = segment_gaps(problem, values, problem.fit[0]) if separable(problem) else ({}, {})
+    left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
+    residuals = {trial.name: log for trial, log in zip(problem.fit, left, strict=True)}
+    shares = block_shares(found)
     if effects:
         block = effects[0].id.split(".")[0]
         tendons, joints = (tuple(dict.fromkeys(c for e in effects for c in getattr(e, a))) for a in ("wires", "joints"))
     else:
-        block = next(iter(shares), None) or max(segments, key=lambda s: segments[s])
+        block = next(iter(shares), None) or max(segments, key=lambda s: segments[s], default="unknown")
         tendons, joints = (affected(problem, residuals, axis) for axis in (TENDONS, JOINTS))
     return Where(block, tendons, joints, shares, segments, replay, regime(problem, residuals))
 
@@ -61,13 +67,6 @@ def separable(problem: Problem) -> bool:
     """Whether measured signals cut the machine into several segments, all of whose outputs the case has."""
     outputs = {segment.output for segment in suspects(problem.robot.machine)}
     return len(outputs) > 1 and outputs <= set(problem.kinds)
-
-
-def residuals_by_trial(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
-    """Normalised residuals by trial: name -> (n, columns)."""
-    trials = (*problem.fit, *problem.holdout)
-    logs = (*by_trial(fitted.point.residual, problem.fit), *by_trial(fitted.held, problem.holdout))
-    return {trial.name: log for trial, log in zip(trials, logs, strict=True)}
 
 
 def affected(problem: Problem, residuals: dict[str, np.ndarray], axis: str) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from exodrake.diagnosis.filters import Bands, filled, without
 from exodrake.simulation.simulate import simulate
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
+EFFICIENCY = 0.37  # of the median absolute deviation against the standard deviation (Rousseeuw & Croux 1993)
 
 
 def sensor_noise_std(robot: Robot) -> dict[str, float]:
@@ -70,3 +71,9 @@ def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands
         if found[-1] <= 0.0:
             raise InputError(f"{case.name}: noise of {column} unknown: nothing repeats and no sensor number says")
     return np.array(found)
+
+
+def noise_uncertainty(case: Case) -> float:
+    """Relative standard deviation of a noise standard deviation that is taken from so many samples (normal law)."""
+    lengths = [len(item.log) for group in case.repeat_groups for item in group[1:]] or [len(case.fit_logs[0].log)]
+    return float(1.0 / np.sqrt(2.0 * EFFICIENCY * sum(lengths)))

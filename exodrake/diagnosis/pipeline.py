@@ -1,4 +1,4 @@
-"""From a case to a diagnosis: noise, search, verdict, where, how far."""
+"""From a case to a diagnosis: retune, detect, isolate, decide, localise, measure the closure."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
-from exodrake.diagnosis import nuisance
+from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.detect.packet_loss import loss_probability
-from exodrake.diagnosis.intervals import describe, spread
-from exodrake.diagnosis.line import named
+from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.intervals import describe
+from exodrake.diagnosis.isolate import SHARE, Isolation, Isolator, Tested, retune
+from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, Interval, NamedEffect
-from exodrake.diagnosis.search import PACKET_LOSS, Fitted, Search
-from exodrake.diagnosis.verdict import Decision, chi2, left_over, thresholds
-from exodrake.diagnosis.views import View, analyse
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
+from exodrake.diagnosis.retuning import retuned
+from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
 from exodrake.machines.robot_file import load_robot
 
 
@@ -39,141 +39,145 @@ def diagnose(
         case: a case, or its folder.
         robot: the nominal robot; the built-in one if None.
         progress: called with the stage and what it works on, such as the name of an effect.
-        tried: ids of the effects to try (`screen.chosen`); by default all that are not `not_tried`.
+        tried: ids of the effects to try (`candidates.chosen`); by default all that are not `not_tried`.
+
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
     started = time.perf_counter()
     robot = robot or load_robot()
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
-    problem = make_problem(case, robot, tried)
     progress(Stage.CHECK, "")
     with one_blas_thread():
-        closed, chosen = analyse(problem, thresholds(), progress)
-        chosen = chosen.converged()
-        progress(Stage.CLOSURE, "")
-        return answer(case, problem.robot, closed, chosen, started, progress)
+        problem, found = isolated(make_problem(case, robot, tried), progress)
+        decision = decide(problem, found)
+        return answer(problem, found, decision, started, progress)
 
 
-def robot_of(nominal: Robot, view: View, fitted: Fitted, source: str) -> Robot:
-    """The robot of a fitted point: the nominal one with its retuned numbers and effects."""
-    point = fitted.point
-    values = nuisance.turned(nominal.values, view.ranking.full.coordinates, point.x)
-    changed = {
-        e.name: f"fitted to {source}"
-        for e, a, b in zip(nominal.machine.parameters, values, nominal.values, strict=True)
-        if a != b
-    }
-    values = point.hypothesis.apply(values, point.u)
-    return replace(nominal, values=values, sources={**nominal.sources, **changed})
+def isolated(problem: Problem, progress: StageProgress = no_progress) -> tuple[Problem, Isolation]:
+    """The problem with what detectors found, and the isolation."""
+    progress(Stage.RETUNE, "")
+    start, simulated = retune(problem.shortened(SHARE))
+    problem = detect(problem, start.robot)
+    short = problem.shortened(SHARE)
+    certain = sum(d.certain for d in problem.detected)
+    if certain:
+        start, again = retune(short)
+        simulated += again
+    most = problem.robot.machine.max_effects - certain
+    return problem, Isolator(short, start, simulated, progress).isolate(max(most, 0))
 
 
-def effects_of(view: View) -> tuple[NamedEffect, ...]:
-    """The effects that a view's decision names, with channels and intervals; a tremor last."""
-    problem, ranking, fitted = view.problem, view.ranking, view.decision.best
-    machine, probability = problem.robot.machine, view.decision.probability
-    found = []
-    if fitted.point.hypothesis.effects:
-        fitter, responses = ranking.full, ranking.own.get(fitted.name)
-        estimate = spread(fitter, fitted.point, fitter.responses(fitted.point) if responses is None else responses)
-        for identity in fitted.point.hypothesis.effects:
-            effect = machine.effect(identity)
-            effect = describe(estimate, effect, probability.get(fitted.name, 0.0), machine.axes.of(effect.axis))
-            found.append(counted(problem, effect) if identity == PACKET_LOSS else effect)
-    if view.tremor:
-        found.append(named(view.tremor, machine.axes.joints))
-    return tuple(found)
+def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
+    """The nominal robot with what a fit changed, noise and resolutions as they were.
+
+    Args:
+        problem: the case.
+        values: (parameters,) flat vector of a noise-free fitted robot [SI].
+        found_in: name of the case.
+    """
+    nominal = problem.robot
+    changed = values != replace(problem, detected=()).silent()
+    sources = {e.name: f"fitted to {found_in}" for e, c in zip(nominal.machine.parameters, changed, strict=True) if c}
+    return replace(nominal, values=np.where(changed, values, nominal.values), sources={**nominal.sources, **sources})
 
 
-def counted(problem: Problem, effect: NamedEffect) -> NamedEffect:
-    """Lost commands are decoded one by one, so that their probability is a count, not a fit."""
-    losses = [t.losses for t in (*problem.fit, *problem.holdout) if t.losses]
-    return replace(effect, parameters={"probability": Interval(*loss_probability(losses))})
-
-
-def equivalents_of(decision: Decision) -> tuple[str, ...]:
-    """Ids in the class of an ambiguous verdict, those of the best candidate first."""
-    if decision.verdict != AMBIGUOUS:
+def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
+    """The effects that a decision names, with channels and intervals; detected ones last."""
+    machine, best = problem.robot.machine, decision.best
+    certain = tuple(d.effect for d in problem.detected if d.certain)
+    if decision.verdict not in (NAMED, AMBIGUOUS):
         return ()
-    return tuple(dict.fromkeys(i for f in decision.rivals for i in f.point.hypothesis.effects))
+    if not best.explanation.effects:
+        return certain
+    whole, probability = fitted(found, best), probabilities(found).get(best.explanation.name, 1.0)
+    counted = {d.effect.id: replace(d.effect, probability=probability) for d in problem.detected}
+    named = [machine.effect(effect) for effect in best.explanation.effects]
+    stated = {e.id: describe(whole.of(e.id), e, probability, machine.axes.of(e.axis)) for e in named}
+    return (*(stated | {i: e for i, e in counted.items() if i in stated}).values(), *certain)
 
 
-def candidates_of(view: View) -> tuple[Candidate, ...]:
-    """All hypotheses that a view fitted, best first: score 1 explains the gap to the noise, 0 no better than retuned
-    numbers.
+def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
+    """All explanations that were fitted, largest sets first, best first."""
+    before = np.maximum(found.retuned.chi2 - 1.0, 1e-12)
+
+    def candidate(t: Tested) -> Candidate:
+        score = 1.0 - float(np.mean(np.maximum(t.chi2 - 1.0, 0.0) / before))
+        chi2 = (*t.chi2.tolist(), float("nan"))[:2]
+        return Candidate(t.explanation.name, score, *chi2, t.levels.fit, t.levels.complete, t in found.left)
+
+    return tuple(candidate(t) for size in reversed(found.tested) for t in size)
+
+
+def baselines_of(found: Isolation) -> dict[str, str]:
+    """What trivial methods would have said of the same fits in closed loop: the smallest residual, and raw BIC with
+    every sample counted as independent.
     """
-    problem, search = view.problem, view.search
-    ranked = sorted((*search.singles, *search.pairs), key=lambda f: f.score)
-    return tuple(Candidate(f.name, 1.0 - left_over(problem, f, search.retuned), f.chi2, f.holdout_chi2) for f in ranked)
-
-
-def baselines_of(search: Search) -> dict[str, str]:
-    """What trivial methods would have said: smallest fitted residual alone, and raw BIC with every sample counted as
-    independent.
-    """
-    if not search.singles:
+    singles = found.tested[0] if found.tested else ()
+    if not singles:
         return {"replay": "retune", "bic": "retune"}
-    everything = (search.retuned, *search.singles)
-    smallest = min(search.singles, key=lambda f: f.chi2)
 
-    def bic(f: Fitted) -> float:
-        return float(f.point.residual @ f.point.residual) + len(f.point.u) * np.log(len(f.point.residual))
+    def bic(t: Tested) -> float:
+        samples = found.likelihood.views[0].samples
+        return samples * float(t.chi2[0]) + (len(t.explanation.x) - t.explanation.nominal) * np.log(samples)
 
-    return {"replay": smallest.name, "bic": min(everything, key=bic).name}
+    smallest = min(singles, key=lambda t: t.chi2[0])
+    return {"replay": smallest.explanation.name, "bic": min((found.retuned, *singles), key=bic).explanation.name}
 
 
 def answer(
-    case: Case, nominal: Robot, closed: View, chosen: View, started: float, progress: StageProgress
+    problem: Problem, found: Isolation, decision: Decision, started: float, progress: StageProgress
 ) -> Diagnosis:
-    """The diagnosis, with everything measured that it states: gaps in closed loop, causes in the chosen view."""
-    problem, search, ranking, decision = closed.problem, closed.search, closed.ranking, chosen.decision
-    robots = {
-        "nominal": nominal,
-        "retuned": robot_of(nominal, closed, search.retuned, case.name),
-        "improved": robot_of(problem.robot, closed, decision.best, case.name),
-    }
-    closure = measure(problem, robots["nominal"], robots["retuned"], robots["improved"])
-    named = decision.verdict in (NAMED, AMBIGUOUS)
-    effects = effects_of(chosen) if named else ()
+    """The diagnosis, with everything measured that it states."""
+    case, best = problem.case, decision.best
+    progress(Stage.CLOSURE, "")
+    nominal = replace(problem, detected=()).silent()
+    rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": best.explanation.robot}
+    closure = measure(problem, judged(problem, found, best, np.array(list(rows.values()))))
+    effects = effects_of(problem, found, decision)
     experiment = None
     if decision.verdict == AMBIGUOUS:
         from exodrake.diagnosis.experiment import next_experiment
 
-        rows = np.array([ranking.full.values(f.point.hypothesis, f.point.u, f.point.x) for f in decision.rivals])
-        experiment = next_experiment(problem, rows, [f.name for f in decision.rivals])
+        rivals = [t.explanation for t in decision.left]
+        experiment = next_experiment(problem, np.array([e.robot for e in rivals]), [e.name for e in rivals])
     progress(Stage.LOCALISE, "")
-    where = localise(problem, ranking.full, search, chosen, effects)
+    class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
-        where=where,
+        where=localise(problem, found, decision.verdict, effects),
         effects=effects,
-        equivalents=equivalents_of(decision),
+        equivalents=tuple(class_ids) if decision.verdict == AMBIGUOUS else (),
         closure=closure,
         next_experiment=experiment,
-        candidates=candidates_of(chosen),
-        baselines=baselines_of(search),
+        candidates=candidates_of(found),
+        baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=case.notes,
+        notes=(*case.notes, *suspicions(case, problem.robot)),
         seconds=time.perf_counter() - started,
-        robots=robots,
-        evidence=evidence_of(closed, chosen),
+        robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
+        evidence=evidence_of(found, best),
+        simulated=dict(found.likelihood.simulated),
+        retune=retuned(found),
+        problem=problem,
     )
 
 
-def evidence_of(closed: View, chosen: View) -> dict[str, float]:
-    """Reduced chi-squares on all logs, in closed loop; and fed with the log, if that view was chosen."""
-    best, prediction_error = chosen.decision.best, {}
-    if chosen.problem is not closed.problem:
-        prediction_error = {
-            "prediction_error_retuned": chi2(chosen.problem, chosen.search.retuned),
-            "prediction_error_best": chi2(chosen.problem, best),
-        }
-        best = closed.ranking.complete(closed.ranking.full.at(best.point.hypothesis, best.point.u, best.point.x))
-    return {
-        "nominal": chi2(closed.problem, closed.search.nominal),
-        "retuned": chi2(closed.problem, closed.search.retuned),
-        "best": chi2(closed.problem, best),
-        "unknown": float(chosen.decision.verdict == UNKNOWN),
-        **prediction_error,
-    }
+def judged(problem: Problem, found: Isolation, best: Tested, rows: np.ndarray) -> list[np.ndarray]:
+    """The robots that each log judges: `rows` (3, parameters), the nominal, the retuned and the best one, or without
+    held-out logs the latter two as fitted to the other logs.
+    """
+    if problem.holdout:
+        return [rows] * len(problem.holdout)
+    if len(problem.fit) == 1:
+        return [rows]
+    retuned, improved = (without_each_log(found.likelihood, t.explanation) for t in (found.retuned, best))
+    return [np.array([rows[0], a, b]) for a, b in zip(retuned, improved, strict=True)]
+
+
+def evidence_of(found: Isolation, best: Tested) -> dict[str, float]:
+    """Reduced chi-squares on the fitted logs, in closed loop and as prediction error."""
+    robots = {"nominal": found.nominal, "retuned": found.retuned, "best": best}
+    closed = {name: float(t.chi2[0]) for name, t in robots.items()}
+    return closed | {f"prediction_error_{name}": float(t.chi2[1]) for name, t in robots.items() if len(t.chi2) > 1}

@@ -4,7 +4,8 @@ logged.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,9 +16,9 @@ from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
-from exodrake.diagnosis.detect.packet_loss import PacketLoss, detect
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
+from exodrake.diagnosis.result import Detection
 from exodrake.simulation.delayed_samples import delayed
 
 
@@ -25,15 +26,15 @@ from exodrake.simulation.delayed_samples import delayed
 class Trial:
     """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
 
-    drops: the commands that seem lost, used by the effect of that name only.
-    follow: (n, channels) what a run is prediction-error by (`Machine.observer`), if it is.
+    latent: inputs that were not logged but decoded from the log, name -> (n, channels).
+    follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
     """
 
     name: str
     role: str
     reference: np.ndarray
     measured: np.ndarray
-    losses: PacketLoss | None = None
+    latent: Mapping[str, np.ndarray] = field(default_factory=dict)
     follow: np.ndarray | None = None
 
     def first(self, n: int) -> Trial:
@@ -52,6 +53,7 @@ class Problem:
         fit, holdout: trials; repeats of a fitted trial serve the noise only.
         case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
+        detected: effects that detectors found.
     """
 
     robot: Robot
@@ -62,11 +64,22 @@ class Problem:
     case: Case
     notched: Bands = ()
     tried: frozenset[str] = frozenset()
+    detected: tuple[Detection, ...] = ()
+
+    @property
+    def judged(self) -> tuple[Trial, ...]:
+        """Trials that the closure is measured on: held-out ones, else those that were fitted."""
+        return self.holdout or self.fit
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Kind of each column: its name without the channel."""
         return tuple(column.rsplit("_", 1)[0] for column in self.columns)
+
+    @property
+    def counted(self) -> dict[str, float]:
+        """Effects that were decoded rather than fitted -> value of their first parameter."""
+        return {d.effect.id: next(iter(d.effect.parameters.values())).value for d in self.detected if not d.certain}
 
     @property
     def signal_indices(self) -> list[int]:
@@ -80,16 +93,22 @@ class Problem:
             places.append(at[shown[kind]].start + channels.index(channel))
         return places
 
-    def predict(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
-        """Logs (rows, n, columns) [SI], noise-free and unquantised, of robots with the flat numbers `rows` (rows,
-        numbers); infinite for one that comes to divide by zero.
+    def predict(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
+        """Logs that robots would write.
+
+        Args:
+            rows: (rows, parameters) flat parameter vectors [SI].
+            trial: reference and latent inputs.
+            seed: of the noise; none if None.
+
+        Returns:
+            (rows, n, columns) [SI]; infinite for a robot that comes to divide by zero.
         """
         machine = self.robot.machine
         module, count = compile_machine(machine), signal_count(machine)
         n = len(trial.reference)
-        noise_inputs = NoiseInputs.draw(n, None, machine)
-        if trial.losses:
-            noise_inputs["packet_arrival"] = trial.losses.packet_arrival[:n]
+        noise_inputs = NoiseInputs.draw(n, seed, machine)
+        noise_inputs |= {name: values[:n] for name, values in trial.latent.items()}
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
@@ -97,7 +116,7 @@ class Problem:
             module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
         except SystemError:  # numba's word for an exception in a parallel loop; one in another thread ends in silence
             if len(rows) > 1:
-                return np.concatenate([self.predict(row[None], trial) for row in rows])
+                return np.concatenate([self.predict(row[None], trial, seed) for row in rows])
         with np.errstate(invalid="ignore"):
             return delayed(machine, records, self.signal_indices)
 
@@ -155,10 +174,13 @@ class Problem:
         )
 
     def silent(self, robot: Robot | None = None) -> np.ndarray:
-        """Flat numbers for prediction: no noise, no rounding."""
-        values = prepared(robot or self.robot, quantisation=False)
+        """Flat parameter vector for prediction: no noise, no rounding, with the effects that were detected."""
+        values, index = prepared(robot or self.robot, quantisation=False), self.robot.machine.index
         for name in self.robot.machine.noise:
-            values[self.robot.machine.index[name]] = 0.0
+            values[index[name]] = 0.0
+        for detection in self.detected:
+            for name, value in detection.values.items():
+                values[index[name]] = value
         return values
 
 
@@ -202,16 +224,21 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
 
 
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:
-    """The regression of a case; InputError where `check_case` has one. Repeats of a trial count for the noise only;
-    without held-out logs the last fitted one is held out. tried: ids of the effects to try; None: the machine's own.
+    """The regression of a case.
+
+    Args:
+        case: logs; repeats of a trial count for the noise only.
+        robot: nominal robot.
+        tried: ids of the effects to try; by default all that are not `not_tried`.
+
+    Raises:
+        InputError: where `check_case` has one.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
-    if not held and len(fit) > 1:
-        held = [fit.pop()]
-    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held or fit), case)
+    problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
-    return detect(replace(problem, tried=tried))
+    return replace(problem, tried=tried)

@@ -87,7 +87,7 @@ def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, floa
     """
     shares: dict[str, float] = {}
     weight = 0.0
-    for trial in (*problem.fit, *problem.holdout):
+    for trial in problem.fit:
         residual = residuals[trial.name]
         for c, column in enumerate(problem.columns):
             power = float(residual[:, c] @ residual[:, c])

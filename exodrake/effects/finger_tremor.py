@@ -26,5 +26,6 @@ EFFECT = Effect(
         EffectParameter("frequency", "Hz", null=4.0, low=1.0, high=12.0, axis=SCALAR, default=4.0, transform="log"),
     ),
     family="disturbance",
+    detector="spectral_peak",
     order=460,
 )

@@ -6,15 +6,24 @@ write_text("report.html", report_html(diagnosis, problem))
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from exodrake import __version__
-from exodrake.diagnosis.line import TREMOR
+from exodrake.diagnosis.levels import decision_numbers
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect, SignalGap
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    NAMED,
+    NO_GAP,
+    RETUNE,
+    UNKNOWN,
+    Candidate,
+    Diagnosis,
+    NamedEffect,
+    SignalGap,
+)
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.diagnosis_figures import MOST, bars_svg, condition_svg, ranking_svg, spectrum_svg
 from exodrake.report.held_out_runs import HeldOutRuns, changed_parameters, simulate_held_out, top_condition
@@ -24,6 +33,7 @@ from exodrake.report.svg import AFTER, BEFORE, MEASURED
 
 COLOURS = {NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", UNKNOWN: "#b42318"}
 SURE = 0.999  # no probability is printed as larger
+SMALLEST_P = 1e-4  # p-values below it are not told apart
 RETUNE_LIMIT = 0.10  # relative change up to which a retuned parameter counts as nominal (diagnosis.md, RETUNE)
 AT_BOUND = 1e-3  # relative distance to the limit at which a change counts as limited
 SHOWN = 12  # retuned parameters that are shown at once
@@ -50,10 +60,10 @@ def page(diagnosis: Diagnosis, runs: HeldOutRuns) -> str:
         legend=((MEASURED, "measured"), (BEFORE, "before: nominal robot"), (AFTER, f"after: {after}")),
         signals=signal_drawings(runs) if drawn else (), gaps=gap_table(diagnosis),
         spectrum=Drawing(spectrum_svg(runs), wide=True) if drawn else None,
-        tremor=any(effect.id == TREMOR for effect in diagnosis.effects),
+        notched=bool(runs.problem.notched),
         effects=[(e, effect_table(e)) for e in diagnosis.effects], sure=SURE,
         candidates=candidate_blocks(diagnosis), retuned=retuned_tables(diagnosis), close=close_candidates(diagnosis),
-        logs=log_table(runs), thresholds=threshold_table(), **where(diagnosis, runs),
+        logs=log_table(runs), levels=level_table(runs), **where(diagnosis, runs),
     )  # fmt: skip
 
 
@@ -65,6 +75,9 @@ def key_values(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if diagnosis.verdict != NO_GAP:
         text = f"closure: excess error removed by the {w.after_name(diagnosis)}; 90 % interval"
         found.append((n.percent(overall.value), f"{text} {n.percent_span(overall)}"))
+        effect = diagnosis.closure.effect
+        if diagnosis.effects and np.isfinite(effect.value):
+            found.append((n.percent(effect.value), f"of what retuning alone leaves; {n.percent_span(effect)}"))
     if where.block != "none":
         found.insert(0, (where.block, w.seat(where.wires, where.joints) or "where the gap arises"))
     if diagnosis.verdict == NAMED and diagnosis.effects:
@@ -182,18 +195,41 @@ def candidate_blocks(diagnosis: Diagnosis) -> list[Block]:
     named = diagnosis.verdict in (NAMED, AMBIGUOUS)
     chosen = {*diagnosis.equivalents, *(e.id for e in diagnosis.effects)} if named else set()
     rows = [
-        (f"`{c.id}`", f"{100 * c.score:.1f} %", n.digits(c.chi2), n.digits(c.holdout_chi2))
+        (f"`{c.id}`", f"{100 * c.score:.1f} %", n.digits(c.chi2), shown(c.prediction_chi2), p_value(c.fit), kept(c))
         for c in diagnosis.candidates
     ]
-    header = ("Candidate", "Excess removed", "Reduced chi-square, fit logs", "Reduced chi-square, held-out logs")
+    header = (
+        "Candidate",
+        "Excess removed",
+        "chi-square, closed loop",
+        "chi-square, prediction error",
+        "p of the fit",
+        "",
+    )
     title = f"All {len(rows)} candidates in numbers (the figure shows {min(MOST, len(rows))})"
     label = "excess chi-square of the retuned robot that the candidate removes [%]"
     caption = (
-        "Each candidate is fitted on the fit logs together with the nominal parameters, and judged on fit and held-out "
-        "logs together; in blue what the verdict names. 100 %: reduced chi-square of 1, as of noise alone."
+        "Each candidate is fitted on the fit logs together with the nominal parameters, in closed loop and as "
+        "prediction error; in blue what the verdict names. 100 %: reduced chi-square of 1, as of noise alone. A candidate "
+        "that is far behind after two steps is not fitted to the end."
     )
     drawing = Drawing(ranking_svg(diagnosis.candidates, chosen, label), caption, wide=True)
     return [drawing, Table(header, rows, folded=title)]
+
+
+def shown(value: float) -> str:
+    """A number, or a dash for none."""
+    return n.digits(value) if np.isfinite(value) else "–"
+
+
+def p_value(value: float) -> str:
+    """A p-value; one below the level of the tests by far is not resolved."""
+    return f"{value:.2g}" if value >= SMALLEST_P else f"< {SMALLEST_P:g}"
+
+
+def kept(candidate: Candidate) -> str:
+    """What the tests say of a candidate."""
+    return "not rejected" if candidate.left else "rejected"
 
 
 def retuned_tables(diagnosis: Diagnosis) -> list[Table]:
@@ -227,12 +263,7 @@ def log_table(runs: HeldOutRuns) -> Table:
     return Table(("Log", "Role", "Length", "Missing samples"), rows, words=2, wide=False)
 
 
-def threshold_table() -> Table:
-    """Name, meaning and value of each threshold, from the file that holds them."""
-    rows = []
-    for line in (files("exodrake.diagnosis") / "thresholds.yaml").read_text().splitlines():
-        setting, _, meaning = line.partition("#")
-        name, colon, value = setting.partition(":")
-        if colon:
-            rows.append((f"`{name.strip()}`", meaning.strip(), value.strip()))
-    return Table(("Name", "Meaning", "Value"), rows, words=2, folded="The thresholds")
+def level_table(runs: HeldOutRuns) -> Table:
+    """Each number of the tests with its meaning and provenance."""
+    rows = decision_numbers(runs.problem.robot.machine)
+    return Table(("Number", "Value", "Source"), rows, words=3, folded="The numbers of the tests")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -69,7 +69,7 @@ class HeldOutRuns:
     def residuals(self) -> tuple[dict[str, np.ndarray], ...]:
         """For each trial, robot -> normalised residuals (n, columns), NaN where nothing was measured."""
         noise_std = self.problem.noise_std
-        pairs = zip(self.problem.holdout, self.simulated)
+        pairs = zip(self.problem.judged, self.simulated)
         return tuple({name: (t.measured - rows) / noise_std for name, rows in runs.items()} for t, runs in pairs)
 
     @cached_property
@@ -80,7 +80,7 @@ class HeldOutRuns:
     @property
     def trial(self) -> Trial:
         """The trial that is drawn."""
-        return self.problem.holdout[self.shown]
+        return self.problem.judged[self.shown]
 
     def worst(self) -> int:
         """Index of the column with the largest normalised gap of the retuned robot, the controller's output aside."""
@@ -92,8 +92,9 @@ class HeldOutRuns:
 def simulate_held_out(diagnosis: Diagnosis, problem: Problem) -> HeldOutRuns:
     """Simulates the held-out logs with the nominal, the retuned and the improved robot."""
     names = [name for name in ROBOTS if name in diagnosis.robots]
-    rows = np.array([problem.silent(diagnosis.robots[name]) for name in names])
-    runs = (dict(zip(names, problem.predict(rows, trial))) for trial in problem.holdout)
+    plain = replace(problem, detected=())  # the robots hold what was detected
+    rows = np.array([plain.silent(diagnosis.robots[name]) for name in names])
+    runs = (dict(zip(names, problem.predict(rows, trial))) for trial in problem.judged)
     return HeldOutRuns(problem, tuple(runs))
 
 

@@ -16,20 +16,18 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
+from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.segment import CommandLink
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.result import Detection, Interval, NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
 
+INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
 AHEAD = 3  # frames that decide; losses come in bursts
 CLEAR = 0.2  # of the squared error that losing the command must leave
-# the same, and the change of command in units of the visible one, for a loss that nothing else looks like: the position
-# is the held command's to a sixth, all that a drive's own errors leave; a weak or late drive's never is
-CERTAIN, LARGE = 0.03, 2.0
-EVIDENCE = 2  # certain losses from which they count as seen
-BROKEN = 0.5  # share of lost commands beyond which a drive is late or weak rather than deaf
 FUTURES = tuple(product((False, True), repeat=AHEAD - 1))
 CONFIDENCE = 0.9
 
@@ -42,24 +40,38 @@ class PacketLoss:
         packet_arrival: (n, channels), 0 where a command was lost, else 1.
         events: commands whose loss could be seen.
         lost: those that were lost.
-        certain: losses beyond doubt.
     """
 
     packet_arrival: np.ndarray
     events: int
     lost: int
-    certain: int
 
 
-def detect(problem: Problem) -> Problem:
-    """The problem whose trials carry the packet losses that their logs show."""
-    machine, values, kinds = problem.robot.machine, problem.silent(), problem.kinds
+def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
+    """The problem whose trials carry the packet losses that their logs show.
+
+    A drive that follows badly loses commands in this sense, too, so the effect remains a candidate, with the share that
+    was counted as its parameter; it is none where no loss is seen.
+    """
+    machine, kinds, found = problem.robot.machine, problem.kinds, []
 
     def decoded(trial: Trial) -> Trial:
         measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
-        return replace(trial, losses=decode(machine, values, measured))
+        losses = decode(machine, values, measured)
+        if losses is None:
+            return trial
+        found.append(losses)
+        return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival})
 
-    return replace(problem, fit=tuple(map(decoded, problem.fit)), holdout=tuple(map(decoded, problem.holdout)))
+    problem = replace(problem, fit=tuple(map(decoded, problem.fit)))
+    lost, counted = sum(d.lost for d in found), loss_probability(found)
+    problem = replace(problem, holdout=tuple(map(decoded, problem.holdout)))
+    if not lost:
+        return replace(problem, tried=problem.tried - {effect.id})
+    lead = effect.parameters[0]
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, 1.0)
+    detection = Detection(named, {}, f"{lost} commands look lost, one by one")
+    return replace(problem, detected=(*problem.detected, detection))
 
 
 class Drive:
@@ -140,7 +152,7 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
 def decoded(drive: Drive, log: Record, visible: float) -> PacketLoss:
     """Lost commands of one log; visible: change of command from which a loss can be seen."""
     packet_arrival, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
-    events = lost = certain = 0
+    events = lost = 0
     for n in range(len(packet_arrival) - AHEAD):
         change = np.abs(log.command[n] - applied)
         seen = change > visible
@@ -149,11 +161,10 @@ def decoded(drive: Drive, log: Record, visible: float) -> PacketLoss:
             gone = seen & (drop < CLEAR * keep)
             packet_arrival[n, gone] = 0.0
             events, lost = events + int(seen.sum()), lost + int(gone.sum())
-            certain += int(np.sum((change > LARGE * visible) & (drop < CERTAIN * keep)))
         now = np.where(packet_arrival[n] == 0.0, applied, log.command[n])
         drive.frame(state, applied, now, log.loads_at(n))
         applied = now
-    return PacketLoss(packet_arrival, events, lost, certain)
+    return PacketLoss(packet_arrival, events, lost)
 
 
 def least_error(
@@ -195,12 +206,3 @@ def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
         return 0.0, 0.0, 1.0
     interval = binomtest(k, n).proportion_ci(CONFIDENCE, "wilson")
     return k / n, float(interval.low), float(interval.high)
-
-
-def evident(losses: list[PacketLoss]) -> bool:
-    """Whether losses are evident without any fit.
-
-    A drive that follows badly loses commands in this sense too, so that some must be certain and most must arrive.
-    """
-    share, _, _ = loss_probability(losses)
-    return sum(d.certain for d in losses) >= EVIDENCE and share < BROKEN

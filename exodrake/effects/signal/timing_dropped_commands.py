@@ -20,5 +20,6 @@ EFFECT = Effect(
     parameters=(EffectParameter("probability", "-", null=0.0, low=0.005, high=0.6, default=0.15),),
     family="packet loss",
     same_meaning=True,
+    detector="packet_loss",
     order=515,
 )

@@ -1,0 +1,105 @@
+"""Answers to a blind set beside their labels."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from exodrake.blind.case_mix import VISIBLE
+from exodrake.blind.commitment import COMMITMENT, read_committed
+from exodrake.blind.matching import Diagnosis, Truth
+from exodrake.blind.run import ANSWER, FAILED, cases_of
+from exodrake.core.errors import InputError
+
+FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
+
+
+@dataclass(frozen=True)
+class Answered:
+    """One case: its label and its diagnosis."""
+
+    name: str
+    label: dict[str, Any]
+    diagnosis: Diagnosis
+
+    @property
+    def kind(self) -> str:
+        """Kind of case: healthy, unknown, single, pair ..."""
+        return self.label["kind"]
+
+    @property
+    def mix(self) -> str:
+        """Name of the case mix it was drawn from."""
+        return self.label.get("mix", "standard")
+
+    @property
+    def truths(self) -> list[Truth]:
+        """True effects."""
+        return self.label["effects"]
+
+    @property
+    def verdict(self) -> str:
+        """Verdict of the diagnosis."""
+        return self.diagnosis["verdict"]
+
+    @property
+    def visible(self) -> bool:
+        """Whether every true effect leaves a visible gap."""
+        return bool(self.truths) and min(truth["gap"] for truth in self.truths) >= VISIBLE
+
+
+def read_labels(folder: Path, labels: Path) -> dict[str, dict[str, Any]]:
+    """Labels of a set by case; InputError for labels that changed, and for a case without a label."""
+    truths = read_committed(labels, folder / COMMITMENT)
+    for case in cases_of(folder):
+        if case.name not in truths:
+            raise InputError(f"{case}: not among the labels in {labels}")
+    return truths
+
+
+def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answered, ...]:
+    """Read the answers to a set.
+
+    Args:
+        folder: Folder with a folder per case that holds a diagnosis, or the reason why there is none.
+        truths: Labels by case.
+
+    Returns:
+        The answered and the failed cases (verdict FAILED), in order of the labels.
+
+    Raises:
+        InputError: For a malformed diagnosis, answers of several configurations, and no answer at all.
+    """
+    answered = []
+    for name, label in truths.items():
+        path = folder / name / ANSWER
+        if path.is_file():
+            answered.append(Answered(name, label, read_diagnosis(path)))
+        elif path.with_name(FAILED).is_file():
+            answered.append(Answered(name, label, {"verdict": FAILURE}))
+    if not answered:
+        raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
+    check_configurations(answered, folder)
+    return tuple(answered)
+
+
+def read_diagnosis(path: Path) -> Diagnosis:
+    """Read one diagnosis; InputError if it has no verdict."""
+    try:
+        diagnosis = json.loads(path.read_text())
+        return diagnosis | {"verdict": diagnosis["verdict"]}
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: not a diagnosis (JSON with key 'verdict')") from None
+
+
+def check_configurations(answered: list[Answered], folder: Path) -> None:
+    """InputError if the diagnoses were made with several versions or thresholds."""
+    from exodrake.core.provenance import described
+
+    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    if len(found) > 1:
+        raise InputError(
+            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
+        )

@@ -1,0 +1,37 @@
+"""What is suspicious about a case that can be diagnosed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from textwrap import shorten
+
+from exodrake.core.robot import Robot
+from exodrake.data.case import Case
+from exodrake.diagnosis.checks import channels, logs, noise, robots, scale
+from exodrake.diagnosis.checks.compare import Comparison, compare
+
+CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
+    logs.nothing_held_out,
+    logs.copied_logs,
+    scale.another_unit,
+    scale.exchanged_columns,
+    channels.gaps,
+    channels.frozen_channels,
+    channels.bursts,
+    noise.noise_as_large_as_motion,
+    noise.noise_far_below_sensor,
+    robots.changed_between_repeats,
+    robots.logs_of_other_robots,
+)
+LONGEST = 300  # characters of a sentence
+
+
+def suspicions(case: Case, robot: Robot) -> tuple[str, ...]:
+    """Sentences on what is suspicious about a case, none for a good one, whatever effects its robot has.
+
+    Args:
+        case: a case that `check_case` lets pass.
+        robot: the nominal robot with the case's overrides.
+    """
+    comparison = compare(case, robot)
+    return tuple(shorten(sentence, LONGEST) for check in CHECKS for sentence in check(comparison))

@@ -1,0 +1,148 @@
+"""Spectral peak: a tremor, whose wandering phase no simulation repeats, so that it is detected rather than fitted.
+
+A narrow band that stands out from its neighbourhood, alike in every log, whatever the reference does, is one. Other
+causes are then sought without its band. The power that each joint's torque would leave in each signal, by simulation,
+tells the joint and the torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from exodrake.core.effect import Effect
+from exodrake.diagnosis.filters import Bands
+from exodrake.diagnosis.parameter import apply, effect_parameters
+from exodrake.diagnosis.result import Detection, Interval, NamedEffect
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.problem import Problem
+
+WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
+LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
+HALF, ASIDE = 0.6, 1.8  # Hz, half the band of a peak, and the end of its neighbourhood; the phase wanders: assumed
+PROMINENT = 8.0  # times the density beside it, in every log: noise reaches 1.3, a mount that rings 7
+ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
+NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: a phase that wanders has long wings
+SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
+OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
+LAW, MINOR = 0.2, 0.12  # relative standard deviation of a torque whose waveform is not known; of the strongest joint's
+Z90 = 1.645  # half width of a 90 % interval in standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """A spectral peak.
+
+    Attributes:
+        frequency: centre [Hz].
+        power: (columns,) in its band [noise variance].
+        prominence: density in the band over that beside it, in the log where it is least.
+        steady: the weakest log's power over the mean.
+    """
+
+    frequency: float
+    power: np.ndarray
+    prominence: float
+    steady: float
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is a tremor's."""
+        return self.prominence > PROMINENT and self.steady > ALIKE
+
+    def bands(self, nyquist: float) -> Bands:
+        """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""
+        centres = (k * self.frequency for k in range(1, OVERTONES + 1))
+        return tuple((max(f - NOTCHED, SLOWEST), f + NOTCHED) for f in centres if f + ASIDE < nyquist)
+
+
+def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
+    """The problem without the band of a tremor, if what the retuned robot leaves has one; it is no candidate of a
+    fit.
+    """
+    from exodrake.diagnosis.problem import by_trial
+
+    left = problem.residual(values[None], problem.fit)[0]
+    peak = find(problem, by_trial(left, problem.fit))
+    problem = replace(problem, tried=problem.tried - {effect.id})
+    if not peak.certain:
+        return problem
+    detection = detection_of(problem, effect, values, peak)
+    notched = problem.without(peak.bands(0.5 / problem.robot.machine.frame))
+    return replace(notched, detected=(*problem.detected, detection))
+
+
+def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
+    """The most prominent peak in residuals (n, columns) [noise_std] of several logs."""
+    spectra = [spectrum(problem, log) for log in logs]
+    frequency, sums = spectra[0][0], np.array([density.sum(axis=1) for _, density in spectra])
+    sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
+    prominences = [np.min(prominence(frequency, sums, centre)) for centre in sought]
+    near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
+    peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
+    weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
+    powers = np.array([in_band(frequency, density, peak) for _, density in spectra])
+    each = powers.sum(axis=1)
+    steady = float(each.min() / max(each.mean(), 1e-12))
+    return Peak(peak, weights @ powers, float(np.max(prominences)), steady)
+
+
+def prominence(frequency: np.ndarray, sums: np.ndarray, centre: float) -> np.ndarray:
+    """Density in a band over that beside it (logs,), from densities (logs, f)."""
+    band, beside = around(frequency, centre)
+    return sums[:, band].mean(axis=1) / np.maximum(np.median(sums[:, beside], axis=1), 1e-12)
+
+
+def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
+    """Which frequencies (f,) are in the band of a peak, and which beside it."""
+    away = np.abs(frequency - centre)
+    return away <= HALF, (away > HALF) & (away < ASIDE)
+
+
+def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz]."""
+    from scipy.signal import welch
+
+    rate = 1.0 / problem.robot.machine.frame
+    return welch(log, rate, nperseg=min(len(log), round(WINDOW * rate)), axis=0)
+
+
+def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
+    """Power of the band around a peak (columns,) above its neighbourhood."""
+    band, beside = around(frequency, peak)
+    ground = np.median(density[beside], axis=0) if beside.any() else 0.0
+    return np.maximum((density[band] - ground).sum(axis=0) * (frequency[1] - frequency[0]), 0.0)
+
+
+def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Peak) -> Detection:
+    """A tremor as the cause of a peak: torques by non-negative least squares on the powers of the columns."""
+    from scipy.optimize import nnls
+
+    parameters = effect_parameters(problem.robot.machine, effect)
+    joints = [i for i, p in enumerate(parameters) if p.amplitude]
+    x = np.array([p.start if p.amplitude else p.coordinate(peak.frequency) for p in parameters])
+    alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
+    rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
+    logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
+    unit = [in_band(*spectrum(problem, log - logs[0]), peak.frequency) for log in logs[1:]]
+    scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
+    shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
+    x[joints] *= np.sqrt(shares)
+    robot = apply(values, parameters, x)
+    found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
+    torques = {parameters[i].channels[0]: torque(x[i]) for i in joints if x[i] > MINOR * x[joints].max()}
+    half = 0.5 / WINDOW
+    frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
+    mean = torque(float(np.mean([item.value for item in torques.values()])))
+    stated = {effect.parameters[0].name: mean, effect.parameters[1].name: frequency}
+    named = NamedEffect(effect.id, (), tuple(torques), stated, {effect.parameters[0].name: torques}, 1.0)
+    where = f"a spectral peak at {peak.frequency:.1f} Hz is {peak.prominence:.0f} times its surroundings in every log"
+    return Detection(named, found, f"{where}; its phase wanders, so that there only strength is compared")
+
+
+def torque(value: float) -> Interval:
+    """A torque [N m] with its 90 % interval: the waveform is not known."""
+    return Interval(value, value * (1.0 - Z90 * LAW), value * (1.0 + Z90 * LAW), "N m")

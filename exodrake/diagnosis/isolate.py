@@ -1,0 +1,242 @@
+"""Isolation: the smallest sets of effects that the logs do not reject (structured hypothesis tests; Nyberg 1999).
+
+    for size in 0, 1, 2, ...:
+        left = explanations of that size that the tests of `levels` keep
+        stop at the first size that leaves any, once no further effect is promising or the next size beats none
+
+Retune, linearise once, rank all effects by algebra, fit the best few, test them; beside the best, linearise once more.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.core.progress import Stage, StageProgress, no_progress
+from exodrake.diagnosis.levels import Levels, Tests, taken_up
+from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
+from exodrake.diagnosis.parameter import apply, nominal_parameters
+from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.refine import Explanation, minimise
+from exodrake.diagnosis.select import NormalMatrix, Predicted
+from exodrake.diagnosis.whitening import ORDER, Whitening
+
+RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
+SHARE = 0.35  # of each fit log that is used
+REFINED = 5  # sets of effects of one size that are fitted
+FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
+BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
+CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
+FRESH = 2  # fits with a new nominal Jacobian
+PROMISING = 0.2  # share of the excess over noise that the first effect of a larger set takes up at least
+LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """An explanation with its levels, its reduced chi-squares (views,) and its cost."""
+
+    explanation: Explanation
+    levels: Levels
+    chi2: np.ndarray
+    cost: float
+
+
+def mean_log(chi2: np.ndarray) -> float:
+    """Mean logarithm of reduced chi-squares (views,), above the noise."""
+    return float(np.mean(np.log(np.maximum(chi2, 1.0))))
+
+
+def tested(
+    likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
+) -> list[Tested]:
+    """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
+    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
+    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
+    return sorted(made, key=lambda t: t.cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Isolation:
+    """What the logs leave.
+
+    Attributes:
+        likelihood: views of the case.
+        tests: tests of the last round.
+        nominal, retuned: robots without an effect.
+        screened: each effect alone as the linearisation predicts it, best first.
+        tested: tested explanations of 1, 2, ... effects, best first.
+        left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
+    """
+
+    likelihood: Likelihood
+    tests: Tests
+    nominal: Tested
+    retuned: Tested
+    screened: tuple[Predicted, ...] = ()
+    tested: tuple[tuple[Tested, ...], ...] = ()
+    left: tuple[Tested, ...] = ()
+
+    def with_round(self, tested: Sequence[Tested]) -> Isolation:
+        """The isolation with the explanations of one size more."""
+        return replace(self, tested=(*self.tested, tuple(tested)), left=tuple(t for t in tested if t.levels.kept))
+
+    def without_effects(self) -> Isolation:
+        """The isolation that stops at the robot without an effect, if it is kept."""
+        return replace(self, left=tuple(t for t in (self.nominal, self.retuned) if t.levels.kept)[:1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether some explanations of the last size are left, and none of them lacks an effect."""
+        return bool(self.left) and all(t.levels.settled for t in self.left)
+
+    @property
+    def explanations(self) -> list[Explanation]:
+        """The explanations of the last size."""
+        return [t.explanation for t in self.tested[-1]]
+
+    @property
+    def best(self) -> Tested:
+        """The explanation that leaves least, whether the logs reject it or not."""
+        tried = (self.retuned, *(t for size in self.tested for t in size))
+        return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
+
+
+def retune(problem: Problem) -> tuple[Explanation, Counter[str]]:
+    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated seconds."""
+    columns, nominal = len(problem.columns), nominal_parameters(problem.robot)
+    unit = Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))
+    likelihood, values = Likelihood((View(problem, unit),), stage="retune"), problem.silent()
+    found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
+    for _ in range(RETUNE_ROUNDS):
+        lin = linearise(likelihood, values, found.x, nominal, ())
+        likelihood = likelihood.scaled_to(lin.residual)
+        found = minimise(likelihood, replace(found, residual=lin.residual, jacobian=lin.jacobian), 4, 1e-3)
+    return found, likelihood.simulated
+
+
+class Isolator:
+    """One case under test.
+
+    Args:
+        problem: shortened case as a regression, with what was detected.
+        start: its retuned robot.
+        simulated: seconds simulated so far, by stage.
+        progress: called with the stage and what it works on.
+    """
+
+    def __init__(
+        self, problem: Problem, start: Explanation, simulated: Counter[str], progress: StageProgress = no_progress
+    ) -> None:
+        self.problem, self.start, self.progress = problem, start, progress
+        self.machine, self.simulated = problem.robot.machine, simulated
+        self.effects = [effect for effect in self.machine.effects if effect.id in problem.tried]
+
+    def isolate(self, max_effects: int) -> Isolation:
+        """Explanations of growing size until some are left."""
+        start = self.start
+        likelihood = likelihood_of(self.problem, start.robot)
+        likelihood.simulated, likelihood.stage = self.simulated, "linearise"
+        self.progress(Stage.LINEARISE, "")
+        lin = linearise(likelihood, start.values, start.x, start.parameters, self.effects)
+        start = replace(start, residual=lin.residual, jacobian=lin.jacobian)
+        likelihood = likelihood.scaled_to(lin.residual)
+        likelihood.stage = "refine"
+        retuned = self.refined(likelihood, start, STEPS)
+        zero = start.at(likelihood, np.zeros(len(start.x)))
+        tests = Tests(likelihood, lin, zero.residual - retuned.residual)
+        found = Isolation(likelihood, tests, *(tested(likelihood, tests, [e])[0] for e in (zero, retuned)))
+        if found.nominal.levels.settled or found.retuned.levels.settled or not max_effects or not self.effects:
+            return found.without_effects()
+        screened = NormalMatrix(likelihood, retuned, lin).singles()
+        singles = self.singles(found, screened)
+        found = replace(found, screened=tuple(screened), retuned=tested(likelihood, tests, [retuned], singles)[0])
+        if found.nominal.levels.settled or found.retuned.levels.kept:
+            return found.without_effects()
+        found = found.with_round(tested(likelihood, tests, singles))
+        if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
+            return found
+        while not found.settled and len(found.tested) < max_effects:
+            larger = self.grown(found)
+            again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
+            if any(t.levels.kept for t in again):
+                return replace(found, tested=found.tested[:-1]).with_round(again)
+            found = larger
+        return found
+
+    def singles(self, found: Isolation, screened: Sequence[Predicted]) -> list[Explanation]:
+        """The most promising single effects, fitted, and what would be added to the best of them."""
+        likelihood, known = found.likelihood, found.retuned.explanation
+        fitted = self.fitted(likelihood, known, screened[:REFINED])
+        levels = found.tests(fitted[0])
+        further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.settled]
+        return [*fitted, *self.fitted(likelihood, known, further)]
+
+    def grown(self, found: Isolation) -> Isolation:
+        """The isolation with sets of one more effect, grown from the best set."""
+        best = found.tested[-1][0].explanation
+        likelihood = found.likelihood.scaled_to(best.residual)
+        likelihood.stage = "linearise again"
+        lin = self.linearised(likelihood, best)
+        likelihood.stage = "refine again"
+        tests = Tests(likelihood, lin, found.tests.moved)
+        more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
+        found = replace(found, likelihood=likelihood, tests=tests)
+        return found.with_round(tested(likelihood, tests, more))
+
+    def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
+        """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
+        begun = [self.begun(likelihood, self.starts(likelihood, known, p)) for p in found]
+        cost = [mean_log(likelihood.chi2(e.residual)) for e in begun]
+        near = [c < min(cost) + BEHIND for c in cost]
+        done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
+        done.sort(key=lambda e: mean_log(likelihood.chi2(e.residual)))
+        least = mean_log(likelihood.chi2(done[0].residual)) if done else 0.0
+        for k, e in enumerate(done[:FRESH]):
+            if CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR:
+                done[k] = self.refreshed(likelihood, e)
+        return sorted(done, key=lambda e: mean_log(likelihood.chi2(e.residual)))
+
+    def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
+        """The explanation fitted on with a new nominal Jacobian."""
+        count = e.nominal
+        here = apply(e.values, e.parameters, np.concatenate([np.zeros(count), e.x[count:]]))
+        jacobian = nominal_jacobian(likelihood, here, e.parameters[:count], e.x[:count], e.residual)
+        return self.refined(likelihood, replace(e, jacobian=jacobian), STEPS)
+
+    def refined(self, likelihood: Likelihood, start: Explanation, steps: int) -> Explanation:
+        """The explanation fitted."""
+        self.progress(Stage.FIT, start.name)
+        return minimise(likelihood, start, steps, TOL)
+
+    def begun(self, likelihood: Likelihood, starts: Sequence[Explanation]) -> Explanation:
+        """The better of two fits after their first steps: from the prediction, and from the start of least cost."""
+        least = min(starts, key=lambda e: e.cost(likelihood))
+        begun = [self.refined(likelihood, e, FIRST_STEPS) for e in {id(e): e for e in (starts[0], least)}.values()]
+        return min(begun, key=lambda e: e.cost(likelihood))
+
+    def starts(self, likelihood: Likelihood, known: Explanation, predicted: Predicted) -> list[Explanation]:
+        """A further effect beside those of an explanation: as the linearisation predicts it, less of it, and at
+        initial amplitudes.
+        """
+        (probe,), (factors,) = predicted.probes, predicted.factors
+        values = with_effects(known.values, [(self.machine, self.machine.effect(probe.effect))])
+        parameters, own = known.parameters + probe.parameters, probe.coordinates(factors)
+        amplitude = np.array([p.amplitude for p in probe.parameters])
+        low, high = np.array([p.bounds for p in parameters]).T
+        joined = Explanation((*known.effects, probe.effect), parameters, own, values, known.residual, known.jacobian)
+        initial = np.array([p.start for p in probe.parameters])
+        starts = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
+        starts += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
+        return [joined.at(likelihood, np.clip(x, low, high)) for x in starts]
+
+    def linearised(self, likelihood: Likelihood, e: Explanation) -> Linearisation:
+        """Directions of all other effects beside an explanation; its nominal Jacobian is kept."""
+        count = e.nominal
+        here = apply(e.values, e.parameters, np.concatenate([np.zeros(count), e.x[count:]]))
+        others = [effect for effect in self.effects if effect.id not in e.effects]
+        return linearise(likelihood, here, e.x[:count], e.parameters[:count], others, e.jacobian)

@@ -1,0 +1,227 @@
+"""Levels: what an explanation leaves, held against what noise and the error of its law would leave.
+
+The law of an effect in the model is not the robot's. Its error is a random smooth function h of the measured state
+times c, the part of the effect's contribution that no other parameter imitates (model discrepancy; Kennedy & O'Hagan
+2001, Brynjarsdottir & O'Hagan 2014):
+
+    r = w + a c(t) h(state(t))            w noise, h of zero mean and unit variance, a <= rho
+
+Draws of it, with matrix products and no simulation, give p-values of an explanation:
+
+    fit         may so much be left?                                 draws with a = rho
+    complete    may one more effect take up so much of it?           draws whose a leaves as much as there is
+
+An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
+them.
+
+Another explanation that was fitted beats one if it takes up more than noise and the difference between two simulators
+let an effect take up, and a larger share of the excess over noise than a mere error of the law lets one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.core.machine import Machine
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.discrepancy import random_functions
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import Linearisation, without_effect
+from exodrake.diagnosis.projection import Projection
+from exodrake.diagnosis.refine import Explanation
+
+ALPHA = 0.02  # level of each test
+MODEL_ERROR = 0.02  # relative difference between two simulators of one law
+DRAWS = 99
+HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
+WINDOW = 2.0  # s, of the scan over time (selection.md)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """p-values of an explanation.
+
+    Attributes:
+        fit: of what it leaves.
+        views: the same for each view alone.
+        local: of what it leaves in single windows of time; 1 for one with effects.
+        complete: of what one more effect takes up, by the linearisation; `next_effect` is that effect.
+        beaten_by: name of an explanation that was fitted and beats it; empty if none does.
+        share: share of the excess that the best other explanation takes up.
+        law_error: error of the laws that explains what is left, in units of rho.
+        moved: mean square of the nominal parameters' changes in standard deviations of their tolerances; about 1 or
+            less for a robot of these tolerances.
+        most_moved: largest plausible one.
+    """
+
+    fit: float
+    views: tuple[float, ...]
+    local: float
+    complete: float
+    next_effect: str
+    beaten_by: str
+    share: float
+    law_error: float
+    moved: float
+    most_moved: float
+
+    @property
+    def kept(self) -> bool:
+        """Whether the logs reject it not, as far as was tried."""
+        return min(self.fit, self.local) > ALPHA and self.moved <= self.most_moved and not self.beaten_by
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is kept and no further effect is promising."""
+        return self.kept and self.complete > ALPHA
+
+
+class Tests:
+    """Tests of explanations on one case.
+
+    Args:
+        likelihood: views of the case.
+        lin: directions of the effects that may be added.
+        moved: (samples,) change of the residual from the nominal to the retuned robot.
+    """
+
+    def __init__(self, likelihood: Likelihood, lin: Linearisation, moved: np.ndarray) -> None:
+        self.likelihood, self.lin, self.moved = likelihood, lin, moved
+        self.calibration = calibration_of(likelihood.robot.machine)
+        self.noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
+        self.functions: list[np.ndarray] = []
+
+    def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
+        """The levels of an explanation; rivals: others that were fitted."""
+        likelihood = self.likelihood.scaled_to(e.residual)
+        project = Projection(likelihood, e, self.lin)
+        law, model = self.laws(project)
+        left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], self.noise, law))
+        needed = amplitude(left[0], noise_left, law_left)
+        draws = zip(likelihood.split(self.noise), likelihood.split(law), likelihood.split(e.residual), strict=True)
+        fit = exceeding(noise_left + law_left, left[0])
+        views = tuple(exceeding(power(noise) + power(error), power(own)) for noise, error, own in draws)
+        local = [1.0]
+        if not e.effects:
+            local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
+        gain, effect = project.gains(e.residual[None])
+        hopeless = max(fit, *views) < HOPELESS
+        null = None if hopeless else project.gains(self.noise + needed[:, None] * law + model)[0]
+        least = np.zeros(2) if hopeless or not rivals else project.gains(self.noise + model)[0]
+        share, beaten_by = 0.0, ""
+        for rival in rivals:
+            taken, total = taken_up(likelihood, e, rival)
+            share = max(share, total)
+            if total > self.calibration.taken and exceeding(least, taken) < ALPHA:
+                beaten_by = rival.name
+        return Levels(
+            fit=fit,
+            views=views,
+            local=min(1.0, len(local) * min(local)),
+            complete=0.0 if null is None else exceeding(null, float(gain[0])),
+            next_effect=effect[0],
+            beaten_by=beaten_by,
+            share=share,
+            law_error=float(np.median(needed)),
+            moved=float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0,
+            most_moved=self.calibration.moved,
+        )
+
+    def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
+        """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
+        law, model = np.zeros_like(self.noise), np.zeros_like(self.noise)
+        for k, (contribution, rho) in enumerate(self.contributions(project)):
+            if k == len(self.functions):
+                self.functions.append(random_functions(self.likelihood, DRAWS, k))
+            draws = self.functions[k] * contribution.astype(np.float32)
+            law += np.float32(rho) * draws
+            model += np.float32(MODEL_ERROR) * draws
+        return law, model
+
+    def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
+        """What each channel of each effect adds to the residual (samples,) that no other parameter imitates, and the
+        change of the nominal parameters, with rho, the relative standard deviation of its law.
+        """
+        e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
+        decoded = self.likelihood.views[0].problem.counted
+        found = [(self.moved, limits.same_meaning)]
+        for effect in (machine.effect(identity) for identity in e.effects):
+            rows = self.likelihood.residual(without_effect(machine, e.robot, effect)) - e.residual
+            rho = limits.same_meaning if effect.same_meaning and effect.id not in decoded else limits.law_error
+            found += [(project.own(row, effect.id), rho) for row in rows]
+        return found
+
+    def covariance(self, e: Explanation) -> np.ndarray:
+        """Covariance of the effects' coordinates (k, k), from noise and from as much error of the laws as is seen."""
+        likelihood = self.likelihood.scaled_to(e.residual)
+        project = Projection(likelihood, e, self.lin)
+        law, model = self.laws(project)
+        needed = amplitude(*(project.left(rows) for rows in (e.residual[None], self.noise, law)))
+        moves = project.moves(self.noise + needed[:, None] * law + model, np.random.default_rng(2))
+        return np.atleast_2d(np.cov(moves[e.nominal :]))
+
+
+def power(rows: np.ndarray) -> np.ndarray:
+    """Sum of squares of rows (..., samples)."""
+    return np.einsum("...i,...i->...", rows, rows, dtype=float)
+
+
+def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
+    """What a rival leaves less than an explanation: weighted sum of squares, and share of the excess over noise."""
+    own, other = ((likelihood.chi2(x.residual), x.residual * likelihood.weights) for x in (e, rival))
+    weights = 1.0 / np.maximum(own[0], 1e-12)
+    excess = float(np.sum(weights * np.maximum(own[0] - 1.0, 0.0)))
+    less = float(np.sum(weights * (np.maximum(own[0], 1.0) - np.maximum(other[0], 1.0))))
+    return float(power(own[1]) - power(other[1])), less / excess if excess > 0.0 else 0.0
+
+
+def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
+    """Amplitude (draws,) of the error of the laws, in units of rho, with which noise leaves as much as is left."""
+    return np.sqrt(np.maximum(left - noise, 0.0) / np.maximum(law, 1e-9)).astype(np.float32)
+
+
+def exceeding(draws: np.ndarray, value: float) -> float:
+    """p-value of a value under the draws (n,) of its null, log-normal, so that it may be smaller than 1 / n."""
+    from scipy.stats import norm
+
+    logs = np.log(np.maximum(draws, 1e-12))
+    return float(norm.sf(np.log(max(value, 1e-12)), logs.mean(), max(logs.std(ddof=1), 1e-12)))
+
+
+def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
+    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs of rows (n, samples): (n, 2)."""
+    length, found = max(2, round(WINDOW / likelihood.robot.machine.frame)), np.zeros((len(rows), 2))
+    for view, part in zip(likelihood.views, likelihood.split(rows), strict=True):
+        ends = np.cumsum([trial.measured.size for trial in view.problem.fit])[:-1]
+        for trial, log in zip(view.problem.fit, np.split(part, ends, axis=1), strict=True):
+            frames, columns = trial.measured.shape
+            log = log.reshape(len(rows), frames, columns)
+            size = min(length, frames)
+            windows = log[:, : frames // size * size].reshape(len(rows), -1, size, columns)
+            power = np.mean(windows**2, axis=2).max(axis=(1, 2))
+            means = np.abs(windows.mean(axis=2)).max(axis=(1, 2)) * np.sqrt(size)
+            means = np.maximum(means, np.abs(log.mean(axis=1)).max(axis=1) * np.sqrt(frames))
+            found = np.maximum(found, np.stack([power, means], axis=1))
+    return found
+
+
+def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
+    """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
+    return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]
+
+
+def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
+    """Every number of the decision: meaning, value and source."""
+    limits = calibration_of(machine)
+    source = limits.source or "development robots of the Exo-Index"
+    return [
+        ("level of each test", f"{ALPHA:g}", "chosen"),
+        ("rho, relative error of a law", f"{limits.law_error:g}", source),
+        ("rho of a parameter that means the same in every law", f"{limits.same_meaning:g}", source),
+        ("relative difference between two simulators of one law", f"{MODEL_ERROR:g}", "development robots"),
+        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
+        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
+    ]

@@ -1,0 +1,186 @@
+"""One linearisation: the residual's derivatives by the nominal parameters, and its differences by every effect.
+
+An effect responds in no proportion to its parameters (a dead zone, a contact), so a direction of an effect is a secant:
+the residual with the effect at a probe, less the residual without it. Each channel has a direction of its own, which a
+combination may scale; a probe of all channels at once is taken as it is. Everything after it is algebra on the Gram
+matrix of the directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.core.effect import Effect
+from exodrake.core.machine import Machine
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, fixed_parameters
+from exodrake.diagnosis.problem import Problem
+
+NOMINAL_STEP = 0.17  # of the prior standard deviation: small against curvature, large against rounding; assumed
+PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
+GRID = 5  # amplitudes at which an effect of the whole robot is tried
+ELSEWHERE = 0.7  # of the way through its range at which a further parameter is tried
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """A set of directions of one effect that a combination scales together.
+
+    x: coordinates of all its parameters at the probe. rows: positions of the directions, one for each scaled amplitude
+    (positions `scaled` in x), or one in all for a probe that is taken as it is. low, high: range of the factors.
+    """
+
+    effect: str
+    parameters: tuple[Parameter, ...]
+    x: np.ndarray
+    scaled: tuple[int, ...]
+    rows: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def coordinates(self, factors: np.ndarray) -> np.ndarray:
+        """Coordinates of the effect's parameters for factors of its directions."""
+        x = self.x.copy()
+        x[list(self.scaled)] *= factors[: len(self.scaled)]
+        return x
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Residual, nominal Jacobian and effect directions at a robot.
+
+    Attributes:
+        nominal: the nominal parameters.
+        x: (nominal,) coordinates.
+        residual: (samples,) whitened [noise_std].
+        jacobian: (nominal, samples) derivatives by the nominal parameters.
+        directions: (directions, samples) differences by the effects, float32.
+        probes: sets of directions of all effects.
+    """
+
+    nominal: tuple[Parameter, ...]
+    x: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    directions: np.ndarray
+    probes: tuple[Probe, ...]
+
+
+def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) -> np.ndarray:
+    """Flat parameter vector with the fixed parameters of some effects set."""
+    out = values.copy()
+    for machine, effect in effects:
+        for i, value in fixed_parameters(machine, effect):
+            out[i] = value
+    return out
+
+
+def without_effect(machine: Machine, values: np.ndarray, effect: Effect) -> np.ndarray:
+    """Flat parameter vectors (channels, n) with an effect at its null value in one channel at a time."""
+    lead, channels = effect.parameters[0], machine.axes.of(effect.parameters[0].axis)
+    out = np.tile(values, (len(channels), 1))
+    for row, channel in zip(out, channels, strict=True):
+        row[machine.index[".".join(part for part in (effect.id, lead.name, channel) if part)]] = lead.null
+    return out
+
+
+def linearise(
+    likelihood: Likelihood,
+    values: np.ndarray,
+    x: np.ndarray,
+    nominal: tuple[Parameter, ...],
+    effects: Sequence[Effect],
+    jacobian: np.ndarray | None = None,
+) -> Linearisation:
+    """All directions at a robot.
+
+    Args:
+        likelihood: views of the case.
+        values: (parameters,) flat vector of the robot at x = 0, effects that are in it included.
+        x: (nominal,) coordinates of its nominal parameters.
+        nominal: nominal parameters.
+        effects: effects to try.
+        jacobian: (nominal, samples) known derivatives by the nominal parameters; simulated if None.
+    """
+    here = apply(values, nominal, x)
+    base = likelihood.residual(here[None])[0]
+    if jacobian is None:
+        jacobian = nominal_jacobian(likelihood, values, nominal, x, base)
+    found, at, directions = [], 0, [np.zeros((0, len(base)), dtype=np.float32)]
+    for effect in effects:
+        for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
+            found.append(probe)
+            directions.append((likelihood.residual(robots) - base).astype(np.float32))
+            at += len(robots)
+    return Linearisation(nominal, x, base, jacobian, np.concatenate(directions), tuple(found))
+
+
+def nominal_jacobian(
+    likelihood: Likelihood, values: np.ndarray, nominal: tuple[Parameter, ...], x: np.ndarray, base: np.ndarray
+) -> np.ndarray:
+    """Derivatives (nominal, samples) of the residual by the nominal parameters.
+
+    Args:
+        likelihood: views of the case.
+        values: (parameters,) flat vector of the robot at x = 0.
+        nominal: nominal parameters.
+        x: (nominal,) their coordinates.
+        base: (samples,) residual at x.
+    """
+    steps = NOMINAL_STEP * np.array([p.scale for p in nominal])
+    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)]).reshape(-1, len(values))
+    return (likelihood.residual(rows) - base) / steps[:, None]
+
+
+def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
+    """Probes of an effect with the robots (directions, parameters) that they simulate; `at`: first free direction."""
+    machine = problem.robot.machine
+    parameters, base = effect_parameters(machine, effect), with_effects(here, [(machine, effect)])
+    if effect.id in problem.counted:
+        known = problem.counted[effect.id]
+        parameters = tuple(replace(p, start=known, bounds=(known, known)) if p.amplitude else p for p in parameters)
+    amplitudes = tuple(i for i, p in enumerate(parameters) if p.amplitude)
+    start, found = np.array([p.start for p in parameters]), []
+    for x in scaled_points(parameters, start, amplitudes):
+        single = [np.where(np.isin(np.arange(len(x)), [i for i in amplitudes if i != k]), 0.0, x) for k in amplitudes]
+        ends = np.array([sorted(np.array(parameters[k].bounds) / x[k]) for k in amplitudes])
+        rows = np.arange(at, at := at + len(amplitudes))
+        probe = Probe(effect.id, parameters, x, amplitudes, rows, ends[:, 0], ends[:, 1])
+        found.append((probe, np.array([apply(base, parameters, row) for row in single])))
+    for x in fixed_points(parameters, start, amplitudes):
+        probe = Probe(effect.id, parameters, x, (), np.array([at]), np.ones(1), np.ones(1))
+        found.append((probe, apply(base, parameters, x)[None]))
+        at += 1
+    return found
+
+
+def scaled_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
+    """Coordinates at which directions are taken channel by channel: a modest amplitude, further parameters at their
+    initial values and elsewhere in their ranges.
+    """
+    if not amplitudes:
+        return []
+    first = start.copy()
+    for i in amplitudes:
+        first[i] = PROBE * (start[i] if start[i] != 0.0 else parameters[i].scale)
+    found = [first]
+    for i, p in enumerate(parameters):
+        if not p.amplitude and (len(p.channels) > 1 or p.channels == ("",)):
+            low, high = p.bounds if first[i] > 0.5 * sum(p.bounds) else p.bounds[::-1]
+            found.append(first.copy())
+            found[-1][i] = ELSEWHERE * low + (1.0 - ELSEWHERE) * high
+    return found
+
+
+def fixed_points(parameters: Sequence[Parameter], start: np.ndarray, amplitudes: Sequence[int]) -> list[np.ndarray]:
+    """Coordinates that are taken as they are: all channels at once, or a grid for an effect of the whole robot."""
+    if amplitudes and parameters[amplitudes[0]].channels != ("",):
+        strong = start.copy()
+        strong[list(amplitudes)] *= STRONG
+        return [start, np.clip(strong, *np.array([p.bounds for p in parameters]).T)]
+    lead = parameters[0]
+    low, high = (b / 2.0 for b in lead.bounds) if lead.amplitude else lead.bounds
+    return [np.concatenate([[value], start[1:]]) for value in np.linspace(low, high, GRID) if value != 0.0]

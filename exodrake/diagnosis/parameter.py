@@ -1,0 +1,162 @@
+"""Fitted parameters: coordinates that move entries of a robot's flat parameter vector.
+
+    relative    value = base (1 + x)          additive     value = base + x
+    log         value = base exp(x)           reciprocal   value = 1 / x, infinite at x = 0
+
+A nominal parameter has a normal prior, its tolerance; a parameter of an effect has a range. x = 0 is the nominal robot
+without the effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
+from exodrake.core.robot import Robot
+
+RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor: assumed
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One coordinate x of a fit.
+
+    Attributes:
+        name: full names of the parameters that it moves, separated by blanks.
+        index: their positions in the flat parameter vector.
+        transform: `relative`, `additive`, `log` or `reciprocal`.
+        base: value at x = 0 [unit of the parameter]; nominal parameters start from the values of the robot instead.
+        prior_std: standard deviation of x; infinite for a parameter of an effect.
+        bounds: range of x.
+        effect: id of the effect that it belongs to; empty for a nominal parameter.
+        channels: tendons or joints that it acts on.
+        amplitude: whether x = 0 removes the effect from its channels.
+        start: x at which a fit begins.
+    """
+
+    name: str
+    index: tuple[int, ...]
+    transform: str
+    base: float
+    prior_std: float
+    bounds: tuple[float, float]
+    effect: str = ""
+    channels: tuple[str, ...] = ()
+    amplitude: bool = False
+    start: float = 0.0
+
+    @property
+    def scale(self) -> float:
+        """A plausible size of x, above 0: the unit of difference quotients."""
+        if not self.effect:
+            return self.prior_std
+        low, high = self.bounds
+        return max(abs(low), abs(high)) / (2.0 * RANGE_FACTOR) if self.amplitude else 0.25 * (high - low)
+
+    def value(self, x: float, base: float | None = None) -> float:
+        """Value of the parameter at x [its unit]; base: value at x = 0, its own if None."""
+        base = self.base if base is None else base
+        if self.transform == "reciprocal":
+            return math.inf if x <= 0.0 else 1.0 / x
+        if self.transform == "log":
+            return base * math.exp(x)
+        return base + x if self.transform == "additive" else base * (1.0 + x)
+
+    def coordinate(self, value: float) -> float:
+        """x of a value [unit of the parameter]."""
+        if self.transform == "reciprocal":
+            return 0.0 if math.isinf(value) else 1.0 / value
+        if self.transform == "log":
+            return math.log(value / self.base)
+        return value - self.base if self.transform == "additive" else value / self.base - 1.0
+
+
+def apply(values: np.ndarray, parameters: Sequence[Parameter], x: np.ndarray) -> np.ndarray:
+    """Flat parameter vector (n,) with each coordinate of x (parameters,) set in it."""
+    out = values.copy()
+    for parameter, coordinate in zip(parameters, x, strict=True):
+        for i in parameter.index:
+            out[i] = parameter.value(float(coordinate), None if parameter.effect else values[i])
+    return out
+
+
+def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
+    """One parameter for each tolerance of the robot file. Raises InputError for an unknown name."""
+    machine, found = robot.machine, []
+    for group in machine.tolerances:
+        for name in (name for pattern in group.parameters for name in expanded(machine, pattern)):
+            index = tuple(position(machine, part) for part in name.split())
+            limit, base = group.max_deviation, float(robot.values[index[0]])
+            found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
+    return tuple(found)
+
+
+def expanded(machine: Machine, pattern: str) -> list[str]:
+    """The pattern for each tendon {w} or joint {j} that it names."""
+    for mark, channels in (("{w}", machine.axes.tendons), ("{j}", machine.axes.joints)):
+        if mark in pattern:
+            return [pattern.replace(mark, channel) for channel in channels]
+    return [pattern]
+
+
+def position(machine: Machine, name: str) -> int:
+    """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
+    if name not in machine.index:
+        raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
+    return machine.index[name]
+
+
+def effect_parameters(machine: Machine, effect: Effect, channels: Iterable[str] = ()) -> tuple[Parameter, ...]:
+    """The fitted parameters of an effect: an amplitude for each channel, and common further parameters.
+
+    channels: those that the effect may act on; all if empty.
+    """
+    wanted = tuple(channels) or machine.axes.of(effect.axis)
+    lead = next((p for p in effect.parameters if p.fitted), effect.parameters[0])
+    found = []
+    for k, info in enumerate(effect.parameters):
+        axis = machine.axes.of(info.axis)
+        here = tuple(channel for channel in axis if channel in wanted) if info.axis else ("",)
+        index = {c: machine.index[".".join(p for p in (effect.id, info.name, c) if p)] for c in here}
+        if not info.fitted:
+            continue
+        groups = [(c,) for c in here] if k == 0 or info is lead else [here]
+        found += [effect_parameter(effect, info, group, tuple(index[c] for c in group), k == 0) for group in groups]
+    return tuple(found)
+
+
+def fixed_parameters(machine: Machine, effect: Effect) -> list[tuple[int, float]]:
+    """Positions and initial values of the parameters of an effect that a fit leaves alone."""
+    return [
+        (machine.index[".".join(p for p in (effect.id, info.name, c) if p)], info.initial)
+        for info in effect.parameters
+        if not info.fitted
+        for c in machine.axes.of(info.axis)
+    ]
+
+
+def effect_parameter(
+    effect: Effect, info: EffectParameter, channels: tuple[str, ...], index: tuple[int, ...], amplitude: bool
+) -> Parameter:
+    """One parameter of an effect; an amplitude is 0 where the effect is absent."""
+    transform = {"linear": "additive"}.get(info.transform, info.transform)
+    base = info.null if amplitude and transform != "reciprocal" else 1.0 if transform == "log" else 0.0
+    plain = Parameter("", index, transform, base, math.inf, (0.0, 0.0))
+    low, high = sorted((plain.coordinate(info.low), plain.coordinate(info.high)))
+    if not amplitude and transform == "log":
+        low, high = low - math.log(RANGE_FACTOR), high + math.log(RANGE_FACTOR)
+    elif amplitude and transform == "log":
+        low, high = min(0.0, low - math.log(RANGE_FACTOR)), high + math.log(RANGE_FACTOR) if high > 0.0 else 0.0
+    elif amplitude:
+        low, high = min(0.0, low * RANGE_FACTOR), max(0.0, high * RANGE_FACTOR)
+    bounds = (low - info.period, high + info.period)
+    start = plain.coordinate(info.initial)
+    return Parameter(
+        f"{effect.id}.{info.name}", index, transform, base, math.inf, bounds, effect.id, channels, amplitude, start
+    )

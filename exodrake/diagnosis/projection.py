@@ -1,0 +1,63 @@
+"""Projection: what is left of residuals once fitted parameters are free, and what one more effect takes up of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import Linearisation, Probe
+from exodrake.diagnosis.refine import Explanation, effect_columns
+
+
+class Projection:
+    """What is left of residuals once fitted parameters are free, and the largest share one more effect takes up."""
+
+    def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
+        self.explanation, self.weights = e, likelihood.weights
+        self.columns = np.concatenate([e.jacobian, effect_columns(likelihood, e)])
+        self.fitted = (self.columns * self.weights).astype(np.float32)
+        self.directions = lin.directions * self.weights
+        self.precision = 1.0 / e.prior_std**2
+        self.normal = (self.fitted @ self.fitted.T).astype(float) + np.diag(self.precision)
+        self.normal += 1e-9 * np.diag(np.diag(self.normal))
+        cross = (self.fitted @ self.directions.T).astype(float)
+        self.inverse = np.linalg.inv(self.normal)
+        self.solved = self.inverse @ cross
+        self.curvature = (self.directions @ self.directions.T).astype(float) - cross.T @ self.solved
+        self.probes = [p for p in lin.probes if p.effect not in e.effects]
+
+    def pull(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted rows (n, samples), and their products with the fitted columns (fitted, n)."""
+        rows = (rows * self.weights).astype(np.float32)
+        return rows, (self.fitted @ rows.T).astype(float)
+
+    def left(self, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (n,) that is left of rows (n, samples)."""
+        rows, pull = self.pull(rows)
+        return np.einsum("ij,ij->i", rows, rows, dtype=float) - np.einsum("in,in->n", pull, self.inverse @ pull)
+
+    def own(self, row: np.ndarray, effect: str) -> np.ndarray:
+        """The part of a row (samples,) that the parameters of all but one effect do not imitate."""
+        others = [i for i, p in enumerate(self.explanation.parameters) if p.effect != effect]
+        pull = (self.fitted[others] @ (row * self.weights).astype(np.float32)).astype(float)
+        return row - np.linalg.solve(self.normal[np.ix_(others, others)], pull) @ self.columns[others]
+
+    def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""
+        if not self.probes:
+            return np.zeros(len(rows)), [""] * len(rows)
+        rows, pull = self.pull(rows)
+        slope = (self.directions @ rows.T).astype(float) - self.solved.T @ pull
+        gains = np.array([self.gain(slope, probe) for probe in self.probes])
+        return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
+
+    def moves(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
+        _, pull = self.pull(rows)
+        return self.inverse @ (pull + np.sqrt(self.precision)[:, None] * rng.standard_normal(pull.shape))
+
+    def gain(self, slope: np.ndarray, probe: Probe) -> np.ndarray:
+        """Sum of squares (n,) that the directions of a probe take up."""
+        normal = self.curvature[np.ix_(probe.rows, probe.rows)]
+        normal = normal + 1e-6 * np.diag(np.diag(normal)) + 1e-9 * np.eye(len(normal))
+        return np.einsum("in,in->n", slope[probe.rows], np.linalg.solve(normal, slope[probe.rows]))

@@ -1,0 +1,146 @@
+"""Refinement: maximum a posteriori fit of an explanation together with the nominal parameters.
+
+Levenberg-Marquardt within bounds (Marquardt 1963). The nominal Jacobian is expensive and changes little: it is given
+with the start and corrected along each step (Broyden 1965); the few columns of the effects are taken anew at each step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.parameter import Parameter, apply
+
+STEP = 0.02  # of a parameter's scale, for the difference quotients of an effect: assumed
+DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
+TRIES = 4  # damped steps before a fit ends
+FREE = 1e3  # prior standard deviations, in scales, of an effect's parameter: none, but the matrix stays regular
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A set of effects with its fitted robot.
+
+    Attributes:
+        effects: ids.
+        parameters: fitted parameters, nominal ones first.
+        x: (parameters,) coordinates.
+        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
+        residual: (samples,) whitened [noise_std].
+        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
+    """
+
+    effects: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    x: np.ndarray
+    values: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def robot(self) -> np.ndarray:
+        """Flat parameter vector (n,) of the fitted robot."""
+        return apply(self.values, self.parameters, self.x)
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +; `retune` without an effect."""
+        return " + ".join(self.effects) or "retune"
+
+    @property
+    def nominal(self) -> int:
+        """Number of nominal parameters."""
+        return len(self.jacobian)
+
+    @cached_property
+    def prior_std(self) -> np.ndarray:
+        """Prior standard deviations (parameters,)."""
+        return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
+
+    def cost(self, likelihood: Likelihood) -> float:
+        """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
+        return likelihood.cost(self.residual, self.x, self.prior_std)
+
+    def at(self, likelihood: Likelihood, x: np.ndarray) -> Explanation:
+        """The explanation at other coordinates x (parameters,)."""
+        residual = likelihood.residual(apply(self.values, self.parameters, x)[None])[0]
+        return replace(self, x=x, residual=residual)
+
+
+def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float) -> Explanation:
+    """The explanation after at most `steps` steps; it ends when a step lowers the cost by less than the share `tol`."""
+    found, damping = start, DAMPING
+    for _ in range(steps):
+        columns, before = effect_columns(likelihood, found), found.cost(likelihood)
+        for _ in range(TRIES):
+            trial, expected = stepped(likelihood, found, columns, damping)
+            found = corrected(found, trial, expected)
+            if trial.cost(likelihood) < before:
+                break
+            damping = max(LARGER * damping, 1e-3)
+        else:
+            return found
+        found = replace(trial, jacobian=found.jacobian)
+        damping = max(SMALLER * damping, DAMPING)
+        if found.cost(likelihood) > (1.0 - tol) * before:
+            break
+    return found
+
+
+def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
+    count = here.nominal
+    if count == len(here.parameters):
+        return np.zeros((0, len(here.residual)))
+    steps, rows = [], []
+    for i, p in enumerate(here.parameters[count:], start=count):
+        step = STEP * p.scale
+        step = -step if here.x[i] + step > p.bounds[1] else step
+        moved = here.x.copy()
+        moved[i] += step
+        steps.append(step)
+        rows.append(apply(here.values, here.parameters, moved))
+    return (likelihood.residual(np.array(rows)) - here.residual) / np.array(steps)[:, None]
+
+
+def stepped(
+    likelihood: Likelihood, here: Explanation, columns: np.ndarray, damping: float
+) -> tuple[Explanation, np.ndarray]:
+    """The explanation after one damped Gauss-Newton step, and the residual that the Jacobian expects there."""
+    jacobian, precision = np.concatenate([here.jacobian, columns]), 1.0 / here.prior_std**2
+    weighted = jacobian * likelihood.weights
+    normal = weighted @ weighted.T + np.diag(precision)
+    slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
+    low, high = np.array([p.bounds for p in here.parameters]).T - here.x
+    move, _ = bounded(normal + damping * np.diag(np.diag(normal)), slope, low, high)
+    x = np.clip(here.x + move, low + here.x, high + here.x)
+    return here.at(likelihood, x), here.residual + (x - here.x) @ jacobian
+
+
+def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> Explanation:
+    """The explanation with its nominal Jacobian corrected by what a step showed."""
+    count = here.nominal
+    move = (trial.x - here.x)[:count]
+    weight = move / here.prior_std[:count] ** 2
+    size = float(weight @ move)
+    if size < 1e-6:
+        return here
+    return replace(here, jacobian=here.jacobian + np.outer(weight / size, trial.residual - expected))
+
+
+def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+    """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
+    from scipy.optimize import lsq_linear
+
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    scaled = normal / np.outer(size, size) + 1e-8 * np.eye(len(size))
+    factor = np.linalg.cholesky(scaled).T
+    target = np.linalg.solve(factor.T, -slope / size)
+    found = np.linalg.solve(factor, target)
+    ends = low * size, np.maximum(high * size, low * size + 1e-9)
+    if np.any((found < ends[0]) | (found > ends[1])):
+        found = lsq_linear(factor, target, ends, method="bvls").x
+    return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)

@@ -1,0 +1,160 @@
+"""Case mixes: the cases are what the name of the mix says."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from exodrake.blind import protocols
+from exodrake.blind.case_mix import MASKED, MIXES, CasePlan, draw_case, plan
+from exodrake.blind.catalogue import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
+from exodrake.blind.commitment import read_committed
+from exodrake.blind.gap import WEAKEST, gap_in_noise
+from exodrake.blind.make import case_and_label
+from exodrake.blind.robot_spec import InjectedFault
+from exodrake.blind.score import score
+from exodrake.blind.simulator import simulate
+from exodrake.cli.main import cli
+from exodrake.data.case_folder import read_case
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Motions of a few seconds."""
+    for name, seconds in (("SWEEPS", 15.0), ("CHIRP", 3.0), ("HOLDS", 4.0), ("GRASPS", 6.0)):
+        monkeypatch.setattr(protocols, name, seconds)
+
+
+def test_the_standard_set_of_a_seed_stays_as_published():
+    plans = plan(611221, 200, MIXES["standard"])
+    assert [(plans[k].kind, plans[k].ids) for k in (0, 20, 60, 180)] == [
+        ("pair", ("tendon.coulomb_friction", "tendon.creep")),
+        ("single", ("timing.mocap_delay",)),
+        ("unknown", ("outside.posture_friction",)),
+        ("pair", ("finger.gravity", "mocap.offset")),
+    ]
+    drawn = draw_case(plans[0]).spec
+    assert drawn.effects[0].wires == ("MF",) and drawn.effects[0].parameters["force"] == 0.31990629345935506
+    assert drawn.parameters["torque_constant"][0] == 0.011930148684987495
+    assert plan(611221, 200, *MIXES.values())[:200] == [replace(item, name=f"case_0{item.name[5:]}") for item in plans]
+
+
+@pytest.mark.parametrize(("name", "size"), [("healthy", 0), ("small", 1), ("same-block", 2), ("three", 3)])
+def test_cases_of_a_mix_hold_so_many_effects(name, size):
+    plans = plan(4, 60, MIXES[name])
+    assert all(len(set(item.ids)) == size and set(item.ids) <= set(LIBRARY) for item in plans)
+    assert not any(masked <= set(item.ids) for masked in MASKED for item in plans)
+    if name == "same-block":
+        assert all(len({block_of(effect) for effect in item.ids}) == 1 for item in plans)
+
+
+@pytest.mark.parametrize("name", ["half", "no-mocap"])
+def test_shorter_and_poorer_logs_hold_the_standard_kinds(name):
+    plans = plan(4, 200, MIXES[name])
+    kinds = [item.kind for item in plans]
+    assert [kinds.count(kind) for kind in ("healthy", "single", "pair", "unknown")] == [40, 100, 30, 30]
+    seen = {effect for item in plans for effect in item.ids}
+    markers = {effect for effect in ENTRIES if "mocap" in effect or "marker" in effect}
+    assert len(markers) == 5 and (seen & markers == set() if name == "no-mocap" else seen >= markers)
+
+
+@pytest.mark.parametrize("unseen", [True, False])
+def test_half_logs_last_half_as_long_and_move_every_wire(unseen):
+    standard, half = (
+        draw_case(CasePlan("case", (3, 1), "healthy", (), unseen, MIXES[name])).protocols
+        for name in ("standard", "half")
+    )
+    assert standard.keys() == half.keys()
+    for log, protocol in half.items():
+        assert 2 * len(protocol.reference) == len(standard[log].reference)
+        assert np.all(np.ptp(protocol.reference, axis=0) > 1.0), log
+    assert half["sweeps_1"].reference.max(axis=0) == pytest.approx([12.0, 8.0, 8.0], rel=0.02)
+
+
+@pytest.mark.parametrize("effect", ["sensor.offset", "tendon.compliance", "motor.slow_velocity_loop"])
+def test_small_effects_leave_a_gap_of_two_to_four_noise_standard_deviations(short, effect):
+    planned = CasePlan("case", (3, 1), "single", (effect,), False, MIXES["small"])
+    _, label = case_and_label(planned)
+    (line,) = label["effects"]
+    fault = InjectedFault(effect, tuple(line["wires"]), tuple(line["joints"]), line["parameters"])
+    drawn = draw_case(planned)
+    robots = (replace(drawn.healthy, effects=effects, noisy=False) for effects in ((fault,), ()))
+    gap = max(gap_in_noise(*(simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)).values())
+    assert 2.0 <= gap <= 4.0 and line["gap"] == pytest.approx(gap) and label["gap"] == pytest.approx(gap)
+
+
+def test_weaker_effects_lie_on_the_way_to_the_null_value():
+    garment = InjectedFault("tendon.compliance", parameters={"stiffness": 1000.0})
+    loop = InjectedFault("motor.slow_velocity_loop", parameters={"factor": 0.2})
+    sheath = InjectedFault("tendon.viscous_friction", ("AF",), parameters={"coefficient": 8.0})
+    assert [weakened(fault, 0.25).parameters for fault in (garment, loop, sheath)] == [
+        {"stiffness": 4000.0}, {"factor": pytest.approx(0.8)}, {"coefficient": 2.0},
+    ]  # fmt: skip
+    assert weakened(sheath, 0.25).wires == ("AF",) and weakened(sheath, 1.0) == sheath
+
+
+@pytest.mark.parametrize("effect", [name for name in LIBRARY if name not in WITHOUT_STRENGTH])
+def test_an_effect_of_no_strength_leaves_no_visible_gap(short, effect):
+    drawn = draw_case(CasePlan("case", (3, 3), "single", (effect,), False))
+    absent = replace(drawn.healthy, effects=(weakened(drawn.spec.effects[0], WEAKEST),))
+    robots = (replace(robot, noisy=False) for robot in (drawn.spec, absent, drawn.healthy))
+    present, without, healthy = (simulate(robot, drawn.protocols["grasps"], 0) for robot in robots)
+    gap = max(gap_in_noise(without, healthy).values())
+    assert gap < 2.0 and gap < max(gap_in_noise(present, healthy).values())
+
+
+def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
+    folder = tmp_path / "set"
+    words = [
+        "blind",
+        "make",
+        "--seed",
+        "8",
+        "--cases",
+        "1",
+        "--out",
+        str(folder),
+        "--mix",
+        "no-mocap",
+        "--mix",
+        "healthy",
+    ]
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 0 and "2 cases in" in result.output, result.output
+    labels = read_committed(folder.with_name("set-labels.json"), folder / "seal.txt")
+    assert [label["mix"] for label in labels.values()] == ["no-mocap", "healthy"]
+    kinds = [{column.split("_")[0] for column in read_case(folder / name).logs[0].log.columns} for name in labels]
+    assert "angle" not in kinds[0] and kinds[1] - kinds[0] == {"angle"}
+    assert labels["case_00"]["gaps"] and not any(name.startswith("angle") for name in labels["case_00"]["gaps"])
+    for name in labels:
+        (folder / name / "diagnosis.json").write_text(json.dumps({"verdict": "RETUNE"}))
+    assert [group.name for group in score(folder, folder.with_name("set-labels.json")).groups] == [
+        "no-mocap",
+        "healthy",
+    ]
+
+
+def test_an_unknown_mix_is_refused(tmp_path):
+    words = ["blind", "make", "--seed", "8", "--cases", "1", "--out", str(tmp_path / "set"), "--mix", "smal"]
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 2 and "no case mix 'smal'; there are standard, healthy, small" in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_labels_say_where_outside_faults_act(short):
+    for effect, block, wires, joints in (
+        ("outside.wire_snag", "tendon", ["AF"], []),
+        ("outside.marker_jump", "mocap", [], ["PIP"]),
+        ("outside.wire_rub", "tendon", ["AF", "MF"], []),
+    ):
+        _, label = case_and_label(CasePlan("case", (3, 1), "unknown", (effect,), False))
+        (line,) = label["effects"]
+        assert (line["block"], line["wires"], line["joints"]) == (block, wires, joints)
+
+
+@pytest.mark.parametrize("effect", [name for name in ENTRIES if name.startswith("outside.")])
+def test_outside_faults_have_blocks_and_channels(effect):
+    entry = ENTRIES[effect]
+    assert entry.blocks and entry.channels and set(entry.blocks) <= {block_of(name) for name in LIBRARY}

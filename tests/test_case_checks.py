@@ -1,0 +1,221 @@
+"""Checks before a diagnosis: each planted fault is named by its own check and by no other."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.diagnosis.checks import check_case, suspicions
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.checks.noise import fast_noise
+from exodrake.diagnosis.checks.robots import gain_and_offset
+from exodrake.diagnosis.checks.scale import best_assignment
+from exodrake.diagnosis.checks.suspicions import CHECKS
+from exodrake.machines.library import machine_names
+
+ROBOT = exo.load_robot()
+REPEAT, SECOND, HELD = 1, 2, 3  # logs of the case below
+ANGLES = ("angle_MCP", "angle_PIP", "angle_DIP")
+TENSIONS = ("tension_AF", "tension_MF", "tension_AE")
+STROKES = ("stroke_AF", "stroke_MF", "stroke_AE")
+
+
+@cache
+def case_of(effect="", **parameters):
+    """Short sweeps and their repeat, random motion to fit and held out, of the nominal robot with an effect."""
+    robot = ROBOT.splice(effect, parameters or None) if effect else ROBOT
+    sweeps = exo.Reference(exo.short_sweeps().tension[:1200], "sweeps")
+    motions = (sweeps, sweeps, *(exo.random_motion(seed=s) for s in (1, 2)))
+    items = (("a", "fit", None), ("b", "fit", "a.csv"), ("c", "fit", None), ("d", "holdout", None))
+    logs = [
+        exo.CaseLog(exo.simulate(robot, motion, seed=10 + k), name, role, repeats, f"{name}.csv")
+        for k, (motion, (name, role, repeats)) in enumerate(zip(motions, items, strict=True))
+    ]
+    return exo.Case("planted", {}, tuple(logs))
+
+
+def changed(case, change, columns, logs=range(4)):
+    """The case with `change(values)` of some columns of some logs."""
+    items = list(case.logs)
+    for k in logs:
+        log = items[k].log
+        new = {c: change(log[c].copy()) for c in columns}
+        items[k] = replace(items[k], log=log.with_signals(new, {c: log.units[c] for c in columns}))
+    return replace(case, logs=tuple(items))
+
+
+def fired(case, robot=ROBOT):
+    """Names of the checks that have something to say."""
+    comparison = compare(case, robot)
+    return {check.__name__ for check in CHECKS if check(comparison)}
+
+
+def frozen(values):
+    values[400:550] = values[400]
+    return values
+
+
+def noisy(values):
+    return values.mean() + values.std() * np.random.default_rng(len(values)).standard_normal(len(values))
+
+
+def with_burst(values):
+    values[400:550] += 0.025 * np.random.default_rng(0).standard_normal(150)  # five standard deviations
+    return values
+
+
+def with_gap(values):
+    values[300:400] = np.nan
+    return values
+
+
+def smoothed(values):
+    return np.convolve(np.pad(values, 4, mode="edge"), np.ones(9) / 9.0, "valid")
+
+
+def exchanged(case, one, other):
+    items = [
+        replace(item, log=item.log.with_signals({one: item.log[other], other: item.log[one]})) for item in case.logs
+    ]
+    return replace(case, logs=tuple(items))
+
+
+def held_out(case, log):
+    return replace(case, logs=(*case.logs[:HELD], replace(case.logs[HELD], log=log)))
+
+
+EFFECTS = ("", "sensor.gain", "encoder.homing_offset", "tendon.slack", "timing.command_latency", "motor.dead_zone")
+
+
+@pytest.mark.parametrize("effect", [*EFFECTS, "finger.tremor", "timing.dropped_commands", "tendon.coulomb_friction"])
+def test_a_robot_with_an_effect_of_the_library_is_not_suspicious(effect):
+    case = case_of(effect)
+    check_case(case, ROBOT.machine)
+    assert suspicions(case, ROBOT) == ()
+
+
+@pytest.mark.parametrize("effect", ["sensor.gain", "tendon.slack"])
+@pytest.mark.parametrize(
+    ("check", "change", "columns", "logs"),
+    [
+        ("another_unit", np.degrees, ANGLES, range(4)),
+        ("another_unit", lambda tension: 1000.0 * tension, TENSIONS[:1], range(4)),
+        ("another_unit", lambda stroke: 0.001 * stroke, STROKES, range(4)),
+        ("another_unit", np.negative, ANGLES[1:2], range(4)),
+        ("frozen_channels", frozen, ANGLES[:1], [SECOND]),
+        ("frozen_channels", frozen, TENSIONS[1:2], [SECOND]),
+        ("frozen_channels", lambda stroke: np.full_like(stroke, stroke[0]), STROKES[:1], range(4)),
+        ("noise_as_large_as_motion", noisy, (*TENSIONS, *STROKES, *ANGLES), range(4)),
+        ("noise_as_large_as_motion", noisy, ANGLES[:1], range(4)),
+        ("noise_far_below_sensor", smoothed, ANGLES, range(4)),
+        ("bursts", with_burst, ANGLES[1:2], [SECOND]),
+        ("gaps", with_gap, ANGLES[2:], [SECOND]),
+        ("changed_between_repeats", lambda tension: 1.2 * tension, TENSIONS[:1], [REPEAT]),
+        ("changed_between_repeats", lambda stroke: stroke + 0.5 * stroke.std(), STROKES[:1], [REPEAT]),
+    ],
+)
+def test_a_fault_of_channels_is_named_by_its_check_alone(effect, check, change, columns, logs):
+    assert fired(changed(case_of(effect), change, columns, logs)) == {check}
+
+
+@pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])
+def test_a_log_of_a_robot_with_another_zero_is_named(column):
+    case = case_of("sensor.gain")
+    case = replace(case, logs=tuple(replace(item, repeats=None) for item in case.logs))
+    assert fired(case) == set()
+    assert fired(changed(case, lambda v: v + 3.0 * v.std(), [column], [REPEAT])) == {"logs_of_other_robots"}
+
+
+@pytest.mark.parametrize(("one", "other"), [TENSIONS[:2], STROKES[1:], ANGLES[:2]])
+def test_exchanged_columns_are_named(one, other):
+    case = exchanged(case_of("sensor.gain"), one, other)
+    assert fired(case) == {"exchanged_columns"}
+    assert f"{one} like {other}, {other} like {one}" in suspicions(case, ROBOT)[0]
+
+
+@pytest.mark.parametrize("part", [slice(None), slice(100, 900)])
+@pytest.mark.parametrize("constant", [0.0, 0.002])
+def test_a_held_out_log_with_fitted_samples_is_named(part, constant):
+    case = case_of("sensor.gain")
+    copied = held_out(case, case.logs[SECOND].log.rows(part))
+    assert fired(changed(copied, lambda v: v + constant, STROKES + TENSIONS, [HELD])) == {"copied_logs"}
+
+
+def test_a_case_without_held_out_log_says_so():
+    case = case_of("sensor.gain")
+    assert fired(replace(case, logs=case.logs[:HELD])) == {"nothing_held_out"}
+
+
+def test_a_repeat_with_another_reference_is_refused_by_file_column_and_row():
+    case = case_of()
+    items = list(case.logs)
+    log = items[REPEAT].log
+    other = log["tension_ref_MF"].copy()
+    other[700:] += 0.5
+    items[REPEAT] = replace(items[REPEAT], log=log.with_signals({"tension_ref_MF": other}))
+    with pytest.raises(exo.InputError, match=r"b\.csv: column 'tension_ref_MF', row 702.* a\.csv") as refused:
+        check_case(replace(case, logs=tuple(items)), ROBOT.machine)
+    assert len(str(refused.value)) <= 300
+
+
+@pytest.mark.filterwarnings("error")
+def test_empty_constant_and_half_empty_columns_break_no_check():
+    case = changed(case_of(), lambda v: np.full_like(v, np.nan), ANGLES[:1])
+    case = changed(changed(case, np.zeros_like, STROKES), with_gap, TENSIONS[:1])
+    assert fired(case) == {"gaps", "frozen_channels"}
+
+
+def test_sentences_are_short_whatever_the_names():
+    items = [replace(item, file=f"{'long' * 40}_{item.file}", repeats=None) for item in case_of().logs]
+    case = changed(replace(case_of(), logs=tuple(items)), np.degrees, ANGLES)
+    said = suspicions(case, ROBOT)
+    assert said and max(map(len, said)) <= 300
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_every_machine_is_checked(name):
+    """Sums of sines on each reference, initial values at rest; the unit of the first compared kind is then wrong."""
+    robot = exo.load_robot(name)
+    machine, time = robot.machine, np.arange(1000.0)
+    rng, columns = np.random.default_rng(3), []
+    low, high = robot.reference_limits()
+    for reference in machine.references:
+        for k in range(machine.column_width(reference.kind)):
+            moves = reference is machine.references[0]
+            phases = [rng.uniform(50.0, 200.0, 3), rng.uniform(0.0, 6.0, 3)]
+            course = np.sin(time[:, None] / phases[0] + phases[1]).sum(axis=1) / 6.0 + 0.5
+            columns.append((low[k] + course * min(high[k] - low[k], 1.0)) * moves)
+    motion = exo.Reference(np.column_stack(columns), "sines")
+    back = exo.Reference(motion.tension[::-1], "back")
+    logs = [
+        exo.CaseLog(exo.simulate(robot, course, seed=k), role, role, None, f"{role}.csv")
+        for k, (course, role) in enumerate(((motion, "fit"), (back, "holdout")))
+    ]
+    case = exo.Case("sines", {}, tuple(logs), machine.frame)
+    assert fired(case, robot) == set()
+    wrong = [c for c in logs[0].log.columns if c.rsplit("_", 1)[0] == machine.compared[0]]
+    assert fired(changed(case, lambda v: 1000.0 * v, wrong, range(2)), robot) == {"another_unit"}
+
+
+def test_fast_noise_is_the_standard_deviation_of_white_noise():
+    noise = 0.3 * np.random.default_rng(0).standard_normal(20_000)
+    assert fast_noise(noise + np.linspace(0.0, 50.0, 20_000) ** 3) == pytest.approx(0.3, rel=0.03)
+
+
+def test_gain_and_offset_agree_with_planted_values():
+    rng = np.random.default_rng(1)
+    motion = rng.standard_normal(4000)
+    first, second = motion + 0.1 * rng.standard_normal(4000), 1.2 * motion + 0.1 * rng.standard_normal(4000)
+    assert gain_and_offset(first, second, motion)[0] == pytest.approx(0.2, abs=0.01)
+    assert gain_and_offset(first, second + 0.5, motion)[0] == pytest.approx(0.5, abs=0.01)
+    p = [gain_and_offset(motion, motion + rng.standard_normal(4000), motion)[1] for _ in range(200)]
+    assert 0.01 <= np.mean(np.array(p) < 0.05) <= 0.11  # binomial, 200 draws of 5 %
+
+
+def test_best_assignment_finds_a_planted_permutation():
+    signals = np.random.default_rng(2).standard_normal((500, 4))
+    order = [2, 0, 1, 3]
+    assert best_assignment(3.0 * signals[:, order] - 7.0, signals) == order
+    assert best_assignment(np.random.default_rng(4).standard_normal((500, 4)), signals) == [0, 1, 2, 3]
