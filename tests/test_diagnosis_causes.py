@@ -4,16 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from exodrake.diagnosis.fit import Point
+from exodrake.diagnosis.hypothesis import Hypothesis
+from exodrake.diagnosis.search import PACKET_LOSS, Fitted
+from exodrake.diagnosis.second_effects import accepted, clearly_best, once
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import filters
-from exodrake.diagnosis.fit import Point
-from exodrake.diagnosis.hypothesis import Hypothesis
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import WILD, make_problem
-from exodrake.diagnosis.search import PACKET_LOSS, Fitted
-from exodrake.diagnosis.second_effects import accepted, clearly_best, once
 from exodrake.diagnosis.verdict import thresholds
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

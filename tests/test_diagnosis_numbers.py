@@ -5,16 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from exodrake.diagnosis.fit import Fitter, Point
+from exodrake.diagnosis.hypothesis import Hypothesis, hypothesis
+from exodrake.diagnosis.larger_sets import predicts_better
+from exodrake.diagnosis.retune import CLOSE
+from exodrake.diagnosis.search import Fitted, Ranking
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.fit import Fitter, Point
-from exodrake.diagnosis.hypothesis import Hypothesis, hypothesis
 from exodrake.diagnosis.intervals import interval, spread
-from exodrake.diagnosis.larger_sets import predicts_better
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.retune import CLOSE
-from exodrake.diagnosis.search import Fitted, Ranking
 from exodrake.diagnosis.verdict import thresholds
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

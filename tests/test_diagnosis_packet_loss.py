@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exodrake.diagnosis.nuisance import coordinates
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.detect import packet_loss
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
-from exodrake.diagnosis.nuisance import coordinates
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from exodrake.diagnosis.fit import Fitter, bounded_solve
+from exodrake.diagnosis.hypothesis import NOTHING, hypothesis
+from exodrake.diagnosis.retune import retuned
+from exodrake.diagnosis.search import Fitted, Search
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import filters, line
 from exodrake.diagnosis.closure import closure
-from exodrake.diagnosis.fit import Fitter, bounded_solve
-from exodrake.diagnosis.hypothesis import NOTHING, hypothesis
 from exodrake.diagnosis.noise import noise_std, sensor_noise_std
 from exodrake.diagnosis.problem import columns_of, make_problem
-from exodrake.diagnosis.retune import retuned
-from exodrake.diagnosis.search import Fitted, Search
 from exodrake.diagnosis.verdict import decide
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

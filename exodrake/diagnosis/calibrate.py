@@ -249,7 +249,7 @@ def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
 
 
 def rate(outcomes: Sequence[bool]) -> dict[str, float]:
-    """k of n with its interval; the whole range for n = 0."""
+    """K of n with its interval; the whole range for n = 0."""
     from scipy.stats import binomtest
 
     k, n = sum(outcomes), len(outcomes)
