@@ -26,6 +26,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
+@click.option("--profile", is_flag=True, help="Say where the simulated seconds went.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
@@ -34,7 +35,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 def command(
     cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
     only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
-    allow_outside: bool,
+    allow_outside: bool, profile: bool,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -51,7 +52,7 @@ def command(
         return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
-    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside)
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside, profile)
 
 
 def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
@@ -63,14 +64,14 @@ def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | 
 
 def diagnose_case(
     case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None,
-    choice: tuple[str, str] = ("", ""), allow_outside: bool = False,
+    choice: tuple[str, str] = ("", ""), allow_outside: bool = False, profile: bool = False,
 ) -> None:  # fmt: skip
     """One case: summary and files."""
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report.terminal import print_summary
+    from exodrake.report.terminal import print_profile, print_summary
 
     for path in (json_file, report, out_robot):
         check_target(path)
@@ -88,6 +89,8 @@ def diagnose_case(
             written += write_all({report: report_of(found, read, nominal)})
     finally:
         print_summary(found)
+        if profile:
+            print_profile(found)
         say_written(written)
 
 

@@ -35,6 +35,7 @@ class Calibration:
     source: str = ""
 
 
+# from development robots of the Exo-Index; 40 healthy ones of them moved by 0.24 to 0.89
 UNCALIBRATED = Calibration(
     law_error=0.4, same_meaning=0.05, taken=0.7, moved=2.0
 )  # development robots of the Exo-Index

@@ -27,7 +27,7 @@ from exodrake.diagnosis.select import NormalMatrix, Predicted
 RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
 SHARE = 0.35  # of each fit log that is used
 REFINED = 5  # sets of effects of one size that are fitted
-FIRST_STEPS, STEPS, TOL = 2, 5, 5e-3  # of all fits, of those that are not far behind, and their tolerance
+FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
 FRESH = 2  # fits with a new nominal Jacobian
@@ -42,11 +42,7 @@ class Tested:
     explanation: Explanation
     levels: Levels
     chi2: np.ndarray
-
-    @property
-    def cost(self) -> float:
-        """Mean logarithm of the reduced chi-squares, above the noise."""
-        return mean_log(self.chi2)
+    cost: float
 
 
 def mean_log(chi2: np.ndarray) -> float:
@@ -59,7 +55,7 @@ def tested(
 ) -> list[Tested]:
     """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
     rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
-    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual)) for e in found]
+    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
     return sorted(made, key=lambda t: t.cost)
 
 
@@ -105,7 +101,8 @@ class Isolation:
     @property
     def best(self) -> Tested:
         """The explanation that leaves least, whether the logs reject it or not."""
-        return min((self.retuned, *(t for size in self.tested for t in size)), key=lambda t: t.cost)
+        tried = (self.retuned, *(t for size in self.tested for t in size))
+        return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
 
 
 def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:

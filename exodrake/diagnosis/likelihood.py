@@ -21,6 +21,9 @@ from exodrake.diagnosis.noise import noise_uncertainty
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 
+# s of a log that count as one sample against the tolerances: a model's error repeats in every motion. With 0.66 s, 90 %
+# intervals of nominal parameters of 24 healthy robots of the reference simulator covered 90 %, with one frame 41 %
+CORRELATION = 0.66
 NOISE_RUNS = 4  # simulated runs with noise; draws are made from them
 
 
@@ -117,8 +120,11 @@ class Likelihood:
         return np.array(out, dtype=np.float32)
 
     def scaled_to(self, residual: np.ndarray) -> Likelihood:
-        """The likelihood with each view in units of what a robot's residual (samples,) leaves, noise at least."""
-        scales = np.sqrt(np.maximum(self.chi2(residual), 1.0))
+        """The likelihood with each view in units of what a robot's residual (samples,) leaves, noise at least, so many
+        frames counting as one.
+        """
+        frames = max(CORRELATION / self.robot.machine.frame, 1.0)
+        scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
         return Likelihood(views, self.simulated, self.stage)
 

@@ -42,6 +42,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
     from rich.console import Console
 
+    from rich.markup import escape
+
     console = console or Console(highlight=False)
     console.print(verdict_panel(diagnosis))
     if diagnosis.effects:
@@ -52,6 +54,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(line)
     if diagnosis.candidates:
         console.print(ranking(diagnosis))
+    for note in diagnosis.notes:
+        console.print(f"[yellow]note[/yellow]    {escape(note)}")
 
 
 def verdict_panel(diagnosis: Diagnosis) -> Panel:
@@ -105,6 +109,8 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         if diagnosis.effects and step.value == step.value:
             of_rest = f"[bold]{n.percent(step.value)}[/bold] ({n.percent_span(step)})"
             lines.append(f"        {of_rest} of what retuning alone leaves")
+    if diagnosis.verdict == RETUNE:
+        lines += [f"moved   {text}" if k == 0 else f"        {text}" for k, text in enumerate(w.moved_words(diagnosis))]
     if diagnosis.verdict == AMBIGUOUS:
         lines.append(f"class   {', '.join(w.class_of(diagnosis))}")
         lines.append(f"next    {w.experiment_words(diagnosis)}")
@@ -118,3 +124,13 @@ def ranking(diagnosis: Diagnosis) -> Table:
         removed = min(max(candidate.score, 0.0), 1.0)
         rows.append((candidate.id, n.percent(removed), "━" * round(BAR * removed)))
     return table(("candidate", ">excess removed", ""), rows, wrapped=0)
+
+
+def print_profile(diagnosis: Diagnosis, console: Console | None = None) -> None:
+    """Prints where the simulated seconds of a diagnosis went; to standard output without a console."""
+    from rich.console import Console
+
+    total = diagnosis.simulated_seconds
+    rows = [(stage, f"{s:,.0f} s", n.percent(s / total)) for stage, s in diagnosis.simulated.items()]
+    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.seconds:.1f} s"))
+    (console or Console(highlight=False)).print(table(("stage", ">simulated", ">share"), rows))

@@ -12,6 +12,7 @@ from exodrake.core.machine import Machine
 from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect, SignalGap
 from exodrake.report.number_format import digits, listed
 
+MOST_MOVED = 4  # parameters that the terminal lists
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
 
 
@@ -69,7 +70,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == NO_GAP:
         return "The nominal robot is consistent with noise on every signal."
     if diagnosis.verdict == RETUNE:
-        return "Parameters within 10 % of their nominal values explain every signal; no effect is needed."
+        return "Nominal parameters within their tolerances explain every signal; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
         place = seat(where.wires, where.joints)
         within = f" in the {where.block}" if where.block != "none" else ""
@@ -77,7 +78,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == AMBIGUOUS:
         return f"The logs cannot tell apart: {listed([name_of(i) for i in class_of(diagnosis)], 'or')}."
     text = " and ".join(effect_words(e) for e in diagnosis.effects)
-    return f"{text[:1].upper()}{text[1:]}."
+    closed = "" if diagnosis.closure.overall.value > 0.0 else ": the cause is found, the gap is not closed"
+    return f"{text[:1].upper()}{text[1:]}{closed}."
 
 
 def class_of(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -124,3 +126,17 @@ def experiment_words(diagnosis: Diagnosis) -> str:
         f"differ by {digits(found['difference_in_floors'], 2)} noise standard deviations."
     )
     return text if found.get("enough", True) else f"{text} That is too little; {found.get('advice', '')}."
+
+
+def moved_words(diagnosis: Diagnosis) -> list[str]:
+    """What retuning moved, and the effects that alone explain as much; nothing where it moved nothing."""
+    found = diagnosis.retune
+    lines = []
+    if found.moved:
+        shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in found.moved[:MOST_MOVED]]
+        rest = len(found.moved) - len(shown)
+        lines.append("; ".join(shown) + (f"; and {rest} more" if rest > 0 else ""))
+    if found.alike:
+        shares = [f"{identity} ({share:.0%})" for identity, share in found.alike.items()]
+        lines.append(f"one effect alone would explain as much: {', '.join(shares)}")
+    return lines
