@@ -69,7 +69,7 @@ def test_effect_on_chosen_channels_leaves_the_others(robot):
 
 
 def test_tolerance_of_an_unknown_parameter_is_refused(robot):
-    with pytest.raises(InputError, match="finger.kapa.PIP"):
+    with pytest.raises(InputError, match=r"finger\.kapa\.PIP"):
         position(robot.machine, "finger.kapa.PIP")
 
 
