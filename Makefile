@@ -5,14 +5,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 EXTRAS := parquet,mcap,cluster,control
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# installs the package with some extras and groups; pip checks the files of other packages by their hashes
+INSTALL = $(BIN)/python .ci/requirements.py $(1) >$(VENV)/requirements.txt && \
+	$(PIP) -c constraints.txt -r $(VENV)/requirements.txt && $(PIP) --no-deps --editable .
 
-.PHONY: help demo test check fuzz docs links paper real bench clean
+.PHONY: help demo test check fuzz docs lock links paper real bench clean
 help:
 	@echo "make demo    set up, then from a robot with a hidden fault to its name"
 	@echo "make test    set up, then format, lint, types and tests"
 	@echo "make check   the same without the tests"
 	@echo "make fuzz    10,000 spoilt inputs; INPUTS=n for another number"
 	@echo "make docs    the documentation, in site/"
+	@echo "make lock    constraints.txt with hashes, and docs/licences.md"
 	@echo "make links   addresses outside that code and documentation point to"
 	@echo "make paper   the paper's figures, tables and claims beside ours, in paper/"
 	@echo "make real    docs/real.md from the recordings of real machines in DATA=folder"
@@ -23,9 +28,8 @@ $(STAMP): pyproject.toml constraints.txt
 	@python=$$(sh .ci/find-python $(PYTHON)) || exit 1; \
 	echo "Setting up $(VENV) with $$($$python --version); the first time this takes a few minutes ..."; \
 	test -x $(BIN)/python && $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' || $$python -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS)]" --group dev \
-		2>$(VENV)/pip.log || { cat $(VENV)/pip.log; exit 1; }
+	@$(PIP) --upgrade "pip>=25.1"
+	@{ $(call INSTALL,$(EXTRAS) dev); } 2>$(VENV)/pip.log || { cat $(VENV)/pip.log; exit 1; }
 	@$(BIN)/exodrake warm-up
 	@touch $(STAMP)
 
@@ -46,8 +50,11 @@ fuzz: $(STAMP)
 	FUZZ=$(or $(INPUTS),10000) $(BIN)/pytest tests/test_fuzz.py $(ARGS)
 
 docs: $(STAMP)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --editable ".[$(EXTRAS),docs]"
+	@$(call INSTALL,$(EXTRAS) docs)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+lock: $(STAMP)
+	$(BIN)/python .ci/lock.py
 
 links:
 	@grep -rhoE 'https?://[^)>" ]+' README.md CONTRIBUTING.md docs exodrake --include='*.md' --include='*.py' | sort -u
@@ -59,7 +66,7 @@ real: $(STAMP)
 	$(BIN)/python -m studies.real_machines --data $(or $(DATA),../shared/data/real) --out docs $(ARGS)
 
 bench: $(STAMP)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt --group bench
+	@$(call INSTALL,bench)
 	$(BIN)/python -m benchmarks $(ARGS)
 
 clean:

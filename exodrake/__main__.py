@@ -1,25 +1,32 @@
 """`exodrake` and `python -m exodrake`: Ctrl-C and SIGTERM end every command with one line and status 130."""
 
 import contextlib
+import logging
 import os
 import signal
 import sys
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+received: list[int] = []
 
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C or SIGTERM. After a bare KeyboardInterrupt, even one that was caught, Python may end with SIGINT."""
 
 
-def interrupt(*_: Any) -> None:
+def interrupt(number: int, _: Any) -> None:
     """Signal handler."""
+    received.append(number)
+    logging.disable()  # libraries that are interrupted while they are imported log it
     raise Interrupted
 
 
 def run() -> None:
     """Entry point of the console script."""
+    while (last := os.open(os.devnull, os.O_RDWR)) <= 2:  # no file takes the place of a closed stream
+        pass
+    os.close(last)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
             signal.signal(number, interrupt)
@@ -27,7 +34,9 @@ def run() -> None:
         from exodrake.cli.main import main
 
         main()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Exception) as error:  # an interrupted import of a library in C++ is an ImportError
+        if not received and isinstance(error, Exception):
+            raise
         leave()
         with contextlib.suppress(OSError):
             print("interrupted", file=sys.stderr)

@@ -11,8 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import exodrake as exo
+from exodrake.cli.main import cli
 
 # A command with a ready answer in place of the minutes of a diagnosis. With WORK it works a minute before that.
 PROGRAM = """
@@ -174,3 +176,27 @@ def test_the_process_that_reads_for_another_ends_with_it():
             return
         time.sleep(0.1)
     raise AssertionError("it is still there")
+
+
+def test_closed_standard_streams_do_no_harm(place):
+    exo.write_log(LOG, "a.mat")
+    process = start("run()", "export", "a.mat", "--out", "b.csv", preexec_fn=lambda: os.closerange(0, 3))
+    process.communicate()
+    assert process.returncode == 0 and exo.read_log("b.csv").equals(LOG)
+
+
+def test_memory_that_runs_out_is_one_line_that_names_the_work(place, monkeypatch):
+    def little(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr("exodrake.data.log_file.read_log", little)
+    monkeypatch.setattr(sys, "argv", ["exodrake", "export", "a.csv"])
+    result = CliRunner().invoke(cli, ["export", "a.csv", "--out", "b.npz"])
+    assert result.exit_code == 2 and result.stderr == "error: out of memory: exodrake export a.csv\n"
+
+
+def test_names_of_cases_are_not_read_as_markup(place):
+    Path("set/one").rename("set/[red]x[bold]")
+    process = start("run()", "diagnose", "set/[red]x[bold]", "set/two", "--out", "out", "--jobs", "1")
+    out, err = process.communicate()
+    assert process.returncode == 0 and "[red]x[bold]" in out, (out, err)

@@ -12,6 +12,7 @@ from fuzzing import packed, run
 import exodrake as exo
 from exodrake.core import child, files
 from exodrake.core.errors import MAX_MESSAGE
+from exodrake.core.parallel import attempt
 from exodrake.data import columns
 from exodrake.data.case_folder import read_case
 from exodrake.data.formats import csv_gz
@@ -153,3 +154,14 @@ def test_every_yaml_file_is_plain_data(tmp_path, text, kind):
     }
     said = run(*words[kind])
     assert "case.yaml, line" in said, said
+
+
+def test_no_answer_says_where_on_this_machine_it_was_made(tmp_path):
+    """Notes of a case go into its answer, and so does the traceback of a failure."""
+    (tmp_path / "case").mkdir()
+    for name in ("a.csv", "b.csv"):
+        exo.write_log(log().rows(np.r_[0:20, 25:30]), tmp_path / "case" / name)  # five frames are missing
+    notes = read_case(tmp_path / "case").notes
+    assert len(notes) > 2 and not [note for note in notes if str(tmp_path) in note]
+    _, reason, trace = attempt(read_case, (tmp_path / "case", ("glow",)))
+    assert "case_folder.py" in trace and 'File "/' not in trace and reason

@@ -22,9 +22,9 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import ONE_THREAD
 
-SECONDS = 8.0  # assumed: of a small file; readers take milliseconds
+SECONDS = 6.0  # assumed: of a small file; readers take milliseconds
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
-MEMORY = 4 << 30  # bytes of address space; readers of the largest file that `read_bytes` takes need less
+MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
 _child: Child | None = None
 

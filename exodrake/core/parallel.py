@@ -10,7 +10,9 @@ takes 15 ms) and add in another order, which changes the last digits of an answe
 from __future__ import annotations
 
 import logging
+import os
 import signal
+import sys
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -116,7 +118,14 @@ def attempt(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None,
         try:
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run
-            return None, f"{type(error).__name__}: {error}", traceback.format_exc()
+            return None, f"{type(error).__name__}: {error}", relative(traceback.format_exc())
+
+
+def relative(trace: str) -> str:
+    """A traceback with file names as Python imports them, not where they lie on this machine."""
+    for place in sorted(filter(None, sys.path), key=len, reverse=True):
+        trace = trace.replace(place + os.sep, "")
+    return trace
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from exodrake.core.errors import InputError
 
 Schema = Callable[[Any, str], Any]
 MAX_PLACE, MAX_SHOWN = 160, 40  # characters
+MAX_WHOLE = 1_000_000_000  # of rows, frames and other counts
 
 
 def shown(value: Any) -> str:
@@ -84,11 +85,11 @@ def number(above: float = -math.inf, low: float = -math.inf, high: float = math.
 
 
 def whole(low: int = 0) -> Schema:
-    """A whole number from `low` on."""
+    """A whole number from `low` to MAX_WHOLE."""
 
     def check(value: Any, where: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or value < low:
-            raise refusal(where, f"wanted a whole number from {low}, found {shown(value)}")
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= MAX_WHOLE:
+            raise refusal(where, f"wanted a whole number from {low} to {MAX_WHOLE}, found {shown(value)}")
         return value
 
     return check

@@ -81,7 +81,7 @@ def _case(
     logs, said = [], list(notes)
     for entry in entries:
         log, faults = _read(place / entry["file"], required, period)
-        said += faults
+        said += [fault.replace(str(place / entry["file"]), entry["file"]) for fault in faults]  # the answer holds them
         protocol = entry.get("protocol") or stem(entry["file"])
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), entry.get("repeats"), entry["file"]))
     return Case(name, robot, tuple(logs), period, tuple(said))

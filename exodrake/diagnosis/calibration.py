@@ -1,19 +1,23 @@
 """Calibration: the numbers of the tests, for a machine.
 
-`exodrake calibrate` measures them on simulated robots of the machine and writes `calibration.yaml` into its folder. A
-machine without that file has those of `UNCALIBRATED`, and its verdict says so.
+`exodrake calibrate` measures them on simulated robots of the machine (`calibrate`). In the file `calibration.yaml` of
+its folder they are used by every diagnosis. A machine without that file has those of `UNCALIBRATED`, and its verdict
+says so.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from exodrake.core.machine import Machine
 from exodrake.core.schema import anything, mapping, number, text
-from exodrake.core.yaml_file import read_yaml
+from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.machines.library import machine_folders
 
 FILE = "calibration.yaml"  # in the folder of the machine
+DIGITS = 4  # significant ones of a number in the file
 
 
 @dataclass(frozen=True)
@@ -36,19 +40,11 @@ class Calibration:
 
 
 # from development robots of the Exo-Index; 40 healthy ones of them moved by 0.24 to 0.89
-UNCALIBRATED = Calibration(
-    law_error=0.4, same_meaning=0.05, taken=0.7, moved=2.0
-)  # development robots of the Exo-Index
+UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.7, moved=1.0)
+NUMBERS = tuple(name for name in asdict(UNCALIBRATED) if name != "source")
 SCHEMA = mapping(
-    {
-        "law_error": number(above=0.0),
-        "same_meaning": number(above=0.0),
-        "taken": number(above=0.0),
-        "moved": number(above=0.0),
-        "source": text(),
-        "rates": anything,
-    },
-    required=("law_error", "same_meaning", "taken", "moved", "source"),
+    {**dict.fromkeys(NUMBERS, number(above=0.0)), "source": text(), "rates": anything, "rests_on": anything},
+    required=(*NUMBERS, "source"),
 )
 
 
@@ -58,4 +54,23 @@ def calibration_of(machine: Machine) -> Calibration:
     if folder is None or not (folder / FILE).is_file():
         return UNCALIBRATED
     content = SCHEMA(read_yaml(folder / FILE), str(folder / FILE))
-    return Calibration(**{key: content[key] for key in ("law_error", "same_meaning", "taken", "moved", "source")})
+    return Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
+
+
+def calibration_notes(machine: Machine) -> tuple[str, ...]:
+    """What a verdict says of a machine whose tests are not calibrated; nothing of others."""
+    if calibration_of(machine).source:
+        return ()
+    return (f"the tests of {machine.name} are not calibrated; `exodrake calibrate --robot {machine.name}`",)
+
+
+def calibration_text(found: Calibration, rests_on: Mapping[str, int], rates: Mapping[str, Any]) -> str:
+    """The file of a calibration.
+
+    Args:
+        found: its numbers and source.
+        rests_on: number -> count of simulated robots that it comes from.
+        rates: error rates of the tests.
+    """
+    numbers = {name: float(f"{getattr(found, name):.{DIGITS}g}") for name in NUMBERS}
+    return dump_yaml({**numbers, "source": found.source, "rests_on": dict(rests_on), "rates": dict(rates)})

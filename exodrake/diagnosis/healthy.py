@@ -20,7 +20,7 @@ from exodrake.simulation.simulate import simulate
 def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
     parameters = nominal_parameters(robot)
-    low, high = np.array([p.bounds for p in parameters]).T
+    low, high = np.array([p.bounds for p in parameters]).reshape(-1, 2).T
     drawn = rng.standard_normal(len(parameters)) * [p.prior_std for p in parameters]
     return replace(robot, values=apply(robot.values, parameters, np.clip(drawn, low, high)), source="healthy")
 

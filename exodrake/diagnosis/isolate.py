@@ -156,7 +156,9 @@ class Isolator:
             return found.without_effects()
         screened = NormalMatrix(likelihood, retuned, lin).singles()
         singles = self.singles(found, screened)
-        found = replace(found, screened=tuple(screened), retuned=tested(likelihood, tests, [retuned], singles)[0])
+        likelihood = likelihood.scaled_to(singles[0].residual) if singles else likelihood
+        found = replace(found, likelihood=likelihood, screened=tuple(screened))
+        found = replace(found, retuned=tested(likelihood, tests, [retuned], singles)[0])
         if found.nominal.levels.settled or found.retuned.levels.kept:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
@@ -176,7 +178,8 @@ class Isolator:
         fitted = self.fitted(likelihood, known, screened[:REFINED])
         levels = found.tests(fitted[0])
         further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.settled]
-        return [*fitted, *self.fitted(likelihood, known, further)]
+        more = [*fitted, *self.fitted(likelihood, known, further)]
+        return sorted(more, key=lambda e: mean_log(likelihood.chi2(e.residual)))
 
     def grown(self, found: Isolation) -> Isolation:
         """The isolation with sets of one more effect, grown from the best set."""
@@ -187,6 +190,7 @@ class Isolator:
         likelihood.stage = "refine again"
         tests = Tests(likelihood, lin, found.tests.moved)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
+        likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
         return found.with_round(tested(likelihood, tests, more))
 
@@ -197,10 +201,12 @@ class Isolator:
         near = [c < min(cost) + BEHIND for c in cost]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
         done.sort(key=lambda e: mean_log(likelihood.chi2(e.residual)))
-        least = mean_log(likelihood.chi2(done[0].residual)) if done else 0.0
+        if not done:
+            return done
+        least, closer = mean_log(likelihood.chi2(done[0].residual)), likelihood.scaled_to(done[0].residual)
         for k, e in enumerate(done[:FRESH]):
             if CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR:
-                done[k] = self.refreshed(likelihood, e)
+                done[k] = self.refreshed(closer, e)
         return sorted(done, key=lambda e: mean_log(likelihood.chi2(e.residual)))
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:

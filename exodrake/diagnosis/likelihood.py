@@ -120,9 +120,7 @@ class Likelihood:
         return np.array(out, dtype=np.float32)
 
     def scaled_to(self, residual: np.ndarray) -> Likelihood:
-        """The likelihood with each view in units of what a robot's residual (samples,) leaves, noise at least, so many
-        frames counting as one.
-        """
+        """The likelihood with each view in units of what a residual (samples,) leaves, noise at least."""
         frames = max(CORRELATION / self.robot.machine.frame, 1.0)
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))

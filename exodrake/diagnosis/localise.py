@@ -20,7 +20,7 @@ AFFECTED = 0.5  # a channel with this share of the strongest one's residual powe
 
 def block_shares(found: Isolation) -> dict[str, float]:
     """Shapley share of each block, largest first; fitted effects count as fitted, the others as linearised."""
-    likelihood = found.tests.likelihood if not found.tested else found.likelihood
+    likelihood = found.tests.likelihood
     before = found.retuned.explanation.cost(likelihood)
     cost = {p.probes[0].effect: p.cost for p in found.screened}
     base = max(cost.values(), default=before)

@@ -13,6 +13,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
+from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
@@ -156,7 +157,7 @@ def answer(
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=(*case.notes, *suspicions(case, problem.robot)),
+        notes=(*case.notes, *suspicions(case, problem.robot), *calibration_notes(problem.robot.machine)),
         seconds=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),

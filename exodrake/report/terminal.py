@@ -41,7 +41,6 @@ def table(titles: Sequence[str], rows: Iterable[Sequence[str]] = (), wrapped: in
 def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     """Prints the verdict, where, which, how far and the best candidates; to standard output without a console."""
     from rich.console import Console
-
     from rich.markup import escape
 
     console = console or Console(highlight=False)

@@ -73,7 +73,7 @@ def _field(message: Any, path: str, where: str) -> float:
 def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
     """An element by its number, or by the message's own `name` list; NaN if this message lacks it."""
     names = list(getattr(owner, "name", []))
-    position = names.index(index) if index in names else int(index) if index.isdigit() else None
+    position = names.index(index) if index in names else int(index) if index.isdecimal() and len(index) < 10 else None
     if position is None and not names:
         raise InputError(f"{where}: field {path!r}: no element {index!r}")
     return np.nan if position is None or position >= len(values) else values[position]

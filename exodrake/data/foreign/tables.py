@@ -4,12 +4,15 @@ A cell `[1, 2, 3]`, and a matrix, make columns `name[0]`, `name[1]` ...
 """
 
 import csv
-from collections.abc import Mapping
+import io
+from collections.abc import Iterator, Mapping
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.data.columns import check_size
 from exodrake.data.foreign.mapping import Mapped
 
 MISSING = ("", "nan", "na", "null", "none", "-")
@@ -56,30 +59,43 @@ def _spread(arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
 
 
 def _text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
-    try:
-        lines = data.decode("utf-8-sig").splitlines()[mapped.skip :]
-        space = mapped.separator.isspace() and mapped.separator != "\t"
-        split = [line.split() for line in lines] if space else list(csv.reader(lines, delimiter=mapped.separator))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{source}: not a text file (byte {error.start})") from None
-    except csv.Error as error:
-        raise InputError(f"{source}: not a table of text ({error})") from None
-    rows = [[cell.strip() for cell in row] for row in split if any(cell.strip() for cell in row)]
-    if not rows:
+    """The mapped columns of a text file, and those whose cells hold mapped lists."""
+    check_size(sum(data.count(end) for end in (b"\n", b"\r", mapped.separator.encode())), source)
+    rows = _rows(data, source, mapped)
+    first = next(rows, None)
+    if first is None:
         raise InputError(f"{source}: empty file")
-    names = rows.pop(0) if mapped.heading else [str(number) for number in range(len(rows[0]))]
-    for number, row in enumerate(rows):
-        if len(row) != len(names):
-            raise InputError(f"{source}: row {number + 1} has {len(row)} cells, wanted {len(names)}")
+    names = [cell.strip() for cell in first] if mapped.heading else [str(number) for number in range(len(first))]
     if len(set(names)) < len(names):
         raise InputError(f"{source}: column {next(name for name in names if names.count(name) > 1)!r} comes twice")
     wanted = {column.foreign for column in mapped.columns} | {mapped.time}
+    holding = wanted | {name.rpartition("[")[0] for name in wanted if name}
+    picked = {name: index for index, name in enumerate(names) if name in holding}
+    cells: dict[str, list[str]] = {name: [] for name in picked}
+    for number, row in enumerate(rows if mapped.heading else chain([first], rows)):
+        if len(row) != len(names):
+            raise InputError(f"{source}: row {number + 1} has {len(row)} cells, wanted {len(names)}")
+        for name, index in picked.items():
+            cells[name].append(row[index].strip())
     columns: dict[str, np.ndarray] = {}
-    for index, name in enumerate(names):
-        columns |= _parsed([row[index] for row in rows], name, wanted, source, mapped.decimal)
+    for name in picked:
+        columns |= _parsed(cells[name], name, wanted, source, mapped.decimal)
     for absent in sorted(wanted - set(columns) - {None}, key=str):
         raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]})")
     return columns
+
+
+def _rows(data: bytes, source: str, mapped: Mapped) -> Iterator[list[str]]:
+    """Rows of cells that are not all empty, after the lines to skip."""
+    try:
+        lines = islice(io.TextIOWrapper(io.BytesIO(data), "utf-8-sig"), mapped.skip, None)
+        space = mapped.separator.isspace() and mapped.separator != "\t"
+        split = (line.split() for line in lines) if space else csv.reader(lines, delimiter=mapped.separator)
+        yield from (row for row in split if any(map(str.strip, row)))
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: not a text file") from None
+    except csv.Error as error:
+        raise InputError(f"{source}: not a table of text ({error})") from None
 
 
 def _parsed(cells: list[str], name: str, wanted: set, source: str, decimal: str) -> dict[str, np.ndarray]:
@@ -98,7 +114,7 @@ def _parsed(cells: list[str], name: str, wanted: set, source: str, decimal: str)
 def _element(cell: str, index: str) -> str:
     """The index-th number of `[1, 2, 3]`, as text; the whole cell if there is none such, for the message."""
     items = cell.strip("[]() ").replace(";", ",").split(",")
-    return items[int(index)].strip() if index.isdigit() and int(index) < len(items) else cell
+    return items[int(index)].strip() if index.isdecimal() and len(index) < 10 and int(index) < len(items) else cell
 
 
 def _number(cell: str, name: str, row: int, source: str, decimal: str) -> float:

@@ -1,0 +1,86 @@
+"""`exodrake calibrate`: the numbers of a machine's tests, and their error rates, from simulated robots."""
+
+from __future__ import annotations
+
+import shlex
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from exodrake.cli.options import robot_option
+from exodrake.core.progress import counted, where_to_run
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.calibration import Calibration
+
+
+@click.command()
+@robot_option()
+@click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
+@click.option("--cases", default=100, show_default=True, type=click.IntRange(min=1), help="How many robots.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
+@where_to_run
+@click.option(
+    "--write", type=click.Path(path_type=Path), metavar="FILE", help="calibration.yaml of the machine's folder."
+)
+def command(
+    robot: str, folder: str | None, cases: int, seed: int, jobs: int, cluster: str | None, write: Path | None
+) -> None:
+    """Calibrate the tests of a machine on simulated robots, and count how often they err.
+
+    The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without
+    --case they follow the machine's own experiments. The same seed gives the same numbers, whatever --jobs is.
+    """
+    from exodrake.cli.diagnose import check_target
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_text
+    from exodrake.data.case_folder import read_case
+    from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
+    from exodrake.diagnosis.calibration import calibration_text
+    from exodrake.diagnosis.problem import required_of
+    from exodrake.machines.robot_file import load_robot
+
+    check_target(write)
+    machine = load_robot(robot).machine
+    case = read_case(folder, required_of(machine), machine.frame) if folder else None
+    with counted("calibrating", "nothing is kept") as count:
+        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count)
+    if failed:
+        click.echo(f"{len(failed)} of {cases} robots failed; robot {min(failed)}: {failed[min(failed)]}", err=True)
+    if not records:
+        raise InputError("no robot could be diagnosed")
+    motion = ["--case", Path(folder).name] if folder else []
+    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(cases), "--seed", str(seed)]
+    found, rests_on = numbers_of(records, f"{shlex.join(words)}, {date.today()}")
+    rates = rates_of(records)
+    print_calibration(found, rests_on, rates)
+    if write:
+        write_text(write, calibration_text(found, rests_on, rates))
+        click.echo(f"wrote {write}")
+
+
+def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[str, dict[str, Any]]) -> None:
+    """Prints the numbers beside the default ones, and the error rates with their intervals."""
+    from rich.console import Console
+
+    from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED
+    from exodrake.report import number_format as n
+    from exodrake.report.terminal import table
+
+    values = {name: (getattr(found, name), getattr(UNCALIBRATED, name)) for name in NUMBERS}
+    numbers = [(name, f"{value:.3g}", f"{old:.3g}", str(rests_on[name])) for name, (value, old) in values.items()]
+    console = Console(highlight=False)
+    console.print(table(("number", ">value", ">default", ">robots"), numbers))
+    console.print()
+    rows = [
+        (
+            name,
+            f"{r['k']} of {r['n']}",
+            n.percent(r["k"] / r["n"]) if r["n"] else "-",
+            f"{r['low']:.0%} .. {r['high']:.0%}",
+        )
+        for name, r in rates.items()
+    ]
+    console.print(table(("rate", ">robots", ">share", ">95 % interval"), rows))

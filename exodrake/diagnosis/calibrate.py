@@ -1,0 +1,258 @@
+"""Calibration on simulated robots: what true explanations leave, and how often the tests err.
+
+Every third robot is healthy; the others have one effect of the library, those that a diagnosis does not try included:
+these are other laws of effects that it tries, as reality is. Of an explanation that is true, or nearest to the truth
+(the best effect of the same family and block), are recorded
+
+    law_error, same_meaning    error of the law that explains what is left, as share of the effect's contribution
+    taken                      largest share of a significant excess over noise that another explanation takes up
+    moved                      mean square of the changes of its nominal parameters
+
+Their conformal upper quantiles (Angelopoulos & Bates 2023) are the numbers of the tests. The error rates are those of
+the tests as they stand: a run with another seed, once the numbers are in use, gives those of the new ones.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from exodrake.compiled.inputs import Reference
+from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.errors import InputError
+from exodrake.core.parallel import each
+from exodrake.core.progress import Count, no_progress
+from exodrake.core.robot import Robot
+from exodrake.data.case import Case
+from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
+from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.healthy import healthy_case, healthy_robot
+from exodrake.diagnosis.isolate import Isolation, Tested
+from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR
+from exodrake.diagnosis.noise import reference_rows
+from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.verdict import Decision, decide
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import simulate
+
+HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside"  # kinds of simulated robots
+EACH_HEALTHY = 3  # one robot in so many is healthy
+SEEDS = 2**31  # of noise and motion
+LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
+QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the tests said of one simulated robot.
+
+    Attributes:
+        kind: `healthy`; its effect is `tried`, another law (`other law`) of one that is, or `outside` of those.
+        effect: id of its effect; empty for a healthy robot.
+        verdict: word of the verdict.
+        named: whether the true effect is named alone; for another law, one of the same family and block.
+        first: whether it is the best of all explanations.
+        kept: whether the logs do not reject it.
+        values: number of the calibration -> what the true explanation shows of it.
+    """
+
+    kind: str
+    effect: str
+    verdict: str
+    named: bool = False
+    first: bool = False
+    kept: bool = False
+    values: dict[str, float] = field(default_factory=dict)
+
+
+def calibrate(
+    robot: str,
+    cases: int,
+    seed: int = 0,
+    case: Case | None = None,
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Count = no_progress,
+) -> tuple[list[Record], dict[int, str]]:
+    """Records of simulated robots, the same whatever `jobs` is.
+
+    Args:
+        robot: name of a machine, or robot file.
+        cases: number of robots.
+        seed: of everything that is drawn.
+        case: whose motion they follow; the machine's own experiments if None.
+        jobs: as in `parallel.each`.
+        cluster: as in `parallel.each`.
+        progress: called with the numbers of done, failed and all robots.
+
+    Returns:
+        Records in the order of the robots, and the reason by number for those that failed.
+
+    Raises:
+        InputError: as `parallel.each`, and for a machine without experiments where no case is given.
+    """
+    machine = load_robot(robot).machine
+    if case is None and not machine.experiments:
+        raise InputError(f"{machine.name} declares no experiments of its own; --case CASE gives the motion")
+    found: dict[int, Record] = {}
+    failed: dict[int, str] = {}
+    for outcome in each(simulated_robot, ((robot, case, seed, k) for k in range(cases)), jobs, cluster):
+        if outcome.reason is None:
+            found[outcome.number] = outcome.value
+        else:
+            failed[outcome.number] = outcome.reason
+        progress(len(found), len(failed), cases)
+    return [found[k] for k in sorted(found)], failed
+
+
+def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Record:
+    """The record of one robot, drawn by the seed and its number."""
+    nominal, rng = load_robot(robot), np.random.default_rng([seed, number])
+    nominal = nominal.with_parameters(case.robot, source=case.name) if case else nominal
+    motion = case or healthy_case(nominal, int(rng.integers(SEEDS)))
+    drawn, effect = healthy_robot(nominal, rng), None
+    if number % EACH_HEALTHY:
+        effect = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
+        drawn = with_effect(drawn, effect, rng)
+    problem, found = isolated(make_problem(followed(motion, drawn, rng), nominal))
+    return record(problem, found, decide(problem, found), effect)
+
+
+def with_effect(robot: Robot, effect: Effect, rng: np.random.Generator) -> Robot:
+    """The robot with an effect on a random set of channels, its parameters drawn in their plausible ranges."""
+    axis = robot.machine.axes.of(effect.axis)
+    channels = sorted(rng.permutation(len(axis))[: rng.integers(1, len(axis) + 1)])
+    names = [axis[i] for i in channels] if effect.axis else []
+    drawn = {
+        p.name: {c: drawn_value(p, rng) for c in names} if p.axis else drawn_value(p, rng) for p in effect.parameters
+    }
+    return robot.splice(effect.id, drawn, names)
+
+
+def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
+    """A value in the plausible range of a parameter [its unit], log-uniform where a fit sees its log or inverse."""
+    if not info.fitted:
+        return info.initial
+    if info.transform != "linear" and info.low > 0.0:
+        return math.exp(rng.uniform(math.log(info.low), math.log(info.high)))
+    return rng.uniform(info.low, info.high)
+
+
+def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
+    """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
+    logs = []
+    for item in case.logs:
+        reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
+        log = simulate(robot, reference, seed=int(rng.integers(SEEDS)))
+        seen = [name for name in log.columns if item.log.has(name)]
+        gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
+        logs.append(replace(item, log=log.only(seen).with_signals(gaps)))
+    return replace(case, robot={}, logs=tuple(logs), notes=())
+
+
+def record(problem: Problem, found: Isolation, decision: Decision, effect: Effect | None) -> Record:
+    """What the tests said of a robot with that effect."""
+    if effect is None:
+        return Record(HEALTHY, "", decision.verdict, values=shown(problem, found, found.retuned))
+    true = truths(problem, effect)
+    kind = TRIED if true == {effect.id} else OTHER_LAW if true else OUTSIDE
+    best = next((t for t in (found.tested[0] if found.tested else ()) if set(t.explanation.effects) <= true), None)
+    certain = {d.effect.id for d in problem.detected if d.certain}
+
+    def fits(t: Tested) -> bool:
+        there = certain | set(t.explanation.effects)
+        return len(there) == 1 and there <= true
+
+    return Record(
+        kind,
+        effect.id,
+        decision.verdict,
+        named=decision.verdict == NAMED and fits(decision.best),
+        first=fits(decision.best),
+        kept=decision.verdict in (NAMED, AMBIGUOUS) and any(fits(t) for t in (*decision.left, decision.best)),
+        values=shown(problem, found, best) if best else {},
+    )
+
+
+def truths(problem: Problem, effect: Effect) -> set[str]:
+    """Ids of the effects whose name is right: itself, or tried ones of the same family and block."""
+    if effect.id in problem.tried:
+        return {effect.id}
+    kin = [e for e in problem.robot.machine.effects if (e.family, e.block) == (effect.family, effect.block)]
+    return {e.id for e in kin if e.family and e.id in problem.tried}
+
+
+def shown(problem: Problem, found: Isolation, true: Tested) -> dict[str, float]:
+    """What a true explanation shows of the calibration's numbers; `taken` only where its excess is significant."""
+    machine, e, tests = problem.robot.machine, true.explanation, copy.copy(found.tests)
+    tests.calibration = replace(limits := found.tests.calibration, taken=0.0)  # so that all that is significant beats
+    rivals = [t.explanation for size in found.tested for t in size if t.explanation is not e]
+    levels = tests(e, rivals)
+    same = all(machine.effect(i).same_meaning and i not in problem.counted for i in e.effects)
+    name = "same_meaning" if same else "law_error"
+    values = {name: levels.law_error * getattr(limits, name), "moved": levels.moved}
+    return values | ({"taken": levels.share} if levels.beaten_by else {})
+
+
+def numbers_of(records: Sequence[Record], source: str) -> tuple[Calibration, dict[str, int]]:
+    """The calibration from records, and the count of robots that each number rests on.
+
+    A number stays that of `UNCALIBRATED` where fewer than `LEAST` robots say it. The error of the law is not said by
+    robots whose law is the model's: it takes a machine whose library has other laws.
+    """
+    samples = {name: [r.values[name] for r in records if name in r.values] for name in NUMBERS}
+    if not any(r.kind == OTHER_LAW and "law_error" in r.values for r in records):
+        samples["law_error"] = []
+    found = {n: upper(samples[n], QUANTILES[n], getattr(UNCALIBRATED, n)) for n in NUMBERS}
+    floors = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}
+    found = {name: max(value, floors.get(name, 0.0)) or getattr(UNCALIBRATED, name) for name, value in found.items()}
+    return Calibration(**found, source=source), {name: len(values) for name, values in samples.items()}
+
+
+def upper(values: Sequence[float], level: float, default: float) -> float:
+    """Least t with p(t) <= 1 - level, where p(t) = (1 + number of values above t) / (1 + number of values).
+
+    With too few values for that level it is the largest, `default` at least; with fewer than `LEAST`, the default.
+    """
+    if len(values) < LEAST:
+        return default
+    rank = math.ceil(level * (len(values) + 1) - 1e-9)
+    ordered = sorted(values)
+    return ordered[rank - 1] if rank <= len(values) else max(default, ordered[-1])
+
+
+def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
+    """How often the tests err: k of n robots, with the exact (Clopper-Pearson) 95 % interval `low` .. `high`."""
+    seen = [r for r in records if r.verdict not in (NO_GAP, RETUNE)]
+    tried, other = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW))
+    outside = [r for r in seen if r.kind == OUTSIDE]
+    healthy, ill = ([r for r in records if (r.kind == HEALTHY) == wanted] for wanted in (True, False))
+    return {
+        "false alarm on healthy": rate([r in seen for r in healthy]),
+        "effect not seen": rate([r not in seen for r in ill]),
+        "truth named alone": rate([r.named for r in tried]),
+        "truth first": rate([r.first for r in tried]),
+        "truth kept": rate([r.kept for r in tried]),
+        "wrongly UNKNOWN": rate([r.verdict == UNKNOWN for r in tried]),
+        "other law: its family named alone": rate([r.named for r in other]),
+        "other law: its family first": rate([r.first for r in other]),
+        "other law: its family kept": rate([r.kept for r in other]),
+        "other law: UNKNOWN": rate([r.verdict == UNKNOWN for r in other]),
+        "outside: UNKNOWN": rate([r.verdict == UNKNOWN for r in outside]),
+    }
+
+
+def rate(outcomes: Sequence[bool]) -> dict[str, float]:
+    """K of n with its interval; the whole range for n = 0."""
+    from scipy.stats import binomtest
+
+    k, n = sum(outcomes), len(outcomes)
+    interval = binomtest(k, n).proportion_ci(0.95) if n else None
+    low, high = (float(interval.low), float(interval.high)) if interval else (0.0, 1.0)
+    return {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}

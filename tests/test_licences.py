@@ -1,0 +1,17 @@
+"""Every package that may be installed is pinned by version and hash, and its licence is listed."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PIN = re.compile(r"^([\w.-]+)==(\S+)((?: \\\n    --hash=sha256:[0-9a-f]{64})*)$", re.MULTILINE)
+ROW = re.compile(r"^\| ([\w.-]+) \| (\d\S*) \| (.+) \|$", re.MULTILINE)
+
+
+def test_every_pin_has_a_hash_and_a_licence():
+    pins = PIN.findall((ROOT / "constraints.txt").read_text())
+    rows = ROW.findall((ROOT / "docs" / "licences.md").read_text())
+    assert len(pins) > 50 and all(hashes for _, _, hashes in pins)
+    listed = sorted((re.sub(r"[-_.]+", "-", name).lower(), number) for name, number, _ in rows)
+    assert listed == [(name, number) for name, number, _ in pins]
+    assert all(licence != "not stated" for _, _, licence in rows)
