@@ -1,6 +1,7 @@
 """A diagnosis made by hand, with runs to match: no fit, no simulation."""
 
 from dataclasses import replace
+from math import nan
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from exodrake.diagnosis.result import (
     Closure,
     Diagnosis,
     Interval,
+    Moved,
     NamedEffect,
+    Retune,
     SignalGap,
     Where,
 )
@@ -64,7 +67,8 @@ def closure(healthy=False):
         name: SignalGap(b, 0.8 * b, 1.05 * f, f, 0.98, units[name.rsplit("_", 1)[0]])
         for name, f, b in zip(COLUMNS, floor, 1.02 * floor if healthy else 0.05 * size)
     }
-    return Closure(Interval(0.962, 0.934, 0.981), signals)
+    whole, retune, effect = Interval(0.962, 0.934, 0.981), Interval(0.24, 0.18, 0.31), Interval(0.95, 0.91, 0.975)
+    return Closure(whole, retune, Interval(nan, nan, nan) if healthy else effect, signals)
 
 
 def effect():
@@ -72,6 +76,19 @@ def effect():
     channels = {"AF": Interval(0.31, 0.28, 0.34), "MF": Interval(0.29, 0.25, 0.33)}
     return NamedEffect(
         "tendon.capstan_friction", ("AF", "MF"), (), {"mu_phi": Interval(0.30, 0.27, 0.33)}, {"mu_phi": channels}, 0.97
+    )
+
+
+def candidate(name, place):
+    """The explanation at a place of the ranking; the logs reject all but the first."""
+    return Candidate(name, 0.98 - 0.25 * place, 1.1 + place, 1.2 + place, 0.4 * 0.01**place, 0.3, place == 0)
+
+
+def moved(robot, retuned):
+    """What retuning moved."""
+    names = ("tendon.k.AF", "finger.kappa.MCP")
+    return tuple(
+        Moved(n, robot[n], retuned[n], robot.machine.parameters[robot.machine.index[n]].unit, 2.0) for n in names
     )
 
 
@@ -103,10 +120,12 @@ def diagnosis(verdict=NAMED):
         equivalents=IDS[:2] if verdict == AMBIGUOUS else (),
         closure=closure(healthy),
         next_experiment=next_step if verdict == AMBIGUOUS else None,
-        candidates=tuple(Candidate(n, 0.98 - 0.25 * i, 1.1 + i, 1.2 + i) for i, n in enumerate(IDS)) if found else (),
+        candidates=tuple(candidate(n, i) for i, n in enumerate(IDS)) if found else (),
         baselines={"replay": IDS[0], "bic": IDS[3]},
         reasons=("tendon.capstan_friction leaves 2.0 % of the gap",),
         notes=("chirp.csv.gz: 2 repeated rows dropped",),
         seconds=48.2,
         robots={"nominal": robot, "retuned": retuned, "improved": improved},
+        simulated={"retune": 1200.0, "linearise": 6400.0},
+        retune=Retune() if healthy else Retune(moved(robot, retuned), {"finger.stiffness": 0.97}),
     )

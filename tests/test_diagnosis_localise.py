@@ -1,6 +1,7 @@
 """Localisation: Shapley shares of segments, affected channels, conditions of a regime."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import segment_shares
-from exodrake.diagnosis.localise import affected
+from exodrake.diagnosis.localise import affected, block_shares
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.regime import conditions, explained, since_reversal
 from exodrake.simulation import protocols
@@ -33,10 +34,25 @@ def test_shapley_of_an_additive_game_is_the_additive_part():
     assert segment_shares.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
 
 
+def test_block_shares_are_those_of_the_airport_game():
+    """Littlechild and Owen (1973): the value of a coalition is that of its largest member."""
+    gains = {"finger": 0.9, "motor": 0.6, "tendon": 0.3, "sensor": 0.3}
+    costs = {"finger.a": 10.0, "finger.b": 60.0, "motor.a": 40.0, "tendon.a": 70.0, "sensor.a": 70.0, "bus.a": 100.0}
+    screened = tuple(SimpleNamespace(probes=(SimpleNamespace(effect=e),), cost=cost) for e, cost in costs.items())
+    retuned = SimpleNamespace(explanation=SimpleNamespace(cost=lambda likelihood: 100.0))
+    isolation = SimpleNamespace(tests=SimpleNamespace(likelihood=None), tested=(), screened=screened, retuned=retuned)
+    found, steps = block_shares(isolation), np.diff([0.0, 0.3, 0.3, 0.6, 0.9])
+    wanted = np.cumsum(steps / [4, 3, 2, 1])  # the k-th smallest pays its part of each step up to its own
+    order = sorted(gains, key=gains.get)
+    assert [found[block] for block in order] == pytest.approx(wanted / 0.9, abs=1e-12)
+    assert found["bus"] == pytest.approx(0.0) and sum(found.values()) == pytest.approx(1.0)
+    assert next(iter(found)) == "finger"
+
+
 def test_replay_of_nothing_fixed_is_the_prediction(robot):
     problem = problem_of(robot, robot)
     trial = problem.fit[0]
-    whole = problem.predict(problem.silent()[None], replace(trial, losses=None))[0]
+    whole = problem.predict(problem.silent()[None], replace(trial, latent={}))[0]
     np.testing.assert_array_equal(segment_shares.replayed(problem, problem.silent(), trial, ()), whole)
 
 

@@ -13,6 +13,7 @@ from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import Likelihood
 
 FEATURES = 3  # cosines in a function: assumed
+STILL = 1e-3  # standard deviation of a function of columns that stand still, which is none: above rounding
 SMOOTH = 9  # frames over which the state is averaged: an encoder's step has no rate
 
 
@@ -32,7 +33,7 @@ def random_functions(likelihood: Likelihood, draws: int, seed: int) -> np.ndarra
         h = np.cos(slopes[:, :, None] * ((s - mean) / std).T[picks] + phases[:, :, None]).sum(axis=1)
         smooth.append(h.astype(np.float32))
     joined = np.concatenate(smooth, axis=1)
-    shift, scale = joined.mean(axis=1, keepdims=True), joined.std(axis=1, keepdims=True)
+    shift, scale = joined.mean(axis=1, keepdims=True), np.maximum(joined.std(axis=1, keepdims=True), STILL)
     for view in likelihood.views:
         for trial, h in zip(view.problem.fit, smooth, strict=True):
             parts.append(np.repeat((h - shift) / scale, trial.measured.shape[1], axis=1))

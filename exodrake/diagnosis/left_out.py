@@ -25,12 +25,11 @@ def without_each_log(likelihood: Likelihood, e: Explanation) -> np.ndarray:
     """Flat parameter vectors (logs, parameters) [SI] of an explanation fitted to all logs but one."""
     likelihood, precision = likelihood.scaled_to(e.residual), 1.0 / e.prior_std**2
     columns = np.concatenate([e.jacobian, effect_columns(likelihood, e)])
-    low, high = np.array([p.bounds for p in e.parameters]).T
     found = []
     for log in range(len(likelihood.views[0].problem.fit)):
         weights = np.where(rows_of_log(likelihood, log), 0.0, likelihood.weights)
         jacobian, residual = columns * weights, e.residual * weights
         normal = jacobian @ jacobian.T + np.diag(precision)
         move = np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), jacobian @ residual + precision * e.x)
-        found.append(apply(e.values, e.parameters, np.clip(e.x - move, low, high)))
+        found.append(apply(e.values, e.parameters, np.clip(e.x - move, *e.bounds)))
     return np.array(found)

@@ -130,8 +130,10 @@ def nominal_jacobian(
         x: (nominal,) their coordinates.
         base: (samples,) residual at x.
     """
+    if not nominal:
+        return np.zeros((0, len(base)))
     steps = NOMINAL_STEP * np.array([p.scale for p in nominal])
-    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)]).reshape(-1, len(values))
+    rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)])
     return (likelihood.residual(rows) - base) / steps[:, None]
 
 

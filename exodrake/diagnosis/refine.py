@@ -60,6 +60,11 @@ class Explanation:
         """Prior standard deviations (parameters,)."""
         return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
 
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lower and upper ends of the coordinates (2, parameters)."""
+        return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T
+
     def cost(self, likelihood: Likelihood) -> float:
         """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
         return likelihood.cost(self.residual, self.x, self.prior_std)
@@ -114,7 +119,7 @@ def stepped(
     weighted = jacobian * likelihood.weights
     normal = weighted @ weighted.T + np.diag(precision)
     slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
-    low, high = np.array([p.bounds for p in here.parameters]).T - here.x
+    low, high = here.bounds - here.x
     move, _ = bounded(normal + damping * np.diag(np.diag(normal)), slope, low, high)
     x = np.clip(here.x + move, low + here.x, high + here.x)
     return here.at(likelihood, x), here.residual + (x - here.x) @ jacobian

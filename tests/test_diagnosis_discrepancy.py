@@ -1,0 +1,37 @@
+"""Model discrepancy: random functions of the measured state of zero mean and unit variance."""
+
+import numpy as np
+import pytest
+from formula_case import FRAME, likelihood_of
+
+from exodrake.diagnosis.discrepancy import random_functions
+
+
+def functions(measured, draws=50):
+    likelihood = likelihood_of(lambda row: row, measured=measured, columns=measured[0].shape[1])
+    return random_functions(likelihood, draws, 1)
+
+
+def test_functions_have_zero_mean_and_unit_variance_over_all_logs():
+    time = FRAME * np.arange(700)
+    logs = [np.column_stack([np.sin(rate * time), np.cos(1.7 * rate * time)]) for rate in (1.0, 2.0)]
+    h = functions(logs)
+    assert h.shape == (50, 2 * 2 * 700)
+    assert h.mean(axis=1) == pytest.approx(np.zeros(50), abs=1e-4) and h.std(axis=1) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_functions_are_alike_in_all_columns_and_equal_in_equal_states():
+    period = np.sin(2 * np.pi * np.arange(100) / 100)
+    h = functions([np.tile(period, 4)[:, None] * (1.0, 0.5)]).reshape(50, 400, 2)
+    np.testing.assert_array_equal(h[..., 0], h[..., 1])
+    np.testing.assert_allclose(h[:, 120:180, 0], h[:, 220:280, 0], atol=1e-4)
+
+
+def test_robot_at_rest_has_no_discrepancy():
+    """A function of columns that stand still is constant: it has no variance that could be scaled to one."""
+    time = FRAME * np.arange(300)
+    half_still = np.column_stack([np.sin(time), np.ones(300), np.zeros(300)])
+    for measured in (np.zeros((300, 2)), half_still):
+        h = functions([measured], 200)
+        assert np.isfinite(h).all() and np.abs(h).max() < 20.0
+    assert np.abs(functions([np.zeros((300, 2))])).max() < 1e-3

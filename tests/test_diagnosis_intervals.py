@@ -1,0 +1,71 @@
+"""Intervals: coverage of a linear fit, affected channels, units and ranges."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exodrake.diagnosis.intervals import Fitted, affected, describe, interval, pooled
+from exodrake.diagnosis.parameter import effect_parameters
+from exodrake.machines.robot_file import load_robot
+
+
+@pytest.fixture(scope="module")
+def machine():
+    return load_robot().machine
+
+
+def fitted(machine, effect, x, std):
+    parameters = effect_parameters(machine, machine.effect(effect))
+    return Fitted(parameters, np.array(x, dtype=float), np.diag(np.square(np.broadcast_to(std, len(parameters)))))
+
+
+def test_intervals_of_normal_estimates_cover_as_often_as_they_say(machine):
+    parameter = replace(effect_parameters(machine, machine.effect("mocap.gain"))[0])
+    rng, truth, std = np.random.default_rng(0), 0.05, 0.02
+    found = [interval(parameter, truth + std * rng.standard_normal(), std, "-") for _ in range(2000)]
+    assert np.mean([item.low <= truth <= item.high for item in found]) == pytest.approx(0.9, abs=0.025)
+
+
+def test_strong_channel_is_affected_and_leakage_is_not(machine):
+    assert affected(fitted(machine, "mocap.gain", [0.1, 0.05, 0.001], 1e-4)) == [0, 1]
+    assert affected(fitted(machine, "mocap.gain", [0.1, 0.05, 0.001], 0.02)) == [0]  # 2.5 standard deviations
+    assert affected(fitted(machine, "mocap.gain", [0.0, 0.002, 0.001], 1.0)) == [1]  # at least the strongest
+
+
+def test_effect_within_its_error_may_be_absent(machine):
+    assert fitted(machine, "mocap.gain", [0.01, -0.01, 0.0], 0.02).holds_null()
+    assert not fitted(machine, "mocap.gain", [0.01, -0.1, 0.0], 0.02).holds_null()
+
+
+def test_answer_names_the_channels_and_pools_them(machine):
+    effect = machine.effect("mocap.gain")
+    found = describe(fitted(machine, "mocap.gain", [0.1, 0.12, 0.0], 1e-3), effect, 0.9, machine.axes.joints)
+    assert found.joints == ("MCP", "PIP") and found.wires == () and found.probability == 0.9
+    assert found.parameters["gain"].value == pytest.approx(0.11)
+    assert found.parameters["gain"].low < 0.1 and found.parameters["gain"].high > 0.12  # channels disagree
+    assert set(found.channels["gain"]) == {"MCP", "PIP"}
+
+
+def test_pooled_value_of_independent_channels_has_the_error_of_a_mean():
+    value, std = pooled(np.array([2.0, 2.0, 2.0, 2.0]), 0.04 * np.eye(4))
+    assert value == 2.0 and std == pytest.approx(0.1)
+
+
+def test_pitch_is_told_near_palm_down_or_palm_up(machine):
+    effect = machine.effect("finger.gravity")
+    parameters = effect_parameters(machine, effect)
+    at = next(i for i, p in enumerate(parameters) if p.name == "finger.gravity.pitch")
+    for stated, value in ((-0.2, -0.2), (3.3, 3.3 - 2 * np.pi), (3.0, 3.0)):
+        x = [p.start for p in parameters]
+        x[at] = parameters[at].coordinate(value)
+        found = describe(fitted(machine, effect.id, x, 0.01), effect, 1.0, machine.axes.joints).parameters["pitch"]
+        assert found.value == pytest.approx(stated) and found.low < stated < found.high
+
+
+def test_undetermined_parameter_ends_at_its_range(machine):
+    parameters = effect_parameters(machine, machine.effect("tendon.creep"))
+    parameter = next(p for p in parameters if not p.amplitude and p.transform == "log")
+    known, lost = (interval(parameter, parameter.start, std, "s") for std in (0.01, 1e4))
+    assert known.low < parameter.value(parameter.start) < known.high
+    assert [lost.low, lost.high] == pytest.approx([parameter.value(b) for b in parameter.bounds])

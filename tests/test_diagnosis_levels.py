@@ -1,0 +1,102 @@
+"""Levels: error rates of the tests on draws from their null and on planted errors, and scipy's distributions."""
+
+import numpy as np
+import pytest
+from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal, probe
+from scipy import stats
+
+from exodrake.diagnosis import levels as method
+from exodrake.diagnosis.levels import ALPHA, exceeding, local_levels, scan, taken_up
+from exodrake.diagnosis.noise import EFFICIENCY
+
+FRAMES, NOMINAL, CASES = 400, 3, 200
+
+
+def levels(seed, extra=0.0):
+    """Levels of the nominal robot, fitted, on white noise and so much of a direction that an effect may add."""
+    rng = np.random.default_rng(seed)
+    jacobian, directions = rng.standard_normal((NOMINAL, FRAMES)), rng.standard_normal((4, FRAMES))
+    strength = np.exp(rng.normal(0.0, 1.0 / np.sqrt(2.0 * EFFICIENCY * FRAMES)))  # noise is known to this precision
+    measured = strength * rng.standard_normal(FRAMES) + extra * directions[2]
+    fit = np.linalg.lstsq(jacobian.T, -measured)[0]
+    runs = tuple([rng.standard_normal((FRAMES, 1))] for _ in range(4))
+    likelihood = likelihood_of(lambda row: measured + row[:NOMINAL] @ jacobian, noise=runs)
+    e = explanation(likelihood, nominal(NOMINAL, 10.0), fit, jacobian)
+    lin = linearisation(e, directions, [probe(f"effect {k}", (k,)) for k in range(4)])
+    return method.Tests(likelihood, lin, np.zeros(FRAMES))(e)
+
+
+@pytest.fixture(scope="module")
+def null():
+    return [levels(seed) for seed in range(CASES)]
+
+
+def test_p_values_of_a_fit_to_noise_are_uniform(null):
+    assert stats.kstest([item.fit for item in null], "uniform").pvalue > 0.01
+
+
+@pytest.mark.parametrize("name", ["local", "complete"])
+def test_a_test_rejects_noise_about_as_often_as_its_level_says(null, name):
+    """Log-normal tails of 99 draws, and the better of two statistics: the level holds within a factor of 2."""
+    for level in (0.1, 0.2):
+        rejected = sum(getattr(item, name) < level for item in null)
+        assert 0.4 * level * CASES < rejected < 1.6 * level * CASES
+
+
+def test_nominal_robot_without_a_gap_is_kept(null):
+    assert np.mean([item.kept for item in null]) > 1.0 - 3.0 * ALPHA
+    assert all(item.beaten_by == "" and item.law_error >= 0.0 for item in null)
+
+
+def test_planted_effect_is_rejected_and_named_as_the_next_one():
+    """Half a standard deviation in every sample: a gain of 100 in chi-square, where one of 8 has a level of 2 %."""
+    found = [levels(seed, extra=0.5) for seed in range(20)]
+    assert all(item.complete < ALPHA and item.next_effect == "effect 2" for item in found)
+    assert not any(item.settled for item in found)
+
+
+def test_large_error_is_rejected_by_the_fit():
+    assert all(levels(seed, extra=1.5).fit < ALPHA for seed in range(5))
+
+
+def test_exceeding_is_the_tail_of_scipys_log_normal():
+    draws = np.random.default_rng(1).lognormal(1.0, 0.3, 200_000)
+    for quantile in (0.5, 0.1, 1e-3):
+        value = stats.lognorm.isf(quantile, 0.3, scale=np.e)
+        assert exceeding(draws, value) == pytest.approx(quantile, rel=0.05)
+    assert exceeding(draws, 1e9) < 1e-30  # smaller than 1 / draws
+
+
+def burst(white, size=5.0):
+    white[:, 500:650, 3] += size * np.random.default_rng(9).standard_normal(150)
+    return white
+
+
+def bias(white, size=0.3):
+    return white + size
+
+
+@pytest.mark.parametrize(("planted", "statistic"), [(burst, 0), (bias, 1)])
+def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(planted, statistic):
+    """20 s of 12 columns: the burst adds 14 % to the whole sum of squares, the bias 9 %."""
+    frames, columns, rng = round(20.0 / FRAME), 12, np.random.default_rng(7)
+    likelihood = likelihood_of(lambda row: row, (frames, frames), columns)
+
+    def scanned(rows, change=lambda white: white):
+        white = rng.standard_normal((rows, 2, frames, columns))
+        white[:, 0] = change(white[:, 0])
+        return scan(likelihood, white.reshape(rows, -1))
+
+    draws = scanned(99)
+    assert local_levels(draws, scanned(1, planted))[statistic] < 1e-4
+    healthy = np.array([local_levels(draws, scanned(1)) for _ in range(40)])
+    assert np.mean(healthy.min(axis=1) < ALPHA) < 0.15
+
+
+def test_rival_takes_up_its_share_of_the_excess_over_noise():
+    """A leaves 5 and B leaves 2 times the noise: B takes up 3 of the 4 that are in excess."""
+    likelihood = likelihood_of(lambda row: np.full(FRAMES, np.sqrt(row[0])))
+    a, b = (explanation(likelihood, nominal(1, 1.0), np.array([x]), np.zeros((1, FRAMES))) for x in (5.0, 2.0))
+    less, share = taken_up(likelihood, a, b)
+    assert share == pytest.approx(0.75) and less == pytest.approx(3.0 * FRAMES)
+    assert taken_up(likelihood, b, a)[1] == pytest.approx(-3.0)

@@ -1,0 +1,77 @@
+"""Linearisation: directions of effects and derivatives by nominal parameters, against closed forms."""
+
+import numpy as np
+import pytest
+from diagnosis_cases import friction_problem
+
+from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.linearise import PROBE, linearise, probes, without_effect
+from exodrake.diagnosis.parameter import apply, nominal_parameters
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return friction_problem()
+
+
+def column_of(problem, row, name):
+    """One column of a residual."""
+    return row.reshape(-1, len(problem.columns))[:, problem.columns.index(name)]
+
+
+def test_direction_of_a_marker_gain_is_the_angle(problem):
+    """q as seen = (1 + gain) q, and nothing else sees the marker: change of the residual = -gain q / noise_std."""
+    effect, values = problem.robot.machine.effect("mocap.gain"), problem.silent()
+    lin = linearise(output_error(problem), values, np.zeros(0), (), [effect])
+    first = lin.probes[0]
+    pip = next(i for i, p in enumerate(first.parameters) if p.channels == ("PIP",))
+    gain = PROBE * first.parameters[pip].start
+    direction = lin.directions[first.rows[pip]]
+    angle = column_of(problem, problem.predict(values[None], problem.fit[0])[0], "angle_PIP")
+    noise_std = problem.noise_std[problem.columns.index("angle_PIP")]
+    assert column_of(problem, direction, "angle_PIP") == pytest.approx(-gain * angle / noise_std, abs=1e-3)
+    others = direction.reshape(-1, len(problem.columns)).copy()
+    others[:, problem.columns.index("angle_PIP")] = 0.0
+    assert np.abs(others).max() < 1e-6 * np.abs(direction).max()
+
+
+def test_nominal_jacobian_is_that_of_a_small_step(problem):
+    """Secants of a sixth of a tolerance are within a few per cent of tangents."""
+    likelihood, values = output_error(problem), problem.silent()
+    nominal = tuple(p for p in nominal_parameters(problem.robot) if p.name.startswith("finger.kappa"))
+    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ())
+    for k, parameter in enumerate(nominal):
+        x = np.zeros(len(nominal))
+        x[k] = 0.01 * parameter.prior_std
+        moved = likelihood.residual(apply(values, nominal, x)[None])[0]
+        tangent = (moved - lin.residual) / x[k]
+        assert np.linalg.norm(lin.jacobian[k] - tangent) < 0.05 * np.linalg.norm(tangent)
+
+
+def test_every_direction_belongs_to_one_probe_and_simulated_seconds_are_counted(problem):
+    likelihood, effects = output_error(problem, "here"), problem.robot.machine.effects[:6]
+    lin = linearise(likelihood, problem.silent(), np.zeros(0), (), effects)
+    rows = np.concatenate([probe.rows for probe in lin.probes])
+    np.testing.assert_array_equal(rows, np.arange(len(lin.directions)))
+    assert {probe.effect for probe in lin.probes} == {effect.id for effect in effects}
+    simulated = 1 + len(lin.directions)  # robots, 6 s each
+    assert likelihood.simulated["here"] == pytest.approx(simulated * 300 * problem.robot.machine.frame)
+
+
+def test_probes_stay_within_the_bounds_of_a_fit(problem):
+    for effect in problem.robot.machine.effects:
+        for probe, _ in probes(problem, effect, problem.silent(), 0):
+            low, high = np.array([p.bounds for p in probe.parameters]).T
+            assert (probe.x >= low - 1e-12).all() and (probe.x <= high + 1e-12).all()
+            assert (probe.low <= probe.high).all()
+            for factors in (probe.low, probe.high):
+                x = probe.coordinates(factors)
+                assert (x >= low - 1e-9).all() and (x <= high + 1e-9).all()
+
+
+def test_robot_without_an_effect_in_one_channel_keeps_it_in_the_others(problem):
+    machine = problem.robot.machine
+    robot = problem.robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
+    rows = without_effect(machine, robot.values, machine.effect("tendon.capstan_friction"))
+    at = [machine.index[f"tendon.capstan_friction.mu_phi.{w}"] for w in machine.axes.tendons]
+    np.testing.assert_allclose(rows[:, at], 0.3 * (1.0 - np.eye(3)))

@@ -1,0 +1,115 @@
+"""The whole diagnosis on short simulated cases: names, what the answer may depend on, its form and its cost."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_cases import case_of, friction_case, friction_diagnosis, healthy_diagnosis, robot_with
+from effects_motion import motion_of
+
+import exodrake as exo
+from exodrake.compiled.inputs import Reference
+from exodrake.core.progress import Stage
+from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
+
+AFFORDABLE = 60_000  # s, simulated for one case (selection.md)
+
+
+def test_planted_friction_is_named_with_its_coefficient():
+    found = friction_diagnosis()
+    assert found.verdict == NAMED and [effect.id for effect in found.effects] == ["tendon.capstan_friction"]
+    coefficient = found.effects[0].parameters["mu_phi"]
+    assert coefficient.low < 0.3 < coefficient.high and coefficient.value == pytest.approx(0.3, rel=0.05)
+    assert found.effects[0].wires == ("AF", "MF", "AE") and found.where.block == "tendon"
+    assert next(iter(found.where.shares)) == "tendon"
+    assert found.candidates[0].id == "tendon.capstan_friction" and found.candidates[0].left
+
+
+def test_improved_robot_is_the_planted_one():
+    robot = friction_diagnosis().robots["improved"]
+    for tendon in ("AF", "MF", "AE"):
+        assert robot[f"tendon.capstan_friction.mu_phi.{tendon}"] == pytest.approx(0.3, abs=0.02)
+    nominal = exo.load_robot()
+    for name in (*nominal.machine.noise, *nominal.machine.resolution):
+        assert robot[name] == nominal[name]
+
+
+def test_healthy_robot_raises_no_alarm():
+    """It meets an end stop in its held-out log only, which no retuning could know."""
+    found = healthy_diagnosis()
+    assert found.verdict in (NO_GAP, RETUNE) and not found.effects and found.where.block == "none"
+
+
+def test_nominal_robot_has_no_gap():
+    assert exo.diagnose(case_of(exo.load_robot(), 5, frames=450)).verdict == NO_GAP
+
+
+def test_held_out_logs_decide_the_closure_alone():
+    """Noise in place of every measured column of the held-out log: nothing else of the answer changes."""
+    rng = np.random.default_rng(0)
+
+    def noise(item):
+        compared = {n for n in item.log.signals if not n.startswith("tension_ref")}
+        signals = {
+            n: v if n not in compared else rng.standard_normal(len(v)) * v.std() for n, v in item.log.signals.items()
+        }
+        return replace(item, log=replace(item.log, signals=signals))
+
+    case = friction_case()
+    spoilt = replace(case, logs=tuple(noise(item) if item.role == "holdout" else item for item in case.logs))
+    answers = [found.to_json() for found in (friction_diagnosis(), exo.diagnose(spoilt))]
+    assert answers[0]["closure"] != answers[1]["closure"]
+    for answer in answers:  # notes are on the logs as they came
+        del answer["closure"], answer["seconds"], answer["notes"]
+    assert answers[0] == answers[1]
+
+
+@pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])
+def test_answer_is_strict_json(found):
+    text = json.dumps(found().to_json(), allow_nan=False)
+    assert json.loads(text) == found().to_json() and json.loads(text)["verdict"] == found().verdict
+
+
+@pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])
+def test_simulated_seconds_are_affordable_and_add_up(found):
+    total = sum(found().simulated.values())
+    assert 0.0 < total <= AFFORDABLE and found().simulated_seconds == pytest.approx(total)
+
+
+def test_effect_beside_a_tremor_is_named_with_it():
+    shaken = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
+    found = exo.diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
+    named = {effect.id: effect.joints for effect in found.effects}
+    assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
+
+
+def test_progress_goes_through_the_stages_in_order():
+    stages = []
+    robot = exo.load_robot("emps")
+    exo.diagnose(emps_case(robot), robot, lambda stage, detail: stages.append(stage))
+    assert list(dict.fromkeys(stages)) == [s for s in Stage if s in stages] and stages[-1] == Stage.LOCALISE
+
+
+def emps_case(robot):
+    """Two fitted logs of a carriage with Coulomb friction."""
+    planted = robot.splice("carriage.coulomb_friction", {"force": 15.0})
+    logs = [exo.simulate(planted, Reference(motion_of("emps", seed), "motion"), seed=seed) for seed in (0, 1)]
+    items = [CaseLog(log, "motion", "fit", None, f"{k}.csv") for k, log in enumerate(logs)]
+    return Case("emps", {}, tuple(items), robot.machine.frame)
+
+
+def test_machine_without_tolerances_and_without_held_out_logs_is_diagnosed():
+    robot = exo.load_robot("emps")
+    robot = replace(robot, machine=replace(robot.machine, tolerances=()))
+    found = exo.diagnose(emps_case(robot), robot)
+    assert "carriage.coulomb_friction" in {effect.id for effect in found.effects} | set(found.equivalents)
+    assert found.closure.overall.value > 0.99 and found.robots["retuned"].values == pytest.approx(robot.values)
+
+
+@pytest.mark.parametrize("tried", [frozenset({"mocap.gain", "finger.stiffness"})])
+def test_true_effect_that_is_not_tried_is_not_named(tried):
+    found = exo.diagnose(case_of(robot_with("tendon.capstan_friction", 1, mu_phi=0.3), 1, frames=450), tried=tried)
+    assert found.verdict == "UNKNOWN" and not found.effects
+    assert {i for c in found.candidates for i in c.id.split(" + ")} <= tried

@@ -1,0 +1,83 @@
+"""A case as a regression: noise, residuals of delayed, diverging and other robots."""
+
+import numpy as np
+import pytest
+
+from exodrake.compiled.inputs import Reference
+from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.noise import noise_std, sensor_noise_std
+from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.delayed_samples import cubic
+from exodrake.simulation.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def case(robot):
+    """Two runs of 10 s of holds to fit, steps held out."""
+    holds = Reference(protocols.holds(robot, seed=3, dwell=2.5).tension[:500], "holds")
+    steps = Reference(protocols.steps(robot).tension[:500], "steps")
+    logs = (
+        CaseLog(simulate(robot, holds, seed=1), "holds", "fit", None, "holds.csv"),
+        CaseLog(simulate(robot, holds, seed=2), "holds", "fit", "holds.csv", "again.csv"),
+        CaseLog(simulate(robot, steps, seed=4), "steps", "holdout", None, "steps.csv"),
+    )
+    return Case("short", {}, logs)
+
+
+def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robot, case):
+    columns = columns_of(case, robot.machine)
+    floor = dict(zip(columns, noise_std(case, robot, columns), strict=True))
+    assert floor["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
+    assert floor["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
+
+
+def test_repeats_count_for_the_noise_only(robot, case):
+    problem = make_problem(case, robot)
+    assert [trial.name for trial in problem.fit] == ["holds.csv"]
+    assert [trial.name for trial in problem.judged] == ["steps.csv"]
+
+
+def test_residual_of_the_robot_that_wrote_the_log_is_noise(robot, case):
+    problem = make_problem(case, robot)
+    (residual,) = problem.residual(problem.silent()[None], problem.fit)
+    assert np.mean(residual**2) == pytest.approx(1.0, abs=0.3)
+    (log,) = by_trial(residual, problem.fit)
+    assert log.shape == problem.fit[0].measured.shape
+
+
+def test_residual_is_zero_where_nothing_was_measured(robot, case):
+    problem = make_problem(case, robot)
+    problem.fit[0].measured[100:110, 2] = np.nan
+    (log,) = by_trial(problem.residual(problem.silent()[None], problem.fit)[0], problem.fit)
+    assert not log[100:110, 2].any() and log[100:110, 1].all()
+
+
+def test_run_that_divides_by_zero_is_bad_not_fatal(robot, case):
+    problem = make_problem(case, robot)
+    broken = problem.silent()
+    broken[robot.machine.index["motor.r_set"]] = 0.0  # speed references are divided by it
+    residual = problem.residual(np.array([problem.silent(), broken]), problem.fit)
+    assert np.isfinite(residual).all()
+    assert np.mean(residual[0] ** 2) < 2.0
+    assert np.mean(np.abs(residual[1]) == WILD) > 0.1
+
+
+def test_cubic_interpolation_is_exact_for_a_parabola():
+    x = np.arange(20.0)
+    at = np.linspace(2.0, 16.0, 37)
+    assert np.allclose(cubic((x**2)[:, None], at)[:, 0], at**2)
+
+
+def test_late_motion_capture_shows_in_a_simulated_log(robot):
+    reference = Reference(protocols.steps(robot).tension[:400], "steps")
+    plain = simulate(robot, reference, seed=None, quantisation=False)
+    late = simulate(robot.splice("timing.mocap_delay", {"delay": 0.04}), reference, seed=None, quantisation=False)
+    assert np.allclose(late["angle_MCP"][2:], plain["angle_MCP"][:-2], atol=1e-12)
+    assert np.array_equal(late["stroke_AF"], plain["stroke_AF"])

@@ -1,0 +1,87 @@
+"""Refinement: bounded least squares and the fit, against scipy and planted parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_cases import PLANTED, friction_problem
+from formula_case import amplitude, explanation, likelihood_of, nominal
+from scipy.optimize import least_squares, lsq_linear
+
+from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.linearise import linearise
+from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.refine import Explanation, bounded, minimise
+
+
+def test_bounded_minimum_is_that_of_scipy():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        matrix, target = rng.standard_normal((30, 8)) * np.logspace(-2, 2, 8), 5.0 * rng.standard_normal(30)
+        size = np.linalg.norm(matrix, axis=0)
+        low, high = -rng.random(8) / size, rng.random(8) / size
+        wanted = lsq_linear(matrix, target, (low, high), method="bvls", tol=1e-14)
+        found, value = bounded(matrix.T @ matrix, -matrix.T @ target, low, high)
+        assert found * size == pytest.approx(wanted.x * size, abs=1e-6)
+        assert value == pytest.approx(wanted.cost - 0.5 * target @ target, rel=1e-6)
+
+
+def test_unbounded_minimum_solves_the_normal_equations():
+    rng = np.random.default_rng(1)
+    matrix, target = rng.standard_normal((30, 5)), rng.standard_normal(30)
+    found, _ = bounded(matrix.T @ matrix, -matrix.T @ target, np.full(5, -1e3), np.full(5, 1e3))
+    assert found == pytest.approx(np.linalg.lstsq(matrix, target)[0], rel=1e-6)
+
+
+def test_corrected_jacobian_ends_at_scipys_minimum():
+    """Nominal parameters act nonlinearly, so that the Jacobian of the start, taken 1 away, is wrong at the end."""
+    rng = np.random.default_rng(2)
+    matrix, other, truth = rng.standard_normal((3, 400)), rng.standard_normal(400), np.array([0.5, -0.4, 0.3, 0.7])
+    noise = 0.1 * rng.standard_normal(400)
+
+    def formula(row):
+        return np.tanh(row[:3] - truth[:3]) @ matrix + (np.exp(row[3]) - np.exp(truth[3])) * other + noise
+
+    likelihood, parameters = likelihood_of(formula), (*nominal(3, 1.0), amplitude("a", 3))
+    step = 1e-6 * np.eye(4)[:3]
+    start = np.array([-0.5, 0.6, -0.7, 1.5])
+    jacobian = np.array([(formula(start + row) - formula(start)) / 1e-6 for row in step])
+    found = minimise(likelihood, explanation(likelihood, parameters, start, jacobian, ("a",)), 60, 1e-12)
+    wanted = least_squares(lambda x: np.concatenate([formula(x), x[:3]]), start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    assert found.x == pytest.approx(wanted.x, abs=2e-3)
+    assert found.cost(likelihood) == pytest.approx(wanted.cost, rel=1e-4)
+
+
+def test_fit_stays_within_bounds():
+    likelihood = likelihood_of(lambda row: np.full(400, row[0] - 2.0))
+    parameter = replace(amplitude("a", 0), bounds=(0.0, 1.0))
+    start = explanation(likelihood, (parameter,), np.array([0.5]), np.zeros((0, 400)), ("a",))
+    assert minimise(likelihood, start, 20, 1e-9).x == pytest.approx([1.0])
+
+
+def test_fit_never_raises_the_cost_and_stops_at_a_minimum():
+    likelihood = likelihood_of(lambda row: np.full(400, row[0] ** 2 + 1.0))
+    start = explanation(likelihood, (amplitude("a", 0),), np.array([0.0]), np.zeros((0, 400)), ("a",))
+    assert minimise(likelihood, start, 5, 1e-9).cost(likelihood) == start.cost(likelihood)
+
+
+def test_planted_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
+    """Friction of three tendons and six nominal parameters on 6 s of motion."""
+    problem = friction_problem()
+    machine, likelihood, values = problem.robot.machine, output_error(problem), problem.silent()
+    nominals = nominal_parameters(problem.robot)[:6]
+    parameters = (*nominals, *effect_parameters(machine, machine.effect("tendon.capstan_friction")))
+    x = np.array([p.start for p in parameters])
+    lin = linearise(likelihood, values, np.zeros(6), nominals, ())
+    start = Explanation(("tendon.capstan_friction",), parameters, x, values, lin.residual, lin.jacobian)
+    found = minimise(likelihood, start.at(likelihood, x), 30, 1e-7)
+    coefficients = [p.value(c) for p, c in zip(parameters[6:], found.x[6:], strict=True)]
+    assert coefficients == pytest.approx([PLANTED[p.channels[0]] for p in parameters[6:]], abs=0.01)
+
+    def rows(x):
+        return np.concatenate([likelihood.residual(apply(values, parameters, x)[None])[0], x / start.prior_std])
+
+    scale = np.array([p.scale for p in parameters])
+    wanted = least_squares(rows, x, x_scale=scale, bounds=np.array([p.bounds for p in parameters]).T, diff_step=1e-3)
+    assert found.cost(likelihood) < wanted.cost * 1.0005
+    assert (found.x - wanted.x) / scale == pytest.approx(np.zeros(len(x)), abs=0.1)
