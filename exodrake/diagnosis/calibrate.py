@@ -32,10 +32,11 @@ from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.healthy import healthy_case, healthy_robot
 from exodrake.diagnosis.isolate import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR
+from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR, exceeding
 from exodrake.diagnosis.noise import reference_rows
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.machines.robot_file import load_robot
@@ -45,6 +46,7 @@ HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside" 
 EACH_HEALTHY = 3  # one robot in so many is healthy
 SEEDS = 2**31  # of noise and motion
 LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
+FLOORS = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}  # a robot is another simulator at least
 QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
 
 
@@ -189,14 +191,19 @@ def truths(problem: Problem, effect: Effect) -> set[str]:
 
 
 def shown(problem: Problem, found: Isolation, true: Tested) -> dict[str, float]:
-    """What a true explanation shows of the calibration's numbers; `taken` only where its excess is significant."""
+    """What a true explanation shows of the calibration's numbers.
+
+    Its law has no error where noise alone may leave as much; `taken` counts where a rival takes up more than of noise.
+    """
     machine, e, tests = problem.robot.machine, true.explanation, copy.copy(found.tests)
-    tests.calibration = replace(limits := found.tests.calibration, taken=0.0)  # so that all that is significant beats
-    rivals = [t.explanation for size in found.tested for t in size if t.explanation is not e]
-    levels = tests(e, rivals)
+    tests.calibration = replace(limits := found.tests.calibration, taken=0.0)  # whatever takes up more than noise beats
+    levels = tests(e, [t.explanation for size in found.tested for t in size if t.explanation is not e])
+    likelihood = tests.likelihood.scaled_to(e.residual)
+    project = Projection(likelihood, e, tests.lin)
+    by_noise = exceeding(project.left(tests.noise), float(project.left(e.residual[None])[0])) > ALPHA
     same = all(machine.effect(i).same_meaning and i not in problem.counted for i in e.effects)
     name = "same_meaning" if same else "law_error"
-    values = {name: levels.law_error * getattr(limits, name), "moved": levels.moved}
+    values = {name: 0.0 if by_noise else levels.law_error * getattr(limits, name), "moved": levels.moved}
     return values | ({"taken": levels.share} if levels.beaten_by else {})
 
 
@@ -210,8 +217,7 @@ def numbers_of(records: Sequence[Record], source: str) -> tuple[Calibration, dic
     if not any(r.kind == OTHER_LAW and "law_error" in r.values for r in records):
         samples["law_error"] = []
     found = {n: upper(samples[n], QUANTILES[n], getattr(UNCALIBRATED, n)) for n in NUMBERS}
-    floors = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}
-    found = {name: max(value, floors.get(name, 0.0)) or getattr(UNCALIBRATED, name) for name, value in found.items()}
+    found = {n: max(value, FLOORS.get(n, 0.0)) or getattr(UNCALIBRATED, n) for n, value in found.items()}
     return Calibration(**found, source=source), {name: len(values) for name, values in samples.items()}
 
 
@@ -230,8 +236,7 @@ def upper(values: Sequence[float], level: float, default: float) -> float:
 def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
     """How often the tests err: k of n robots, with the exact (Clopper-Pearson) 95 % interval `low` .. `high`."""
     seen = [r for r in records if r.verdict not in (NO_GAP, RETUNE)]
-    tried, other = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW))
-    outside = [r for r in seen if r.kind == OUTSIDE]
+    tried, other, outside = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW, OUTSIDE))
     healthy, ill = ([r for r in records if (r.kind == HEALTHY) == wanted] for wanted in (True, False))
     return {
         "false alarm on healthy": rate([r in seen for r in healthy]),
@@ -249,7 +254,7 @@ def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
 
 
 def rate(outcomes: Sequence[bool]) -> dict[str, float]:
-    """K of n with its interval; the whole range for n = 0."""
+    """Count k of n with its interval; the whole range for n = 0."""
     from scipy.stats import binomtest
 
     k, n = sum(outcomes), len(outcomes)
