@@ -18,14 +18,11 @@ from exodrake.diagnosis.calibrate import (
     TRIED,
     Record,
     calibrate,
-    drawn_value,
-    followed,
     numbers_of,
     rate,
     rates_of,
     truths,
     upper,
-    with_effect,
 )
 from exodrake.diagnosis.calibration import (
     UNCALIBRATED,
@@ -34,6 +31,7 @@ from exodrake.diagnosis.calibration import (
     calibration_of,
     calibration_text,
 )
+from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate
 

@@ -21,30 +21,24 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
-from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.healthy import healthy_case, healthy_robot
+from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolate import Isolation, Tested
 from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR, exceeding
-from exodrake.diagnosis.noise import reference_rows
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import simulate
 
 HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside"  # kinds of simulated robots
 EACH_HEALTHY = 3  # one robot in so many is healthy
-SEEDS = 2**31  # of noise and motion
 LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
 FLOORS = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}  # a robot is another simulator at least
 QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
@@ -124,38 +118,6 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
         drawn = with_effect(drawn, effect, rng)
     problem, found = isolated(make_problem(followed(motion, drawn, rng), nominal))
     return record(problem, found, decide(problem, found), effect)
-
-
-def with_effect(robot: Robot, effect: Effect, rng: np.random.Generator) -> Robot:
-    """The robot with an effect on a random set of channels, its parameters drawn in their plausible ranges."""
-    axis = robot.machine.axes.of(effect.axis)
-    channels = sorted(rng.permutation(len(axis))[: rng.integers(1, len(axis) + 1)])
-    names = [axis[i] for i in channels] if effect.axis else []
-    drawn = {
-        p.name: {c: drawn_value(p, rng) for c in names} if p.axis else drawn_value(p, rng) for p in effect.parameters
-    }
-    return robot.splice(effect.id, drawn, names)
-
-
-def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
-    """A value in the plausible range of a parameter [its unit], log-uniform where a fit sees its log or inverse."""
-    if not info.fitted:
-        return info.initial
-    if info.transform != "linear" and info.low > 0.0:
-        return math.exp(rng.uniform(math.log(info.low), math.log(info.high)))
-    return rng.uniform(info.low, info.high)
-
-
-def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
-    """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
-    logs = []
-    for item in case.logs:
-        reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
-        log = simulate(robot, reference, seed=int(rng.integers(SEEDS)))
-        seen = [name for name in log.columns if item.log.has(name)]
-        gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
-        logs.append(replace(item, log=log.only(seen).with_signals(gaps)))
-    return replace(case, robot={}, logs=tuple(logs), notes=())
 
 
 def record(problem: Problem, found: Isolation, decision: Decision, effect: Effect | None) -> Record:
