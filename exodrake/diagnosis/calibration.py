@@ -8,12 +8,13 @@ says so.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from exodrake.core.machine import Machine
 from exodrake.core.schema import anything, mapping, number, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
+from exodrake.diagnosis.parameter import expanded
 from exodrake.machines.library import machine_folders
 
 FILE = "calibration.yaml"  # in the folder of the machine
@@ -39,8 +40,10 @@ class Calibration:
     source: str = ""
 
 
-# from development robots of the Exo-Index; 40 healthy ones of them moved by 0.24 to 0.89
-UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.7, moved=1.0)
+# from development robots of the Exo-Index with 50 tolerances; 40 healthy ones moved by 0.24 to 0.89, and absent effects
+# took up at most 0.59
+UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.6, moved=1.0)
+FEW = 0.98  # quantile of chi-square by which `moved` is larger for a machine with fewer tolerances
 NUMBERS = tuple(name for name in asdict(UNCALIBRATED) if name != "source")
 SCHEMA = mapping(
     {**dict.fromkeys(NUMBERS, number(above=0.0)), "source": text(), "rates": anything, "rests_on": anything},
@@ -49,12 +52,29 @@ SCHEMA = mapping(
 
 
 def calibration_of(machine: Machine) -> Calibration:
-    """The calibration of a machine; `UNCALIBRATED` without one. Raises InputError for a malformed file."""
+    """The calibration of a machine; `UNCALIBRATED` without one, scaled to its number of tolerances.
+
+    Raises:
+        InputError: for a malformed file.
+    """
     folder = machine_folders().get(machine.name)
     if folder is None or not (folder / FILE).is_file():
-        return UNCALIBRATED
+        return replace(UNCALIBRATED, moved=UNCALIBRATED.moved * spread(tolerances(machine)) / spread(50))
     content = SCHEMA(read_yaml(folder / FILE), str(folder / FILE))
     return Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
+
+
+def tolerances(machine: Machine) -> int:
+    """Number of nominal parameters with a tolerance."""
+    names = (name for group in machine.tolerances for name in group.parameters)
+    return sum(len(expanded(machine, name)) for name in names)
+
+
+def spread(count: int) -> float:
+    """Upper quantile of the mean square of so many standard normal numbers."""
+    from scipy.stats import chi2
+
+    return float(chi2.ppf(FEW, count)) / count if count else 1.0
 
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:

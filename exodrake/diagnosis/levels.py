@@ -14,8 +14,9 @@ Draws of it, with matrix products and no simulation, give p-values of an explana
 An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
 them.
 
-Another explanation that was fitted beats one if it takes up more than noise and the difference between two simulators
-let an effect take up, and a larger share of the excess over noise than a mere error of the law lets one.
+Another explanation that was fitted, and moves them no further, beats one if it takes up more than noise and the
+difference between two simulators let an effect take up, and a larger share of the excess over noise than a mere error
+of the law lets one.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, without_effect
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
+from exodrake.diagnosis.scan import scan
 
 ALPHA = 0.02  # level of each test
 MODEL_ERROR = 0.02  # relative difference between two simulators of one law
 PROMISING = 0.2  # share of the excess over noise from which a further effect is tried
 DRAWS = 99
 HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
-WINDOW = 2.0  # s, of the scan over time (selection.md)
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,13 @@ class Levels:
     @property
     def kept(self) -> bool:
         """Whether the logs reject it not, as far as was tried."""
-        return min(self.fit, self.local) > ALPHA and self.moved <= self.most_moved and not self.beaten_by
+        return self.consistent and self.moved <= self.most_moved and not self.beaten_by
+
+    @property
+    def consistent(self) -> bool:
+        """Whether it leaves no more than it may: in every view, or as prediction error alone where the loop hunts."""
+        hunts = len(self.views) > 1 and self.views[0] <= ALPHA < self.views[-1]
+        return self.local > ALPHA and (hunts or min(self.fit, *self.views) > ALPHA)
 
     @property
     def settled(self) -> bool:
@@ -116,7 +123,8 @@ class Tests:
         hopeless = max(fit, *views) < HOPELESS
         null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
         share, beaten_by, no_better = 0.0, "", []
-        for rival in rivals:
+        moved = tolerance_use(e)
+        for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):
             taken, total = taken_up(likelihood, e, rival)
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
@@ -134,8 +142,8 @@ class Tests:
             no_better=tuple(no_better),
             share=share,
             law_error=float(np.median(needed)),
-            moved=float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0,
-            most_moved=self.calibration.moved,
+            moved=moved,
+            most_moved=self.calibration.moved + self.pushed(project, np.minimum(needed, 1.0)[:, None] * law),
         )
 
     def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
@@ -165,6 +173,14 @@ class Tests:
             found += [(project.own(row, effect.id), rho) for row in rows]
         return found
 
+    def pushed(self, project: Projection, law: np.ndarray) -> float:
+        """Mean square change of the nominal parameters, in tolerances, that errors of the effects' laws cause."""
+        e = project.explanation
+        if not e.effects or not e.nominal:
+            return 0.0
+        moves = project.response(law)[: e.nominal] / e.prior_std[: e.nominal, None]
+        return float(np.mean(moves**2))
+
     def covariance(self, e: Explanation) -> np.ndarray:
         """Covariance of the effects' coordinates (k, k), from noise and from as much error of the laws as is seen."""
         likelihood = self.likelihood.scaled_to(e.residual)
@@ -178,6 +194,11 @@ class Tests:
 def power(rows: np.ndarray) -> np.ndarray:
     """Sum of squares of rows (..., samples)."""
     return np.einsum("...i,...i->...", rows, rows, dtype=float)
+
+
+def tolerance_use(e: Explanation) -> float:
+    """Mean square change of the nominal parameters in standard deviations of their tolerances [-]."""
+    return float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0
 
 
 def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
@@ -200,31 +221,6 @@ def exceeding(draws: np.ndarray, value: float) -> float:
 
     logs = np.log(np.maximum(draws, 1e-12))
     return float(norm.sf(np.log(max(value, 1e-12)), logs.mean(), max(logs.std(ddof=1), 1e-12)))
-
-
-def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
-    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs.
-
-    Args:
-        likelihood: views of the case.
-        rows: (n, samples) whitened residuals [noise_std].
-
-    Returns:
-        (n, 2) both statistics of each row.
-    """
-    length, found = max(2, round(WINDOW / likelihood.robot.machine.frame)), np.zeros((len(rows), 2))
-    for view, part in zip(likelihood.views, likelihood.split(rows), strict=True):
-        ends = np.cumsum([trial.measured.size for trial in view.problem.fit])[:-1]
-        for trial, log in zip(view.problem.fit, np.split(part, ends, axis=1), strict=True):
-            frames, columns = trial.measured.shape
-            log = log.reshape(len(rows), frames, columns)
-            size = min(length, frames)
-            windows = log[:, : frames // size * size].reshape(len(rows), -1, size, columns)
-            power = np.mean(windows**2, axis=2).max(axis=(1, 2))
-            means = np.abs(windows.mean(axis=2)).max(axis=(1, 2)) * np.sqrt(size)
-            means = np.maximum(means, np.abs(log.mean(axis=1)).max(axis=1) * np.sqrt(frames))
-            found = np.maximum(found, np.stack([power, means], axis=1))
-    return found
 
 
 def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:

@@ -51,6 +51,10 @@ class Projection:
         gains = np.array([self.gain(slope, probe) for probe in self.probes])
         return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
 
+    def response(self, rows: np.ndarray) -> np.ndarray:
+        """Changes (fitted, n) of the parameters by rows (n, samples)."""
+        return self.inverse @ self.pull(rows)[1]
+
     def moves(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
         _, pull = self.pull(rows)

@@ -76,7 +76,7 @@ def kept(t: Tested) -> str:
 def rejected(t: Tested) -> str:
     """Why the best explanation is rejected, in one sentence."""
     p, chi2 = t.levels, float(t.chi2[0])
-    if p.fit <= ALPHA or p.local <= ALPHA:
+    if not p.consistent:
         left = f"a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
         return f"the best explanation, {t.explanation.name}, leaves {left}"
     if p.moved > p.most_moved:

@@ -1,0 +1,34 @@
+"""Scan over time: the largest mean square and the largest mean of residuals, so that bursts and biases are seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exodrake.diagnosis.likelihood import Likelihood
+
+WINDOW = 2.0  # s (selection.md)
+
+
+def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
+    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs.
+
+    Args:
+        likelihood: views of the case.
+        rows: (n, samples) whitened residuals [noise_std].
+
+    Returns:
+        (n, 2) both statistics of each row.
+    """
+    length, found = max(2, round(WINDOW / likelihood.robot.machine.frame)), np.zeros((len(rows), 2))
+    for view, part in zip(likelihood.views, likelihood.split(rows), strict=True):
+        ends = np.cumsum([trial.measured.size for trial in view.problem.fit])[:-1]
+        for trial, log in zip(view.problem.fit, np.split(part, ends, axis=1), strict=True):
+            frames, columns = trial.measured.shape
+            log = log.reshape(len(rows), frames, columns)
+            size = min(length, frames)
+            windows = log[:, : frames // size * size].reshape(len(rows), -1, size, columns)
+            power = np.mean(windows**2, axis=2).max(axis=(1, 2))
+            means = np.abs(windows.mean(axis=2)).max(axis=(1, 2)) * np.sqrt(size)
+            means = np.maximum(means, np.abs(log.mean(axis=1)).max(axis=1) * np.sqrt(frames))
+            found = np.maximum(found, np.stack([power, means], axis=1))
+    return found
