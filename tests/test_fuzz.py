@@ -58,7 +58,7 @@ def undrawn(monkeypatch):
 
     monkeypatch.setattr(command, "files_of", lambda *_: {})
     monkeypatch.setattr(viewer, "recording_html", lambda *_, **__: "")
-    monkeypatch.setattr(pipeline, "analyse", stop)
+    monkeypatch.setattr(pipeline, "isolated", stop)
 
 
 @bounded(13)

@@ -21,30 +21,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from exodrake.compiled.inputs import Reference
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
-from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.healthy import healthy_case, healthy_robot
+from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolate import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR
-from exodrake.diagnosis.noise import reference_rows
+from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR, exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.simulate import simulate
 
 HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside"  # kinds of simulated robots
 EACH_HEALTHY = 3  # one robot in so many is healthy
-SEEDS = 2**31  # of noise and motion
 LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
+FLOORS = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}  # a robot is another simulator at least
 QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
 
 
@@ -124,38 +120,6 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
     return record(problem, found, decide(problem, found), effect)
 
 
-def with_effect(robot: Robot, effect: Effect, rng: np.random.Generator) -> Robot:
-    """The robot with an effect on a random set of channels, its parameters drawn in their plausible ranges."""
-    axis = robot.machine.axes.of(effect.axis)
-    channels = sorted(rng.permutation(len(axis))[: rng.integers(1, len(axis) + 1)])
-    names = [axis[i] for i in channels] if effect.axis else []
-    drawn = {
-        p.name: {c: drawn_value(p, rng) for c in names} if p.axis else drawn_value(p, rng) for p in effect.parameters
-    }
-    return robot.splice(effect.id, drawn, names)
-
-
-def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
-    """A value in the plausible range of a parameter [its unit], log-uniform where a fit sees its log or inverse."""
-    if not info.fitted:
-        return info.initial
-    if info.transform != "linear" and info.low > 0.0:
-        return math.exp(rng.uniform(math.log(info.low), math.log(info.high)))
-    return rng.uniform(info.low, info.high)
-
-
-def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
-    """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
-    logs = []
-    for item in case.logs:
-        reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
-        log = simulate(robot, reference, seed=int(rng.integers(SEEDS)))
-        seen = [name for name in log.columns if item.log.has(name)]
-        gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
-        logs.append(replace(item, log=log.only(seen).with_signals(gaps)))
-    return replace(case, robot={}, logs=tuple(logs), notes=())
-
-
 def record(problem: Problem, found: Isolation, decision: Decision, effect: Effect | None) -> Record:
     """What the tests said of a robot with that effect."""
     if effect is None:
@@ -189,14 +153,19 @@ def truths(problem: Problem, effect: Effect) -> set[str]:
 
 
 def shown(problem: Problem, found: Isolation, true: Tested) -> dict[str, float]:
-    """What a true explanation shows of the calibration's numbers; `taken` only where its excess is significant."""
+    """What a true explanation shows of the calibration's numbers.
+
+    Its law has no error where noise alone may leave as much; `taken` counts where a rival takes up more than of noise.
+    """
     machine, e, tests = problem.robot.machine, true.explanation, copy.copy(found.tests)
-    tests.calibration = replace(limits := found.tests.calibration, taken=0.0)  # so that all that is significant beats
-    rivals = [t.explanation for size in found.tested for t in size if t.explanation is not e]
-    levels = tests(e, rivals)
+    tests.calibration = replace(limits := found.tests.calibration, taken=0.0)  # whatever takes up more than noise beats
+    levels = tests(e, [t.explanation for size in found.tested for t in size if t.explanation is not e])
+    likelihood = tests.likelihood.scaled_to(e.residual)
+    project = Projection(likelihood, e, tests.lin)
+    by_noise = exceeding(project.left(tests.noise), float(project.left(e.residual[None])[0])) > ALPHA
     same = all(machine.effect(i).same_meaning and i not in problem.counted for i in e.effects)
     name = "same_meaning" if same else "law_error"
-    values = {name: levels.law_error * getattr(limits, name), "moved": levels.moved}
+    values = {name: 0.0 if by_noise else levels.law_error * getattr(limits, name), "moved": levels.moved}
     return values | ({"taken": levels.share} if levels.beaten_by else {})
 
 
@@ -210,8 +179,7 @@ def numbers_of(records: Sequence[Record], source: str) -> tuple[Calibration, dic
     if not any(r.kind == OTHER_LAW and "law_error" in r.values for r in records):
         samples["law_error"] = []
     found = {n: upper(samples[n], QUANTILES[n], getattr(UNCALIBRATED, n)) for n in NUMBERS}
-    floors = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}
-    found = {name: max(value, floors.get(name, 0.0)) or getattr(UNCALIBRATED, name) for name, value in found.items()}
+    found = {n: max(value, FLOORS.get(n, 0.0)) or getattr(UNCALIBRATED, n) for n, value in found.items()}
     return Calibration(**found, source=source), {name: len(values) for name, values in samples.items()}
 
 
@@ -230,8 +198,7 @@ def upper(values: Sequence[float], level: float, default: float) -> float:
 def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
     """How often the tests err: k of n robots, with the exact (Clopper-Pearson) 95 % interval `low` .. `high`."""
     seen = [r for r in records if r.verdict not in (NO_GAP, RETUNE)]
-    tried, other = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW))
-    outside = [r for r in seen if r.kind == OUTSIDE]
+    tried, other, outside = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW, OUTSIDE))
     healthy, ill = ([r for r in records if (r.kind == HEALTHY) == wanted] for wanted in (True, False))
     return {
         "false alarm on healthy": rate([r in seen for r in healthy]),
@@ -249,7 +216,7 @@ def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
 
 
 def rate(outcomes: Sequence[bool]) -> dict[str, float]:
-    """K of n with its interval; the whole range for n = 0."""
+    """Count k of n with its interval; the whole range for n = 0."""
     from scipy.stats import binomtest
 
     k, n = sum(outcomes), len(outcomes)

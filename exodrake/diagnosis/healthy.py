@@ -1,20 +1,26 @@
-"""Healthy robots: parameters drawn within the tolerances of the robot file, no effect, and logs of such robots.
+"""Simulated robots: healthy ones, with parameters drawn within the tolerances of the robot file, or with an effect.
 
-Simulated healthy robots calibrate false alarms, those of the diagnosis and those of the monitor.
+They calibrate the tests of the diagnosis and the alarm of the monitor.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.noise import reference_rows
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
+
+SEEDS = 2**31  # of noise and motion
 
 
 def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
@@ -39,3 +45,35 @@ def healthy_case(nominal: Robot, seed: int) -> Case:
         for k, (name, role, reference) in enumerate(plan)
     ]
     return Case(f"healthy {seed}", {}, tuple(logs))
+
+
+def with_effect(robot: Robot, effect: Effect, rng: np.random.Generator) -> Robot:
+    """The robot with an effect on a random set of channels, its parameters drawn in their plausible ranges."""
+    axis = robot.machine.axes.of(effect.axis)
+    channels = sorted(rng.permutation(len(axis))[: rng.integers(1, len(axis) + 1)])
+    names = [axis[i] for i in channels] if effect.axis else []
+    drawn = {
+        p.name: {c: drawn_value(p, rng) for c in names} if p.axis else drawn_value(p, rng) for p in effect.parameters
+    }
+    return robot.splice(effect.id, drawn, names)
+
+
+def drawn_value(info: EffectParameter, rng: np.random.Generator) -> float:
+    """A value in the plausible range of a parameter [its unit], log-uniform where a fit sees its log or inverse."""
+    if not info.fitted:
+        return info.initial
+    if info.transform != "linear" and info.low > 0.0:
+        return math.exp(rng.uniform(math.log(info.low), math.log(info.high)))
+    return rng.uniform(info.low, info.high)
+
+
+def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
+    """The case with the logs that a robot writes on its references: the same roles, repeats, columns and gaps."""
+    logs = []
+    for item in case.logs:
+        reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
+        log = simulate(robot, reference, seed=int(rng.integers(SEEDS)))
+        seen = [name for name in log.columns if item.log.has(name)]
+        gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
+        logs.append(replace(item, log=log.only(seen).with_signals(gaps)))
+    return replace(case, robot={}, logs=tuple(logs), notes=())

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.levels import Levels, Tests, taken_up
+from exodrake.diagnosis.levels import PROMISING, Levels, Tests, taken_up
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, nominal_parameters
@@ -31,7 +31,6 @@ FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far b
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
 FRESH = 2  # fits with a new nominal Jacobian
-PROMISING = 0.2  # share of the excess over noise that the first effect of a larger set takes up at least
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
 
@@ -48,6 +47,17 @@ class Tested:
 def mean_log(chi2: np.ndarray) -> float:
     """Mean logarithm of reduced chi-squares (views,), above the noise."""
     return float(np.mean(np.log(np.maximum(chi2, 1.0))))
+
+
+def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
+    """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
+    machine = likelihood.robot.machine
+    kinds = [
+        sorted((machine.effect(i).block, machine.effect(i).family) for i in t.explanation.effects)
+        for t in (richer, simpler)
+    ]
+    more = len(richer.explanation.x) > len(simpler.explanation.x)
+    return more and kinds[0] == kinds[1] and richer.explanation.name in simpler.levels.no_better
 
 
 def tested(
@@ -82,7 +92,9 @@ class Isolation:
 
     def with_round(self, tested: Sequence[Tested]) -> Isolation:
         """The isolation with the explanations of one size more."""
-        return replace(self, tested=(*self.tested, tuple(tested)), left=tuple(t for t in tested if t.levels.kept))
+        kept = [t for t in tested if t.levels.kept]
+        left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
+        return replace(self, tested=(*self.tested, tuple(tested)), left=left)
 
     def without_effects(self) -> Isolation:
         """The isolation that stops at the robot without an effect, if it is kept."""

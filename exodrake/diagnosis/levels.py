@@ -9,7 +9,7 @@ times c, the part of the effect's contribution that no other parameter imitates 
 Draws of it, with matrix products and no simulation, give p-values of an explanation:
 
     fit         may so much be left?                                 draws with a = rho
-    complete    may one more effect take up so much of it?           draws whose a leaves as much as there is
+    complete    may one more effect take up so much of it?           draws with the a of another simulator of one law
 
 An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
 them.
@@ -35,6 +35,7 @@ from exodrake.diagnosis.refine import Explanation
 
 ALPHA = 0.02  # level of each test
 MODEL_ERROR = 0.02  # relative difference between two simulators of one law
+PROMISING = 0.2  # share of the excess over noise from which a further effect is tried
 DRAWS = 99
 HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
 WINDOW = 2.0  # s, of the scan over time (selection.md)
@@ -49,7 +50,9 @@ class Levels:
         views: the same for each view alone.
         local: of what it leaves in single windows of time; 1 for one with effects.
         complete: of what one more effect takes up, by the linearisation; `next_effect` is that effect.
+        promise: share of the excess over noise that it takes up.
         beaten_by: name of an explanation that was fitted and beats it; empty if none does.
+        no_better: names of those that take up no more than noise and another simulator let them.
         share: share of the excess that the best other explanation takes up.
         law_error: error of the laws that explains what is left, in units of rho.
         moved: mean square of the nominal parameters' changes in standard deviations of their tolerances; about 1 or
@@ -61,8 +64,10 @@ class Levels:
     views: tuple[float, ...]
     local: float
     complete: float
+    promise: float
     next_effect: str
     beaten_by: str
+    no_better: tuple[str, ...]
     share: float
     law_error: float
     moved: float
@@ -76,7 +81,7 @@ class Levels:
     @property
     def settled(self) -> bool:
         """Whether it is kept and no further effect is promising."""
-        return self.kept and self.complete > ALPHA
+        return self.kept and (self.complete > ALPHA or self.promise < PROMISING)
 
 
 class Tests:
@@ -109,21 +114,24 @@ class Tests:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
         gain, effect = project.gains(e.residual[None])
         hopeless = max(fit, *views) < HOPELESS
-        null = None if hopeless else project.gains(self.noise + needed[:, None] * law + model)[0]
-        least = np.zeros(2) if hopeless or not rivals else project.gains(self.noise + model)[0]
-        share, beaten_by = 0.0, ""
+        null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
+        share, beaten_by, no_better = 0.0, "", []
         for rival in rivals:
             taken, total = taken_up(likelihood, e, rival)
             share = max(share, total)
-            if total > self.calibration.taken and exceeding(least, taken) < ALPHA:
+            if exceeding(null, taken) >= ALPHA:
+                no_better.append(rival.name)
+            elif total > self.calibration.taken:
                 beaten_by = rival.name
         return Levels(
             fit=fit,
             views=views,
             local=min(1.0, len(local) * min(local)),
-            complete=0.0 if null is None else exceeding(null, float(gain[0])),
+            complete=0.0 if hopeless else exceeding(null, float(gain[0])),
+            promise=float(gain[0] / max(left[0] - np.mean(noise_left), 1e-9)),
             next_effect=effect[0],
             beaten_by=beaten_by,
+            no_better=tuple(no_better),
             share=share,
             law_error=float(np.median(needed)),
             moved=float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0,
