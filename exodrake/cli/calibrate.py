@@ -75,12 +75,8 @@ def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[
     console.print(table(("number", ">value", ">default", ">robots"), numbers))
     console.print()
     rows = [
-        (
-            name,
-            f"{r['k']} of {r['n']}",
-            n.percent(r["k"] / r["n"]) if r["n"] else "-",
-            f"{r['low']:.0%} .. {r['high']:.0%}",
-        )
+        (name, f"{r['k']} of {r['n']}", n.percent(r["k"] / r["n"]), f"{r['low']:.0%} .. {r['high']:.0%}")
         for name, r in rates.items()
+        if r["n"]
     ]
     console.print(table(("rate", ">robots", ">share", ">95 % interval"), rows))
