@@ -1,5 +1,6 @@
 """Plugins: a machine, a file format and a part from folders of one's own act through the command line."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -34,6 +35,34 @@ from dataclasses import replace
 from exodrake.effects.signal import sensor_offset
 
 BIAS = replace(sensor_offset.EFFECT, id="sensor.bias")
+'''
+DETECTABLE = '''
+"""Play of a servo, which a detector finds rather than a fit."""
+
+from dataclasses import replace
+
+from exodrake.effects.signal import joint_play
+
+PLAY = replace(joint_play.EFFECT, id="servo.play", detector="dead_band")
+'''
+DETECTOR = '''
+"""Dead band: a joint that stands still while its command moves."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from exodrake.diagnosis.result import Detection, Interval, NamedEffect
+
+
+def detect(problem, effect, values):
+    """The problem with play whose half width is half the largest lag that reversals leave."""
+    lag = max(float(np.max(np.abs(t.reference[:, :2] - t.measured))) for t in problem.fit)
+    name, joints = effect.parameters[0].name, problem.robot.machine.axes.joints
+    found = {f"{effect.id}.{name}.{joint}": lag for joint in joints}
+    named = NamedEffect(effect.id, (), joints, {name: Interval(lag, 0.9 * lag, 1.1 * lag, "rad")}, {}, 1.0)
+    detection = Detection(named, found, "the joints stand still after each reversal")
+    return replace(problem, tried=problem.tried - {effect.id}, detected=(*problem.detected, detection))
 '''
 FORMAT = '''
 """TSV: cells separated by tabs."""
@@ -100,15 +129,20 @@ def servo_log(seed: int, play: float) -> Log:
     return Log(time, signals)
 
 
+def puppet_case(play: float) -> Case:
+    """Two logs to fit and one held out."""
+    logs = tuple(
+        CaseLog(servo_log(seed, play), f"motion {seed}", role, None, f"{seed}.csv")
+        for seed, role in ((1, "fit"), (2, "fit"), (3, "holdout"))
+    )
+    return Case("puppet", {}, logs, 0.02)
+
+
 def test_a_machine_from_a_folder_is_drawn_and_diagnosed(puppet, tmp_path):
     drawn = exodrake("draw", "--machine", puppet, "--out", tmp_path / "puppet.svg")
     assert drawn.returncode == 0, drawn.stderr
     assert "puppet" in (tmp_path / "puppet.svg").read_text()
-    logs = tuple(
-        CaseLog(servo_log(seed, 0.03), f"motion {seed}", role, None, f"{seed}.csv")
-        for seed, role in ((1, "fit"), (2, "fit"), (3, "holdout"))
-    )
-    write_case(Case("puppet", {}, logs, 0.02), tmp_path / "case")
+    write_case(puppet_case(0.03), tmp_path / "case")
     found = exodrake("diagnose", tmp_path / "case", "--machine", puppet, "--json", tmp_path / "found.json")
     assert found.returncode == 0, found.stderr
     assert "servo.play" in (tmp_path / "found.json").read_text()
@@ -133,6 +167,37 @@ def test_an_effect_from_a_plugin_is_in_the_library(tmp_path):
     there = exodrake("--plugin", tmp_path, "effects", "sensor.bias")
     assert there.returncode == 0 and "sensor.bias" in there.stdout, there.stderr
     assert "sensor.bias" not in exodrake("effects").stdout
+
+
+def test_a_detector_and_its_effect_from_a_plugin_decide_a_diagnosis(puppet, tmp_path):
+    folder = tmp_path / "plugin"
+    for place, text in (("effects/servo_play.py", DETECTABLE), ("diagnosis/detect/dead_band.py", DETECTOR)):
+        (folder / place).parent.mkdir(parents=True)
+        (folder / place).write_text(text)
+    library = MACHINE.replace("from exodrake.effects import for_machine", "from exodrake.effects import LIBRARY")
+    (puppet / "machine.py").write_text(
+        library.replace('for_machine("joint.play", "servo.play")', 'LIBRARY["servo.play"]')
+    )
+    write_case(puppet_case(0.03), tmp_path / "case")
+    found = exodrake(
+        *("--plugin", folder, "diagnose", tmp_path / "case", "--machine", puppet, "--json", tmp_path / "found.json")
+    )
+    assert found.returncode == 0, found.stderr
+    answer = json.loads((tmp_path / "found.json").read_text())
+    assert answer["verdict"] == "NAMED" and [e["id"] for e in answer["effects"]] == ["servo.play"]
+    assert answer["reasons"][0] == "the joints stand still after each reversal"
+    assert answer["effects"][0]["parameters"]["half_width"]["value"] == pytest.approx(0.03, abs=0.002)
+    assert answer["closure"]["overall"]["value"] > 0.9
+
+
+def test_an_effect_whose_detector_does_not_exist_is_refused(puppet, tmp_path):
+    lost = MACHINE.replace(
+        'for_machine("joint.play", "servo.play")', 'replace(for_machine("joint.play", "servo.play"), detector="none")'
+    )
+    (puppet / "machine.py").write_text("from dataclasses import replace\n" + lost)
+    write_case(puppet_case(0.03), tmp_path / "case")
+    found = exodrake("diagnose", tmp_path / "case", "--machine", puppet)
+    assert found.returncode == 2 and "servo.play: no detector 'none'" in found.stderr
 
 
 def test_a_robot_file_imports_no_code(puppet, tmp_path, monkeypatch):
