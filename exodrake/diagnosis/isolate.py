@@ -17,14 +17,13 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.levels import PROMISING, Levels, Tests, taken_up
-from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error
+from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import apply, nominal_parameters
+from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
-RETUNE_ROUNDS = 3  # linearisations of the nominal parameters
 SHARE = 0.35  # of each fit log that is used
 REFINED = 5  # sets of effects of one size that are fitted
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
@@ -115,17 +114,6 @@ class Isolation:
         """The explanation that leaves least, whether the logs reject it or not."""
         tried = (self.retuned, *(t for size in self.tested for t in size))
         return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
-
-
-def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:
-    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated seconds."""
-    nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
-    found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
-    for _ in range(RETUNE_ROUNDS):
-        lin = linearise(likelihood, values, found.x, nominal, ())
-        likelihood = likelihood.scaled_to(lin.residual)
-        found = minimise(likelihood, replace(found, residual=lin.residual, jacobian=lin.jacobian), 4, 1e-3)
-    return found, likelihood.simulated
 
 
 class Isolator:

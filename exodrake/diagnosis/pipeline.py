@@ -18,12 +18,13 @@ from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.intervals import describe
-from exodrake.diagnosis.isolate import SHARE, Isolation, Isolator, Tested, retune
+from exodrake.diagnosis.isolate import SHARE, Isolation, Isolator, Tested
 from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.localise import localise
+from exodrake.diagnosis.moved import retuned
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
-from exodrake.diagnosis.retuning import retuned
+from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
 from exodrake.machines.robot_file import load_robot
 

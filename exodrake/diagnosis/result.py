@@ -172,7 +172,7 @@ class Retune:
     """What retuning did.
 
     Attributes:
-        moved: parameters that moved by more than `retuning.VISIBLE` standard deviations, largest change first.
+        moved: parameters that moved by more than `moved.VISIBLE` standard deviations, largest change first.
         alike: effect -> share of what retuning explains that it explains alone, with nominal parameters, by the
             linearisation.
     """
