@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.levels import PROMISING, Levels, Tests, taken_up
+from exodrake.diagnosis.levels import PROMISING, Levels, Tests, richer_law, taken_up
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply
@@ -50,13 +50,8 @@ def mean_log(chi2: np.ndarray) -> float:
 
 def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
     """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
-    machine = likelihood.robot.machine
-    kinds = [
-        sorted((machine.effect(i).block, machine.effect(i).family) for i in t.explanation.effects)
-        for t in (richer, simpler)
-    ]
-    more = len(richer.explanation.x) > len(simpler.explanation.x)
-    return more and kinds[0] == kinds[1] and richer.explanation.name in simpler.levels.no_better
+    name = richer.explanation.name
+    return name in simpler.levels.no_better and richer_law(likelihood, richer.explanation, simpler.explanation)
 
 
 def tested(
@@ -89,9 +84,12 @@ class Isolation:
     tested: tuple[tuple[Tested, ...], ...] = ()
     left: tuple[Tested, ...] = ()
 
-    def with_round(self, tested: Sequence[Tested]) -> Isolation:
-        """The isolation with the explanations of one size more."""
+    def with_round(self, tested: Sequence[Tested], parent: Explanation | None = None) -> Isolation:
+        """The isolation with the explanations of one size more; each must take up most of what their parent leaves."""
         kept = [t for t in tested if t.levels.kept]
+        if parent is not None:
+            least = self.tests.calibration.taken
+            kept = [t for t in kept if taken_up(self.likelihood, parent, t.explanation)[1] > least]
         left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
         return replace(self, tested=(*self.tested, tuple(tested)), left=left)
 
@@ -192,7 +190,7 @@ class Isolator:
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
-        return found.with_round(tested(likelihood, tests, more))
+        return found.with_round(tested(likelihood, tests, more), parent=best)
 
     def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.calibration import calibration_of, spread
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, without_effect
@@ -36,7 +36,6 @@ from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import scan
 
 ALPHA = 0.02  # level of each test
-MODEL_ERROR = 0.02  # relative difference between two simulators of one law
 PROMISING = 0.2  # share of the excess over noise from which a further effect is tried
 DRAWS = 99
 HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
@@ -122,14 +121,14 @@ class Tests:
         gain, effect = project.gains(e.residual[None])
         hopeless = max(fit, *views) < HOPELESS
         null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
-        share, beaten_by, no_better = 0.0, "", []
+        share, beaten_by, no_better, consistent = 0.0, "", [], min(fit, *views) > ALPHA
         moved = tolerance_use(e)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):
             taken, total = taken_up(likelihood, e, rival)
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
                 no_better.append(rival.name)
-            elif total > self.calibration.taken:
+            elif total > self.calibration.taken and not (consistent and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         return Levels(
             fit=fit,
@@ -143,7 +142,7 @@ class Tests:
             share=share,
             law_error=float(np.median(needed)),
             moved=moved,
-            most_moved=self.calibration.moved + self.pushed(project, np.minimum(needed, 1.0)[:, None] * law),
+            most_moved=self.most_moved(project, np.minimum(needed, 1.0)[:, None] * law),
         )
 
     def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
@@ -154,7 +153,7 @@ class Tests:
                 self.functions.append(random_functions(self.likelihood, DRAWS, k))
             draws = self.functions[k] * contribution.astype(np.float32)
             law += np.float32(rho) * draws
-            model += np.float32(MODEL_ERROR) * draws
+            model += np.float32(self.calibration.same_meaning) * draws
         return law, model
 
     def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
@@ -173,13 +172,16 @@ class Tests:
             found += [(project.own(row, effect.id), rho) for row in rows]
         return found
 
-    def pushed(self, project: Projection, law: np.ndarray) -> float:
-        """Mean square change of the nominal parameters, in tolerances, that errors of the effects' laws cause."""
+    def most_moved(self, project: Projection, law: np.ndarray) -> float:
+        """Largest plausible mean square change of the nominal parameters, in tolerances.
+
+        That of healthy robots, or that of the tolerances with what errors of the effects' laws (draws, samples) add.
+        """
         e = project.explanation
         if not e.effects or not e.nominal:
-            return 0.0
+            return self.calibration.moved
         moves = project.response(law)[: e.nominal] / e.prior_std[: e.nominal, None]
-        return float(np.mean(moves**2))
+        return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))
 
     def covariance(self, e: Explanation) -> np.ndarray:
         """Covariance of the effects' coordinates (k, k), from noise and from as much error of the laws as is seen."""
@@ -194,6 +196,13 @@ class Tests:
 def power(rows: np.ndarray) -> np.ndarray:
     """Sum of squares of rows (..., samples)."""
     return np.einsum("...i,...i->...", rows, rows, dtype=float)
+
+
+def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation) -> bool:
+    """Whether an explanation holds another law of the same effects, with more parameters."""
+    machine = likelihood.robot.machine
+    kinds = [sorted((machine.effect(i).block, machine.effect(i).family) for i in e.effects) for e in (richer, simpler)]
+    return kinds[0] == kinds[1] and len(richer.x) > len(simpler.x)
 
 
 def tolerance_use(e: Explanation) -> float:
@@ -235,8 +244,11 @@ def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
     return [
         ("level of each test", f"{ALPHA:g}", "chosen"),
         ("rho, relative error of a law", f"{limits.law_error:g}", source),
-        ("rho of a parameter that means the same in every law", f"{limits.same_meaning:g}", source),
-        ("relative difference between two simulators of one law", f"{MODEL_ERROR:g}", "development robots"),
+        (
+            "rho of a parameter that means the same in every law, and between two simulators of one law",
+            f"{limits.same_meaning:g}",
+            source,
+        ),
         ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
         ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
     ]

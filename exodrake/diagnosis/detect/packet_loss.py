@@ -50,14 +50,16 @@ class PacketLoss:
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     """The problem whose trials carry the packet losses that their logs show.
 
-    A drive that follows badly loses commands in this sense, too, so the effect remains a candidate, with the share that
-    was counted as its parameter; it is none where no loss is seen.
+    They are decoded with the nominal drives, as retuned ones imitate losses. A drive that follows badly loses commands,
+    too, so the effect remains a candidate, with the share that was counted as its parameter; it is none where
+    no loss is seen.
     """
     machine, kinds, found = problem.robot.machine, problem.kinds, []
+    nominal = problem.silent()
 
     def decoded(trial: Trial) -> Trial:
         measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
-        losses = decode(machine, values, measured)
+        losses = decode(machine, nominal, measured)
         if losses is None:
             return trial
         found.append(losses)
