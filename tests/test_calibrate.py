@@ -1,5 +1,6 @@
 """Calibration: conformal quantiles and binomial intervals by hand, its file, and robots drawn for it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -115,7 +116,7 @@ def test_rates_count_each_kind_of_robot_apart():
 def test_file_is_read_back_and_silences_the_note(tmp_path, monkeypatch):
     machine = load_robot(SHEATH).machine
     monkeypatch.setattr(calibration, "machine_folders", lambda: {SHEATH: tmp_path})
-    assert calibration_of(machine) == UNCALIBRATED
+    assert replace(calibration_of(machine), moved=UNCALIBRATED.moved) == UNCALIBRATED
     assert "exodrake calibrate --robot tendon_sheath" in calibration_notes(machine)[0]
     given = Calibration(0.31234, 0.02, 0.6, 1.5, "exodrake calibrate, 2026-01-01")
     text = calibration_text(given, {"taken": 49}, {"truth kept": rate([True])})
@@ -125,6 +126,12 @@ def test_file_is_read_back_and_silences_the_note(tmp_path, monkeypatch):
     (tmp_path / "calibration.yaml").write_text(text.replace("taken: 0.6", "taken: -1"))
     with pytest.raises(InputError, match="taken"):
         calibration_of(machine)
+
+
+@pytest.mark.parametrize("count", [1, 5, 50])
+def test_mean_square_of_so_many_tolerances_exceeds_its_limit_as_often_as_it_says(count):
+    squares = np.random.default_rng(count).standard_normal((100_000, count)) ** 2
+    assert np.mean(squares.mean(axis=1) > calibration.spread(count)) == pytest.approx(1.0 - calibration.FEW, abs=0.002)
 
 
 def test_values_are_drawn_in_the_plausible_range():

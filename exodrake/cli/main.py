@@ -22,7 +22,7 @@ COMMANDS = {
     "demo": ("exodrake.cli.demo", "From a robot with a hidden fault to its name."),
     "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
     "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
-    "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis, and the numbers of its tests."),
+    "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis and numbers of its tests."),
     "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
     "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, stability map."),
