@@ -58,8 +58,11 @@ def tested(
     likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
 ) -> list[Tested]:
     """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
-    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
-    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
+    made = []
+    for e in found:
+        grown = [other for other in larger if set(e.effects) < set(other.effects)]
+        levels = tests(e, [*(other for other in found if other is not e), *grown])
+        made.append(Tested(e, levels, likelihood.chi2(e.residual), e.cost(likelihood)))
     return sorted(made, key=lambda t: t.cost)
 
 

@@ -28,6 +28,10 @@ from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
 from exodrake.machines.robot_file import load_robot
 
+MORE = (
+    1.2  # times the reduced chi-square of the part: the whole logs of 40 healthy development robots left 0.91 to 1.02
+)
+
 
 def diagnose(
     case: Case | str | Path,
@@ -56,18 +60,37 @@ def diagnose(
         return answer(problem, found, decision, started, progress)
 
 
-def isolated(problem: Problem, progress: StageProgress = no_progress) -> tuple[Problem, Isolation]:
-    """The problem with what detectors found, and the isolation."""
+def isolated(
+    problem: Problem, progress: StageProgress = no_progress, share: float = SHARE
+) -> tuple[Problem, Isolation]:
+    """The problem with what detectors found, and the isolation.
+
+    Args:
+        problem: the case.
+        progress: called with the stage and what it works on.
+        share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none.
+    """
     progress(Stage.RETUNE, "")
-    start, simulated = retune(problem.shortened(SHARE))
-    problem = detect(problem, start.robot)
-    short = problem.shortened(SHARE)
-    certain = sum(d.certain for d in problem.detected)
+    start, simulated = retune(problem.shortened(share))
+    whole = detect(problem, start.robot)
+    short = whole.shortened(share)
+    certain = sum(d.certain for d in whole.detected)
     if certain:
         start, again = retune(short)
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
-    return problem, Isolator(short, start, simulated, progress).isolate(max(most, 0))
+    found = Isolator(short, start, simulated, progress).isolate(max(most, 0))
+    if share < 1.0 and found.left and overlooks(whole, found.left[0]):
+        return isolated(problem, progress, 1.0)
+    return whole, found
+
+
+def overlooks(problem: Problem, kept: Tested) -> bool:
+    """Whether a robot without an effect leaves more in the whole logs than in the part that was used."""
+    if kept.explanation.effects:
+        return False
+    left = problem.residual(kept.explanation.robot[None], problem.fit)[0]
+    return float(np.mean(left**2)) > MORE * max(float(kept.chi2[0]), 1.0)
 
 
 def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:

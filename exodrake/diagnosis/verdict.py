@@ -45,8 +45,11 @@ def decide(problem: Problem, found: Isolation) -> Decision:
     left = tuple(t for t in found.left if not spurious(problem, found, t))
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
+    if not left and not detected:
+        verdict = RETUNE if found.retuned.levels.consistent else UNKNOWN
+        return Decision(verdict, found.retuned, (), ("no effect differs from its null value",))
     if not left:
-        return Decision(NAMED if detected else RETUNE, found.retuned, (), detected or ("no effect differs from null",))
+        return Decision(NAMED, found.retuned, (), detected)
     best = left[0]
     if not best.explanation.effects:
         if detected:
