@@ -29,7 +29,7 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolate import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA, MODEL_ERROR, exceeding
+from exodrake.diagnosis.levels import ALPHA, exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection
@@ -40,7 +40,8 @@ from exodrake.machines.robot_file import load_robot
 HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside"  # kinds of simulated robots
 EACH_HEALTHY = 3  # one robot in so many is healthy
 LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
-FLOORS = {"law_error": MODEL_ERROR, "same_meaning": MODEL_ERROR}  # a robot is another simulator at least
+LEAST_ERROR = 0.02  # relative: a robot differs from its model at least as two simulators do; assumed
+FLOORS = {"law_error": LEAST_ERROR, "same_meaning": LEAST_ERROR}
 QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
 
 
