@@ -5,7 +5,8 @@ What a fit makes of noise and of the error of its laws (`levels`), by the curvat
     dx = -(J'J + P)^-1 (J' (w + a c h) + P^1/2 z)          J Jacobian, P prior precision, z white
 
 Draws of dx have the spread of the parameters: noise as coloured as it is, and the model discrepancy that the residual
-shows.
+shows. To that comes what no residual shows: a parameter of friction, creep or contact belongs to a law, reality follows
+another one, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from exodrake.diagnosis.result import Interval, NamedEffect
 
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
-PRESENT = 4.0  # standard deviations from null at which a channel counts as affected
+LAW = 0.2  # the same between the parameters of two laws of one effect: development cases of the blind package
+PRESENT = 2.0  # standard deviations from null at which a channel counts as affected
 MINOR = 0.12  # of the strongest channel: weaker channels count as leakage from it
 
 
@@ -77,22 +79,22 @@ def describe(fitted: Fitted, effect: Effect, probability: float, channels: tuple
         channels: those of its axis.
     """
     chosen, parameters, by_channel = affected(fitted), {}, {}
-    info = {p.name: p for p in effect.parameters}
+    info, law = {p.name: p for p in effect.parameters}, ROUNDING if effect.same_meaning else LAW
     sits = tuple(fitted.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     if chosen:
         first = fitted.parameters[chosen[0]]
         name = first.name.removeprefix(f"{effect.id}.")
         unit = info[name].unit
         by_channel[name] = {
-            fitted.parameters[i].channels[0]: interval(fitted.parameters[i], fitted.x[i], fitted.std[i], unit)
+            fitted.parameters[i].channels[0]: interval(fitted.parameters[i], fitted.x[i], fitted.std[i], unit, law)
             for i in chosen
         }
         mean, std = pooled(fitted.x[chosen], fitted.covariance[np.ix_(chosen, chosen)])
-        parameters[name] = interval(first, mean, std, unit)
+        parameters[name] = interval(first, mean, std, unit, law)
     for i, p in enumerate(fitted.parameters):
         name = p.name.removeprefix(f"{effect.id}.")
         if name not in parameters and i not in chosen:
-            parameters[name] = wrapped(interval(p, fitted.x[i], fitted.std[i], info[name].unit), effect, name)
+            parameters[name] = wrapped(interval(p, fitted.x[i], fitted.std[i], info[name].unit, law), effect, name)
     tendons, joints = (sits, ()) if effect.axis == TENDONS else ((), () if effect.axis == SCALAR else sits)
     return NamedEffect(effect.id, tendons, joints, parameters, by_channel, probability)
 
@@ -105,9 +107,12 @@ def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     return float(np.mean(values)), float(np.hypot(own, np.std(values, ddof=1) / np.sqrt(len(values))))
 
 
-def interval(parameter: Parameter, x: float, std: float, unit: str) -> Interval:
-    """90 % interval of a parameter in its own unit; one of unknown magnitude ends at its bounds."""
-    std = float(np.hypot(std, ROUNDING if parameter.transform == "log" else ROUNDING * abs(x)))
+def interval(parameter: Parameter, x: float, std: float, unit: str, law: float = ROUNDING) -> Interval:
+    """90 % interval of a parameter in its own unit; `law`: relative error that is added.
+
+    An interval of unknown magnitude ends at the parameter's bounds.
+    """
+    std = float(np.hypot(std, law if parameter.transform == "log" else law * abs(x)))
     low, high = x - Z90 * std, x + Z90 * std
     if parameter.transform == "log":
         low, high = max(low, min(x, parameter.bounds[0])), min(high, max(x, parameter.bounds[1]))
