@@ -6,8 +6,10 @@ from formula_case import FRAME, explanation, likelihood_of, linearisation, nomin
 from scipy import stats
 
 from exodrake.diagnosis import levels as method
-from exodrake.diagnosis.levels import ALPHA, exceeding, local_levels, scan, taken_up
+from exodrake.diagnosis.comparison import taken_up
+from exodrake.diagnosis.levels import ALPHA, exceeding, local_levels
 from exodrake.diagnosis.noise import EFFICIENCY
+from exodrake.diagnosis.scan import scan
 
 FRAMES, NOMINAL, CASES = 400, 3, 200
 

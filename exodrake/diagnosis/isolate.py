@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.levels import PROMISING, Levels, Tests, richer_law, taken_up
+from exodrake.diagnosis.comparison import richer_law, taken_up
+from exodrake.diagnosis.levels import PROMISING, Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply
@@ -58,11 +59,8 @@ def tested(
     likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
 ) -> list[Tested]:
     """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
-    made = []
-    for e in found:
-        grown = [other for other in larger if set(e.effects) < set(other.effects)]
-        levels = tests(e, [*(other for other in found if other is not e), *grown])
-        made.append(Tested(e, levels, likelihood.chi2(e.residual), e.cost(likelihood)))
+    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
+    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
     return sorted(made, key=lambda t: t.cost)
 
 
@@ -168,6 +166,9 @@ class Isolator:
         while not found.settled and len(found.tested) < max_effects:
             larger = self.grown(found)
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
+            parent = next(t for t in again if t.explanation is found.tested[-1][0].explanation)
+            if found.left and not parent.levels.beaten_by:
+                return found
             if any(t.levels.kept for t in again):
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
