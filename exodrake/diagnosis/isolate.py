@@ -158,7 +158,7 @@ class Isolator:
         likelihood = likelihood.scaled_to(singles[0].residual) if singles else likelihood
         found = replace(found, likelihood=likelihood, screened=tuple(screened))
         found = replace(found, retuned=tested(likelihood, tests, [retuned], singles)[0])
-        if found.nominal.levels.settled or found.retuned.levels.kept:
+        if found.nominal.levels.settled or found.retuned.levels.kept or found.retuned.levels.burst:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
         if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:

@@ -37,6 +37,7 @@ from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import scan
 
 ALPHA = 0.02  # level of each test
+LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.2  # share of the excess over noise from which a further effect is tried
 DRAWS = 99
 HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
@@ -83,7 +84,12 @@ class Levels:
     def consistent(self) -> bool:
         """Whether it leaves no more than it may: in every view, or as prediction error alone where the loop hunts."""
         hunts = len(self.views) > 1 and self.views[0] <= ALPHA < self.views[-1]
-        return self.local > ALPHA and (hunts or min(self.fit, *self.views) > ALPHA)
+        return self.local > LOCAL and (hunts or min(self.fit, *self.views) > ALPHA)
+
+    @property
+    def burst(self) -> bool:
+        """Whether single windows of time alone speak against it, which no effect of the whole motion explains."""
+        return self.local <= LOCAL and min(self.fit, *self.views) > ALPHA and self.moved <= self.most_moved
 
     @property
     def settled(self) -> bool:
@@ -218,6 +224,7 @@ def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
     source = limits.source or "development robots of the Exo-Index"
     return [
         ("level of each test", f"{ALPHA:g}", "chosen"),
+        ("level of the scan over time", f"{LOCAL:g}", "chosen"),
         ("rho, relative error of a law", f"{limits.law_error:g}", source),
         (
             "rho of a parameter that means the same in every law, and between two simulators of one law",

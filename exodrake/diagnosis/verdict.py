@@ -79,6 +79,8 @@ def kept(t: Tested) -> str:
 def rejected(t: Tested) -> str:
     """Why the best explanation is rejected, in one sentence."""
     p, chi2 = t.levels, float(t.chi2[0])
+    if p.burst:
+        return f"{t.explanation.name} leaves too much in single windows of time alone"
     if not p.consistent:
         left = f"a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
         return f"the best explanation, {t.explanation.name}, leaves {left}"
