@@ -71,9 +71,13 @@ def spurious(problem: Problem, found: Isolation, tested: Tested) -> bool:
 
 def kept(t: Tested) -> str:
     """Why an explanation is kept, in one sentence."""
-    p = min(t.levels.fit, t.levels.local, t.levels.complete)
+    p, views = t.levels, t.levels.views
     name = t.explanation.name if t.explanation.effects else "the robot without an effect"
-    return f"{name} leaves what noise and the error of its law leave (p = {p:.2g})"
+    if min(p.fit, *views) > ALPHA:
+        return f"{name} leaves what noise and the error of its law leave (p = {min(p.fit, *views):.2g})"
+    return (
+        f"{name} leaves as prediction error what noise and its law leave (p = {views[-1]:.2g}); the closed loop hunts"
+    )
 
 
 def rejected(t: Tested) -> str:
