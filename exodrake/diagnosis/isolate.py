@@ -20,7 +20,6 @@ from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.levels import PROMISING, Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
@@ -44,9 +43,9 @@ class Tested:
     cost: float
 
 
-def mean_log(chi2: np.ndarray) -> float:
-    """Mean logarithm of reduced chi-squares (views,), above the noise."""
-    return float(np.mean(np.log(np.maximum(chi2, 1.0))))
+def mean_log(likelihood: Likelihood, e: Explanation) -> float:
+    """Mean logarithm of the reduced chi-squares of all views, above the noise."""
+    return float(np.mean(np.log(np.maximum(likelihood.chi2(e.residual), 1.0))))
 
 
 def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
@@ -181,7 +180,7 @@ class Isolator:
         levels = found.tests(fitted[0])
         further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.settled]
         more = [*fitted, *self.fitted(likelihood, known, further)]
-        return sorted(more, key=lambda e: mean_log(likelihood.chi2(e.residual)))
+        return sorted(more, key=lambda e: mean_log(likelihood, e))
 
     def grown(self, found: Isolation) -> Isolation:
         """The isolation with sets of one more effect, grown from the best set."""
@@ -199,23 +198,22 @@ class Isolator:
     def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
         begun = [self.begun(likelihood, self.starts(likelihood, known, p)) for p in found]
-        cost = [mean_log(likelihood.chi2(e.residual)) for e in begun]
+        cost = [mean_log(likelihood, e) for e in begun]
         near = [c < min(cost) + BEHIND for c in cost]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
-        done.sort(key=lambda e: mean_log(likelihood.chi2(e.residual)))
+        done.sort(key=lambda e: mean_log(likelihood, e))
         if not done:
             return done
-        least, closer = mean_log(likelihood.chi2(done[0].residual)), likelihood.scaled_to(done[0].residual)
+        least, closer = mean_log(likelihood, done[0]), likelihood.scaled_to(done[0].residual)
         for k, e in enumerate(done[:FRESH]):
-            if CONVERGED < mean_log(likelihood.chi2(e.residual)) < least + NEAR:
+            if CONVERGED < mean_log(likelihood, e) < least + NEAR:
                 done[k] = self.refreshed(closer, e)
-        return sorted(done, key=lambda e: mean_log(likelihood.chi2(e.residual)))
+        return sorted(done, key=lambda e: mean_log(likelihood, e))
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""
         count = e.nominal
-        here = apply(e.values, e.parameters, np.concatenate([np.zeros(count), e.x[count:]]))
-        jacobian = nominal_jacobian(likelihood, here, e.parameters[:count], e.x[:count], e.residual)
+        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
         return self.refined(likelihood, replace(e, jacobian=jacobian), STEPS)
 
     def refined(self, likelihood: Likelihood, start: Explanation, steps: int) -> Explanation:
@@ -245,6 +243,5 @@ class Isolator:
     def linearised(self, likelihood: Likelihood, e: Explanation) -> Linearisation:
         """Directions of all other effects beside an explanation; its nominal Jacobian is kept."""
         count = e.nominal
-        here = apply(e.values, e.parameters, np.concatenate([np.zeros(count), e.x[count:]]))
         others = [effect for effect in self.effects if effect.id not in e.effects]
-        return linearise(likelihood, here, e.x[:count], e.parameters[:count], others, e.jacobian)
+        return linearise(likelihood, e.at_nominal, e.x[:count], e.parameters[:count], others, e.jacobian)

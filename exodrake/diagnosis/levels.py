@@ -77,7 +77,7 @@ class Levels:
 
     @property
     def kept(self) -> bool:
-        """Whether the logs reject it not, as far as was tried."""
+        """Whether the logs do not reject it, as far as was tried."""
         return self.consistent and self.moved <= self.most_moved and not self.beaten_by
 
     @property

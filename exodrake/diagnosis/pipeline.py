@@ -28,9 +28,8 @@ from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
 from exodrake.machines.robot_file import load_robot
 
-MORE = (
-    1.2  # times the reduced chi-square of the part: the whole logs of 40 healthy development robots left 0.91 to 1.02
-)
+# times the reduced chi-square of the part used: assumed; that of 40 healthy development robots: 0.91 to 1.02
+MORE = 1.2
 
 
 def diagnose(

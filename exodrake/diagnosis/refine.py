@@ -46,6 +46,11 @@ class Explanation:
         return apply(self.values, self.parameters, self.x)
 
     @property
+    def at_nominal(self) -> np.ndarray:
+        """Flat parameter vector (n,) with the fitted effects and the nominal parameters as they were."""
+        return apply(self.values, self.parameters, np.concatenate([np.zeros(self.nominal), self.x[self.nominal :]]))
+
+    @property
     def name(self) -> str:
         """Ids joined by +; `retune` without an effect."""
         return " + ".join(self.effects) or "retune"
