@@ -14,6 +14,7 @@ from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
 KINDS = ("speed_cmd", "stroke", "tension")
+READING = 1.2e-5  # m, of an encoder
 
 
 @pytest.fixture(scope="module")
@@ -22,13 +23,13 @@ def robot():
 
 
 def decoded(robot, log):
-    return packet_loss.decode(robot.machine, robot.values, {kind: log.array(kind) for kind in KINDS})
+    return packet_loss.decode(robot.machine, robot.values, {kind: log.array(kind) for kind in KINDS}, READING)
 
 
 def test_lost_commands_are_decoded(robot):
     reference = Reference(protocols.steps(robot, dwell=0.6).tension, "steps")
     deaf = robot.splice("timing.dropped_commands", {"probability": 0.3})
-    losses = [decoded(robot, simulate(deaf, reference, seed=seed)) for seed in range(3)]
+    losses = [decoded(robot, simulate(deaf, reference, seed=seed)) for seed in range(12)]
     _, low, high = packet_loss.loss_probability(losses)
     assert low < 0.3 < high and sum(d.events for d in losses) > 20
     clean = decoded(robot, simulate(robot, reference, seed=9))
@@ -47,7 +48,7 @@ def test_commands_lost_in_bursts_are_decoded(robot):
     trial = replace(problem.fit[0], reference=reference, latent={packet_loss.INPUT: packet_arrival})
     log = problem.predict(problem.silent(deaf)[None], trial)[0]
     measured = {kind: log[:, [k == kind for k in problem.kinds]] for kind in KINDS}
-    found = packet_loss.decode(robot.machine, problem.silent(), measured)
+    found = packet_loss.decode(robot.machine, problem.silent(), measured, READING)
     assert found.lost >= 5 and np.mean(packet_arrival[found.packet_arrival == 0.0] == 0.0) > 0.9
 
 
@@ -76,6 +77,6 @@ def test_robot_that_loses_nothing_is_not_tried_for_packet_loss(robot):
 def test_log_without_commands_and_machine_without_link_have_no_losses(robot):
     log = simulate(robot, Reference(np.ones((20, 3))), seed=0)
     kinds = {kind: log.array(kind) for kind in ("stroke", "tension")}
-    assert packet_loss.decode(robot.machine, robot.values, kinds) is None
+    assert packet_loss.decode(robot.machine, robot.values, kinds, READING) is None
     so101 = load_robot("so101")
-    assert packet_loss.decode(so101.machine, so101.values, kinds) is None
+    assert packet_loss.decode(so101.machine, so101.values, kinds, READING) is None

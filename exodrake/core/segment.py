@@ -81,7 +81,6 @@ class CommandLink:
         received: signal that the drive reads: the last command that arrived.
         part: the drive; its other inputs are measured, as the segments impose them.
         moved: signal of the position.
-        change: change of command [unit of the command] from which a loss can be seen.
     """
 
     command: str
@@ -89,4 +88,3 @@ class CommandLink:
     received: str
     part: str
     moved: str
-    change: float

@@ -2,7 +2,8 @@
 
 A lost command shows where it would have changed the speed by much. Only the drives are simulated on the measured
 commands and loads, with the command and without it, for every pattern of losses in the frames that follow; the measured
-positions of these frames decide by the least squared error. A command whose loss cannot be seen counts as received.
+positions of these frames decide by the least squared error. A change of speed that moves the drive less in these frames
+than the noise of a reading counts as received.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.segment import CommandLink
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.result import Detection, Interval, NamedEffect
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
 AHEAD = 3  # frames that decide; losses come in bursts
 CLEAR = 0.2  # of the squared error that losing the command must leave
+CERTAIN = 6.0  # standard deviations of a reading that a loss must show; a healthy log has 500 changes: 1e-9 each
 FUTURES = tuple(product((False, True), repeat=AHEAD - 1))
 CONFIDENCE = 0.9
 
@@ -55,11 +58,11 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     no loss is seen.
     """
     machine, kinds, found = problem.robot.machine, problem.kinds, []
-    nominal = problem.silent()
+    nominal, noise = problem.silent(), reading_noise(problem)
 
     def decoded(trial: Trial) -> Trial:
         measured = {kind: trial.measured[:, [k == kind for k in kinds]] for kind in kinds}
-        losses = decode(machine, nominal, measured)
+        losses = decode(machine, nominal, measured, noise)
         if losses is None:
             return trial
         found.append(losses)
@@ -74,6 +77,15 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, 1.0)
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
     return replace(problem, detected=(*problem.detected, detection))
+
+
+def reading_noise(problem: Problem) -> float:
+    """Standard deviation of a reading of the drives' position [its unit]; 0 for a machine without a command link."""
+    link = problem.robot.machine.command_link
+    if link is None or link.output not in problem.kinds:
+        return 0.0
+    seen = [std for kind, std in zip(problem.kinds, problem.noise_std, strict=True) if kind == link.output]
+    return sensor_noise_std(problem.robot).get(link.output, float(np.median(seen)))
 
 
 class Drive:
@@ -131,13 +143,14 @@ class Record:
         return {name: rows[frame] for name, rows in self.loads.items()}
 
 
-def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray]) -> PacketLoss | None:
+def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
     """Lost commands of one log; None of a machine without a command link, or where a column is missing.
 
     Args:
         machine: machine with its `command_link`.
         values: (parameters,) flat parameters [SI].
         measured: column kind -> (n, channels) as logged [SI].
+        noise: standard deviation of a reading of the position [its unit].
     """
     link = machine.command_link
     if link is None:
@@ -148,11 +161,12 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
         return None
     whole = {kind: filled_columns(rows) for kind, rows in measured.items()}
     log = Record(whole[link.command], whole[link.output], {name: whole[kind] for name, kind in loads.items()})
-    return decoded(Drive(machine, values, link), log, link.change)
+    return decoded(Drive(machine, values, link), log, noise, machine.frame)
 
 
-def decoded(drive: Drive, log: Record, visible: float) -> PacketLoss:
-    """Lost commands of one log; visible: change of command from which a loss can be seen."""
+def decoded(drive: Drive, log: Record, noise: float, frame: float) -> PacketLoss:
+    """Lost commands of one log; noise: of a reading [unit of the position], frame [s]."""
+    visible = CERTAIN * noise / (AHEAD * frame)
     packet_arrival, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
     events = lost = 0
     for n in range(len(packet_arrival) - AHEAD):
@@ -160,9 +174,10 @@ def decoded(drive: Drive, log: Record, visible: float) -> PacketLoss:
         seen = change > visible
         if seen.any():
             keep, drop = (least_error(drive, state, applied, seen, log, n, first) for first in (False, True))
-            gone = seen & (drop < CLEAR * keep)
+            shown = seen & (np.abs(keep - drop) > (CERTAIN * noise) ** 2)
+            gone = shown & (drop < CLEAR * keep)
             packet_arrival[n, gone] = 0.0
-            events, lost = events + int(seen.sum()), lost + int(gone.sum())
+            events, lost = events + int(shown.sum()), lost + int(gone.sum())
         now = np.where(packet_arrival[n] == 0.0, applied, log.command[n])
         drive.frame(state, applied, now, log.loads_at(n))
         applied = now

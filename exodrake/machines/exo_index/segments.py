@@ -8,7 +8,6 @@ SOFT = 1e-3  # N/m
 READ = 0.005  # s after the start of a frame: middle of the three bus reads
 STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a second
 SLACK = 0.15  # N: a tendon below half the anti-slack tension of 0.3 N counts as slack
-VISIBLE = 4e-3  # m/s: a smaller change of speed moves the stroke by less than two encoder counts a frame
 SEGMENTS = (
     Segment("controller", "speed_cmd", ("tension",), exact=True),
     Segment(
@@ -43,4 +42,4 @@ SEGMENTS = (
     ),
 )
 REGIME = Regime("stroke", "tension", "angle", STILL, SLACK)
-COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "stroke", VISIBLE)
+COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "stroke")
