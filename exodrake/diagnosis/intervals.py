@@ -17,14 +17,14 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.signal import SCALAR, TENDONS
+from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 
+CONFIDENCE = 0.9  # of intervals
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
 LAW = 0.2  # the same between the parameters of two laws of one effect: development cases of the blind package
-PRESENT = 2.0  # standard deviations from null at which a channel counts as affected
-MINOR = 0.12  # of the strongest channel: weaker channels count as leakage from it
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,21 +52,19 @@ class Fitted:
         return Fitted(tuple(self.parameters[i] for i in mine), self.x[mine], self.covariance[np.ix_(mine, mine)])
 
     def holds_null(self) -> bool:
-        """Whether no amplitude is significantly away from 0; an effect without an amplitude is present."""
+        """Whether the 90 % region of the amplitudes holds 0 (Wald); an effect without an amplitude is present."""
+        from scipy.stats import chi2
+
         mine = [i for i, p in enumerate(self.parameters) if p.amplitude]
-        return bool(mine) and not np.any(np.abs(self.x[mine]) > Z90 * self.std[mine])
+        x, precision = self.x[mine], np.linalg.pinv(self.covariance[np.ix_(mine, mine)])
+        return bool(mine) and float(x @ precision @ x) <= chi2.ppf(CONFIDENCE, len(mine))
 
 
 def affected(fitted: Fitted) -> list[int]:
-    """Positions of the per-channel parameters of an effect whose channels count as affected; at least the strongest."""
+    """Positions of the per-channel parameters of an effect whose channels count as affected."""
     lead = next(p.name for p in fitted.parameters)
     mine = [i for i, p in enumerate(fitted.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
-    if not mine:
-        return []
-    strength = np.abs(fitted.x[mine])
-    sure = strength > PRESENT * np.maximum(fitted.std[mine], 1e-12)
-    chosen = [i for i, s, ok in zip(mine, strength, sure, strict=True) if ok and s > MINOR * strength.max()]
-    return chosen or [mine[int(np.argmax(strength))]]
+    return [mine[i] for i in affected_channels(fitted.x[mine], fitted.covariance[np.ix_(mine, mine)])] if mine else []
 
 
 def describe(fitted: Fitted, effect: Effect, probability: float, channels: tuple[str, ...]) -> NamedEffect:

@@ -1,0 +1,42 @@
+"""Affected channels: sets that were planted in normal estimates are found again, whatever their scale and order."""
+
+import numpy as np
+import pytest
+
+from exodrake.diagnosis.channels import affected_channels
+
+DRAWS = 400
+
+
+def share_found(planted, std, seed=0):
+    """Share of draws of estimates of planted amplitudes in which exactly the planted channels are found."""
+    rng, planted, std = np.random.default_rng(seed), np.array(planted), np.array(std)
+    draws = planted + std * rng.standard_normal((DRAWS, len(planted)))
+    return np.mean([np.array_equal(affected_channels(x, np.diag(std**2)), np.flatnonzero(planted)) for x in draws])
+
+
+@pytest.mark.parametrize(
+    "planted", [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.9], [0, 0, 0, 1.0, 0, 0], [1.0] * 6]
+)
+def test_planted_channels_are_found(planted):
+    assert share_found(planted, [0.05] * len(planted)) > 0.98
+    assert share_found(planted, [0.2] * len(planted)) > 0.9
+
+
+def test_a_channel_that_the_motion_hardly_excites_goes_with_the_others():
+    assert share_found([1.0, 1.0, 1.0], [0.05, 1.0, 0.05]) > 0.9
+    assert share_found([1.0, 0.0, 0.0], [0.05, 1.0, 0.05]) > 0.9
+
+
+def test_the_set_depends_on_neither_scale_nor_order():
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        x, root = rng.standard_normal(4), 0.3 * rng.standard_normal((4, 4))
+        covariance, order = root @ root.T, rng.permutation(4)
+        found = set(affected_channels(x, covariance))
+        assert set(affected_channels(1e-6 * x, 1e-12 * covariance)) == found
+        assert {order[i] for i in affected_channels(x[order], covariance[np.ix_(order, order)])} == found
+
+
+def test_an_effect_without_any_amplitude_sits_somewhere():
+    assert len(affected_channels(np.zeros(3), np.eye(3))) == 1
