@@ -15,9 +15,7 @@ def share_found(planted, std, seed=0):
     return np.mean([np.array_equal(affected_channels(x, np.diag(std**2)), np.flatnonzero(planted)) for x in draws])
 
 
-@pytest.mark.parametrize(
-    "planted", [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.9], [0, 0, 0, 1.0, 0, 0], [1.0] * 6]
-)
+@pytest.mark.parametrize("planted", [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.9], [0, 0, 1.0, 0], [1.0] * 6])
 def test_planted_channels_are_found(planted):
     assert share_found(planted, [0.05] * len(planted)) > 0.98
     assert share_found(planted, [0.2] * len(planted)) > 0.9
