@@ -39,9 +39,8 @@ def evidence(x: np.ndarray, covariance: np.ndarray, chosen: np.ndarray) -> float
     outside = covariance + (LEAK * size) ** 2 * np.eye(len(x))
     one_cause = size**2 * (np.outer(there, there) + SPREAD**2 * np.diag(there))
     of_their_own = size**2 * np.diag(there)
-    return log_prior(len(chosen), len(x)) + float(
-        np.logaddexp(*(log_density(x, outside + inside) for inside in (one_cause, of_their_own)))
-    )
+    densities = [log_density(x, outside + inside) for inside in (one_cause, of_their_own)]
+    return log_prior(len(chosen), len(x)) + float(np.logaddexp.reduce(densities))
 
 
 def log_prior(count: int, channels: int) -> float:

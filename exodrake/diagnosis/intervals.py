@@ -57,7 +57,7 @@ class Fitted:
 
         mine = [i for i, p in enumerate(self.parameters) if p.amplitude]
         x, precision = self.x[mine], np.linalg.pinv(self.covariance[np.ix_(mine, mine)])
-        return bool(mine) and float(x @ precision @ x) <= chi2.ppf(CONFIDENCE, len(mine))
+        return bool(mine and x @ precision @ x <= chi2.ppf(CONFIDENCE, len(mine)))
 
 
 def affected(fitted: Fitted) -> list[int]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import apply
-from exodrake.diagnosis.refine import Explanation, effect_columns
+from exodrake.diagnosis.projection import normal_matrix
+from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
 
 def rows_of_log(likelihood: Likelihood, log: int) -> np.ndarray:
@@ -24,12 +25,10 @@ def rows_of_log(likelihood: Likelihood, log: int) -> np.ndarray:
 def without_each_log(likelihood: Likelihood, e: Explanation) -> np.ndarray:
     """Flat parameter vectors (logs, parameters) [SI] of an explanation fitted to all logs but one."""
     likelihood, precision = likelihood.scaled_to(e.residual), 1.0 / e.prior_std**2
-    columns = np.concatenate([e.jacobian, effect_columns(likelihood, e)])
-    found = []
+    columns, found = whole_jacobian(likelihood, e), []
     for log in range(len(likelihood.views[0].problem.fit)):
         weights = np.where(rows_of_log(likelihood, log), 0.0, likelihood.weights)
         jacobian, residual = columns * weights, e.residual * weights
-        normal = jacobian @ jacobian.T + np.diag(precision)
-        move = np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), jacobian @ residual + precision * e.x)
+        move = np.linalg.solve(normal_matrix(jacobian, precision), jacobian @ residual + precision * e.x)
         found.append(apply(e.values, e.parameters, np.clip(e.x - move, *e.bounds)))
     return np.array(found)

@@ -25,7 +25,7 @@ from exodrake.diagnosis.moved import retuned
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
-from exodrake.diagnosis.verdict import Decision, decide, fitted, probabilities
+from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
 
 # times the reduced chi-square of the part used: assumed; that of 40 healthy development robots: 0.91 to 1.02
@@ -112,9 +112,9 @@ def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[
     certain = tuple(d.effect for d in problem.detected if d.certain)
     if decision.verdict not in (NAMED, AMBIGUOUS):
         return ()
-    if not best.explanation.effects:
+    if decision.fitted is None:
         return certain
-    whole, probability = fitted(found, best), probabilities(found).get(best.explanation.name, 1.0)
+    whole, probability = decision.fitted, probabilities(found).get(best.explanation.name, 1.0)
     counted = {d.effect.id: replace(d.effect, probability=probability) for d in problem.detected}
     named = [machine.effect(effect) for effect in best.explanation.effects]
     stated = {e.id: describe(whole.of(e.id), e, probability, machine.axes.of(e.axis)) for e in named}

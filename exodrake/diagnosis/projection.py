@@ -6,7 +6,15 @@ import numpy as np
 
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, Probe
-from exodrake.diagnosis.refine import Explanation, effect_columns
+from exodrake.diagnosis.refine import Explanation, whole_jacobian
+
+RIDGE = 1e-9  # relative, on the diagonal of a normal matrix: above rounding
+
+
+def normal_matrix(columns: np.ndarray, precision: np.ndarray) -> np.ndarray:
+    """J'J + P (parameters, parameters) of weighted columns J' (parameters, samples) and prior precisions P."""
+    normal = (columns @ columns.T).astype(float) + np.diag(precision)
+    return normal + RIDGE * np.diag(np.diag(normal))
 
 
 class Projection:
@@ -14,12 +22,10 @@ class Projection:
 
     def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
         self.explanation, self.weights = e, likelihood.weights
-        self.columns = np.concatenate([e.jacobian, effect_columns(likelihood, e)])
+        self.columns, self.precision = whole_jacobian(likelihood, e), 1.0 / e.prior_std**2
         self.fitted = (self.columns * self.weights).astype(np.float32)
         self.directions = lin.directions * self.weights
-        self.precision = 1.0 / e.prior_std**2
-        self.normal = (self.fitted @ self.fitted.T).astype(float) + np.diag(self.precision)
-        self.normal += 1e-9 * np.diag(np.diag(self.normal))
+        self.normal = normal_matrix(self.fitted, self.precision)
         cross = (self.fitted @ self.directions.T).astype(float)
         self.inverse = np.linalg.inv(self.normal)
         self.solved = self.inverse @ cross
@@ -42,12 +48,15 @@ class Projection:
         pull = (self.fitted[others] @ (row * self.weights).astype(np.float32)).astype(float)
         return row - np.linalg.solve(self.normal[np.ix_(others, others)], pull) @ self.columns[others]
 
+    def slopes(self, rows: np.ndarray, pull: np.ndarray) -> np.ndarray:
+        """Products (directions, n) of the directions with weighted rows (n, samples), the fitted columns eliminated."""
+        return (self.directions @ rows.T).astype(float) - self.solved.T @ pull
+
     def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""
         if not self.probes:
             return np.zeros(len(rows)), [""] * len(rows)
-        rows, pull = self.pull(rows)
-        slope = (self.directions @ rows.T).astype(float) - self.solved.T @ pull
+        slope = self.slopes(*self.pull(rows))
         gains = np.array([self.gain(slope, probe) for probe in self.probes])
         return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -84,7 +85,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
     """The explanation after at most `steps` steps; it ends when a step lowers the cost by less than the share `tol`."""
     found, damping = start, DAMPING
     for _ in range(steps):
-        columns, before = effect_columns(likelihood, found), found.cost(likelihood)
+        columns, before = whole_jacobian(likelihood, found), found.cost(likelihood)
         for _ in range(TRIES):
             trial, expected = stepped(likelihood, found, columns, damping)
             found = corrected(found, trial, expected)
@@ -98,6 +99,16 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
         if found.cost(likelihood) > (1.0 - tol) * before:
             break
     return found
+
+
+COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
+
+
+def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (parameters, samples) of the residual by all parameters; those by the effects are simulated once."""
+    if here not in COLUMNS:
+        COLUMNS[here] = effect_columns(likelihood, here)
+    return np.concatenate([here.jacobian, COLUMNS[here]])
 
 
 def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
@@ -120,14 +131,13 @@ def stepped(
     likelihood: Likelihood, here: Explanation, columns: np.ndarray, damping: float
 ) -> tuple[Explanation, np.ndarray]:
     """The explanation after one damped Gauss-Newton step, and the residual that the Jacobian expects there."""
-    jacobian, precision = np.concatenate([here.jacobian, columns]), 1.0 / here.prior_std**2
-    weighted = jacobian * likelihood.weights
+    weighted, precision = columns * likelihood.weights, 1.0 / here.prior_std**2
     normal = weighted @ weighted.T + np.diag(precision)
     slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
     low, high = here.bounds - here.x
     move, _ = bounded(normal + damping * np.diag(np.diag(normal)), slope, low, high)
     x = np.clip(here.x + move, low + here.x, high + here.x)
-    return here.at(likelihood, x), here.residual + (x - here.x) @ jacobian
+    return here.at(likelihood, x), here.residual + (x - here.x) @ columns
 
 
 def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> Explanation:

@@ -1,4 +1,4 @@
-"""Selection by algebra: every effect and every pair, by small bounded least squares on one normal matrix.
+"""Selection by algebra: every effect by small bounded least squares on one normal matrix.
 
 Nominal parameters, and those of effects that are known already, are linear about their fit and are eliminated in closed
 form (Schur complement; variable projection, Golub & Pereyra 1973). What is left is a least-squares problem in one to
@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, Probe
-from exodrake.diagnosis.refine import Explanation, bounded, effect_columns
+from exodrake.diagnosis.projection import Projection
+from exodrake.diagnosis.refine import Explanation, bounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +45,13 @@ class NormalMatrix:
     """
 
     def __init__(self, likelihood: Likelihood, known: Explanation, lin: Linearisation) -> None:
-        weights = likelihood.weights
-        columns = np.concatenate([known.jacobian, effect_columns(likelihood, known)]).astype(np.float32) * weights
-        directions, residual = lin.directions * weights, (known.residual * weights).astype(np.float32)
-        self.probes, self.x = [p for p in lin.probes if p.effect not in known.effects], known.x
-        precision = 1.0 / known.prior_std**2
-        normal = (columns @ columns.T).astype(float) + np.diag(precision)
-        pull = (columns @ residual).astype(float) + precision * known.x
-        cross = (columns @ directions.T).astype(float)
-        self.solved = np.linalg.solve(normal + 1e-9 * np.diag(np.diag(normal)), np.c_[cross, pull])
-        self.curvature = (directions @ directions.T).astype(float) - cross.T @ self.solved[:, :-1]
-        self.slope = (directions @ residual).astype(float) - cross.T @ self.solved[:, -1]
-        self.base = likelihood.cost(known.residual, known.x, known.prior_std) - 0.5 * float(pull @ self.solved[:, -1])
+        project = Projection(likelihood, known, lin)
+        residual, pull = project.pull(known.residual[None])
+        pull += (project.precision * known.x)[:, None]
+        self.probes, self.x, self.curvature = project.probes, known.x, project.curvature
+        self.slope = project.slopes(residual, pull)[:, 0]
+        self.solved = np.concatenate([project.solved, project.inverse @ pull], axis=1)
+        self.base = known.cost(likelihood) - 0.5 * float(pull[:, 0] @ self.solved[:, -1])
 
     def predicted(self, probes: Sequence[Probe]) -> Predicted:
         """The best factors of some probes, within their ranges."""
@@ -75,8 +70,3 @@ class NormalMatrix:
             if probe.effect not in best or found.cost < best[probe.effect].cost:
                 best[probe.effect] = found
         return sorted(best.values(), key=lambda p: p.cost)
-
-    def pairs(self) -> list[Predicted]:
-        """All pairs of the best probes of effects, best pair first."""
-        found = [self.predicted([a.probes[0], b.probes[0]]) for a, b in combinations(self.singles(), 2)]
-        return sorted(found, key=lambda p: p.cost)

@@ -25,12 +25,14 @@ class Decision:
         best: explanation behind it; the best one tried for UNKNOWN.
         left: explanations that the logs do not reject, best first.
         reasons: sentences.
+        fitted: parameters of the effects of the best explanation, if it is left and has any.
     """
 
     verdict: str
     best: Tested
     left: tuple[Tested, ...]
     reasons: tuple[str, ...]
+    fitted: Fitted | None = None
 
 
 def fitted(found: Isolation, tested: Tested) -> Fitted:
@@ -42,7 +44,8 @@ def fitted(found: Isolation, tested: Tested) -> Fitted:
 def decide(problem: Problem, found: Isolation) -> Decision:
     """The verdict of an isolation."""
     detected = tuple(d.reason for d in problem.detected if d.certain)
-    left = tuple(t for t in found.left if not spurious(problem, found, t))
+    fits = {t: fitted(found, t) if t.explanation.effects else None for t in found.left}
+    left = tuple(t for t, fit in fits.items() if not (fit and spurious(problem, t, fit)))
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
     if not left and not detected:
@@ -57,16 +60,14 @@ def decide(problem: Problem, found: Isolation) -> Decision:
         verdict = NO_GAP if best is found.nominal else RETUNE
         return Decision(verdict, best, left, (kept(best),))
     if len(left) == 1:
-        return Decision(NAMED, best, left, (*detected, kept(best)))
+        return Decision(NAMED, best, left, (*detected, kept(best)), fits[best])
     names = ", ".join(t.explanation.name for t in left)
-    return Decision(AMBIGUOUS, best, left, (*detected, f"the logs reject none of these: {names}"))
+    return Decision(AMBIGUOUS, best, left, (*detected, f"the logs reject none of these: {names}"), fits[best])
 
 
-def spurious(problem: Problem, found: Isolation, tested: Tested) -> bool:
+def spurious(problem: Problem, tested: Tested, fit: Fitted) -> bool:
     """Whether an effect of an explanation may as well be absent; one that was counted is not."""
-    effects = [effect for effect in tested.explanation.effects if effect not in problem.counted]
-    whole = fitted(found, tested) if effects else None
-    return any(whole.of(effect).holds_null() for effect in effects) if whole else False
+    return any(fit.of(effect).holds_null() for effect in tested.explanation.effects if effect not in problem.counted)
 
 
 def kept(t: Tested) -> str:
