@@ -31,9 +31,28 @@ def test_lost_commands_are_decoded(robot):
     deaf = robot.splice("timing.dropped_commands", {"probability": 0.3})
     losses = [decoded(robot, simulate(deaf, reference, seed=seed)) for seed in range(12)]
     _, low, high = packet_loss.loss_probability(losses)
-    assert low < 0.3 < high and sum(d.events for d in losses) > 20
-    clean = decoded(robot, simulate(robot, reference, seed=9))
-    assert clean.lost <= 0.05 * max(clean.events, 1) + 1
+    assert low < 0.3 < high and high - low < 0.25
+    assert not decoded(robot, simulate(robot, reference, seed=9)).lost.any()
+
+
+@pytest.mark.parametrize(("enter", "stay"), [(0.3, 0.3), (0.05, 0.8), (0.02, 0.75)])
+def test_share_of_a_markov_chain_is_covered(enter, stay):
+    """Losses seen more often within runs than where these begin tell the share of all commands."""
+    rng, covered, true = np.random.default_rng(7), 0, enter / (enter + 1.0 - stay)
+    for _ in range(200):
+        events = np.array([60, 30])
+        losses = [packet_loss.PacketLoss(np.ones((1, 1)), events, rng.binomial(events, (enter, stay)), np.zeros(2))]
+        _, low, high = packet_loss.loss_probability(losses)
+        covered += low < true < high
+    assert 0.84 < covered / 200 < 0.97
+
+
+@pytest.mark.parametrize("effect", ["motor.current_limit", "motor.slow_velocity_loop", "timing.command_latency"])
+def test_a_drive_that_follows_badly_loses_no_commands(robot, effect):
+    log = CaseLog(simulate(robot.splice(effect), protocols.steps(robot, dwell=0.6), seed=2), "s", "fit", None, "s.csv")
+    problem = make_problem(Case("bad", {}, (log,)), robot)
+    found = packet_loss.detect(problem, robot.machine.effect("timing.dropped_commands"), problem.silent())
+    assert not found.detected and "timing.dropped_commands" not in found.tried
 
 
 def test_commands_lost_in_bursts_are_decoded(robot):
@@ -49,7 +68,9 @@ def test_commands_lost_in_bursts_are_decoded(robot):
     log = problem.predict(problem.silent(deaf)[None], trial)[0]
     measured = {kind: log[:, [k == kind for k in problem.kinds]] for kind in KINDS}
     found = packet_loss.decode(robot.machine, problem.silent(), measured, READING)
-    assert found.lost >= 5 and np.mean(packet_arrival[found.packet_arrival == 0.0] == 0.0) > 0.9
+    assert (
+        np.sum(found.packet_arrival == 0.0) >= 50 and np.mean(packet_arrival[found.packet_arrival == 0.0] == 0.0) > 0.9
+    )
 
 
 def test_losses_become_inputs_of_the_simulation_and_the_effect_stays_a_candidate(robot):
@@ -61,7 +82,7 @@ def test_losses_become_inputs_of_the_simulation_and_the_effect_stays_a_candidate
     (detection,) = found.detected
     assert detection.effect.id == effect.id and not detection.certain and effect.id in found.tried
     lost = 1.0 - found.fit[0].latent[packet_loss.INPUT]
-    assert lost.sum() > 5 and found.counted[effect.id] == detection.effect.parameters["probability"].value
+    assert lost.sum() > 3 and found.counted[effect.id] == detection.effect.parameters["probability"].value
     values = problem.silent(deaf)
     before, after = (np.mean(p.residual(values[None], p.fit) ** 2) for p in (problem, found))
     assert after < 0.5 * before

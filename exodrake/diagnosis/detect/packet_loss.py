@@ -1,25 +1,26 @@
-"""Packet loss: which commands did not reach the drives, decoded frame by frame from a log.
+"""Packet loss: which commands did not reach the drives, decoded from a log.
 
-A lost command shows where it would have changed the speed by much. Only the drives are simulated on the measured
-commands and loads, with the command and without it, for every pattern of losses in the frames that follow; the measured
-positions of these frames decide by the least squared error. A change of speed that moves the drive less in these frames
-than the noise of a reading counts as received.
+The drives alone are simulated on the measured commands and loads, along several paths side by side: each command
+arrives, or the last one that arrived is held on. The path of least cost tells the losses (Viterbi 1967):
+
+    cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
+
+moved, measured: change of position in a frame; s: noise of two readings, and the error of the drive's model, as large
+as a log shows it on the whole. So a drive that follows badly loses no commands, and a burst is seen though it begins
+with small changes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
-from exodrake.core.segment import CommandLink
+from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.result import Detection, Interval, NamedEffect
@@ -28,11 +29,16 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
 
 INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
-AHEAD = 3  # frames that decide; losses come in bursts
-CLEAR = 0.2  # of the squared error that losing the command must leave
-CERTAIN = 6.0  # standard deviations of a reading that a loss must show; a healthy log has 500 changes: 1e-9 each
-FUTURES = tuple(product((False, True), repeat=AHEAD - 1))
-CONFIDENCE = 0.9
+ENTER, STAY = 12.0, 1.0  # -log of the probabilities that a run of losses begins at a change (6e-6), and goes on (0.4)
+PATHS, FAR = 6, 40.0  # most paths at a time; a path that costs so much more than the best is given up
+STILL = 0.25  # standard deviations of a reading in a frame: smaller changes of the command count as none
+SHOWN = 10.0  # the same, from which the loss of a single command shows
+LAGS = 3  # frames in which a drive follows a command
+QUARTILE = 0.32  # of the absolute value of a normal number, in standard deviations
+CLEAR = (
+    0.1  # of the errors around them that losses may leave; in development cases 0.02-0.05, a drive at its limit 0.2-0.9
+)
+CONFIDENCE, DRAWS = 0.9, 4000  # of the interval of a share, and draws for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,21 +47,23 @@ class PacketLoss:
 
     Attributes:
         packet_arrival: (n, channels), 0 where a command was lost, else 1.
-        events: commands whose loss could be seen.
-        lost: those that were lost.
+        events: (2,) commands whose loss could be seen, after one that arrived and after one that was lost.
+        lost: (2,) those that were lost.
+        errors: (2,) squared errors around the losses, above those of noise and model, if they had arrived and lost.
     """
 
     packet_arrival: np.ndarray
-    events: int
-    lost: int
+    events: np.ndarray
+    lost: np.ndarray
+    errors: np.ndarray
 
 
 def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     """The problem whose trials carry the packet losses that their logs show.
 
-    They are decoded with the nominal drives, as retuned ones imitate losses. A drive that follows badly loses commands,
-    too, so the effect remains a candidate, with the share that was counted as its parameter; it is none where
-    no loss is seen.
+    They are decoded with the nominal drives, as retuned ones imitate losses. A drive at its limit seems to lose
+    commands, but leaves errors; the effect remains a candidate, with the share that was counted as its parameter, where
+    the losses leave few, and is none elsewhere.
     """
     machine, kinds, found = problem.robot.machine, problem.kinds, []
     nominal, noise = problem.silent(), reading_noise(problem)
@@ -68,11 +76,13 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
         found.append(losses)
         return replace(trial, latent={**trial.latent, INPUT: losses.packet_arrival})
 
-    problem = replace(problem, fit=tuple(map(decoded, problem.fit)))
-    lost, counted = sum(d.lost for d in found), loss_probability(found)
+    original, problem = problem, replace(problem, fit=tuple(map(decoded, problem.fit)))
+    lost = int(sum(np.sum(d.packet_arrival == 0.0) for d in found))
+    arrived, left = sum((d.errors for d in found), start=np.zeros(2))
+    if not lost or left > CLEAR * arrived:
+        return replace(original, tried=original.tried - {effect.id})
+    counted = loss_probability(found)
     problem = replace(problem, holdout=tuple(map(decoded, problem.holdout)))
-    if not lost:
-        return replace(problem, tried=problem.tried - {effect.id})
     lead = effect.parameters[0]
     named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, 1.0)
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
@@ -86,61 +96,6 @@ def reading_noise(problem: Problem) -> float:
         return 0.0
     seen = [std for kind, std in zip(problem.kinds, problem.noise_std, strict=True) if kind == link.output]
     return sensor_noise_std(problem.robot).get(link.output, float(np.median(seen)))
-
-
-class Drive:
-    """The drives of a machine without its other parts, advanced frame by frame between readings of their positions."""
-
-    def __init__(self, machine: Machine, values: np.ndarray, link: CommandLink) -> None:
-        part = next(b for b in machine.parts if b.name == link.part)
-        (task,) = (t for t in part.tasks if not t.slots)
-        module, self.slots, self.dt = compile_machine(machine), machine.slots, machine.slot
-        self.update = getattr(module, f"{part.name}__leaf__{task.function}")
-        self.hold = getattr(module, f"{part.name}__leaf__hold")
-        self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
-        self.state = np.zeros(sum(machine.part_size(part)))
-        self.signals = {name: np.zeros(machine.width(machine.signal[name].axis)) for name in held_signals(part)}
-        self.moved, self.received, self.reads = link.moved, link.received, outer_reads(part, task.reads)
-        self.switch = write_slot(machine, link.received) - write_slot(machine, machine.column(link.output).signal)
-
-    def frame(self, state: np.ndarray, before: np.ndarray, after: np.ndarray, loads: Mapping[str, np.ndarray]):
-        """Advances `state` in place by one frame, in which the command changes; returns positions (channels,)."""
-        for tick in range(self.slots):
-            now = {self.received: after if tick >= self.switch else before, **loads}
-            self.update(state, *self.signals.values(), self.p, self.dt, *(now[name] for name in self.reads))
-        return self.signals[self.moved].copy()
-
-    def position(self, state: np.ndarray) -> np.ndarray:
-        """Positions (channels,) of a state."""
-        self.hold(state, *self.signals.values(), self.p)
-        return self.signals[self.moved].copy()
-
-
-def write_slot(machine: Machine, signal: str) -> int:
-    """First slot in which the part that writes a signal runs."""
-    part = next(b for b in machine.parts if any(signal in o.writes for o in b.outputs))
-    return min(slot for task in part.tasks for slot in task.slots)
-
-
-def load_kinds(machine: Machine, link: CommandLink) -> dict[str, str]:
-    """Signals that the drive reads besides its command, and the column kinds that measure them."""
-    part = next(b for b in machine.parts if b.name == link.part)
-    read = {name for t in part.tasks if not t.slots for name in outer_reads(part, t.reads)} - {link.received}
-    imposed = {i.signal: s.output for s in machine.segments for i in s.imposed if not i.part}
-    return {name: imposed[name] for name in sorted(read)}
-
-
-@dataclass(frozen=True, eq=False)
-class Record:
-    """Measured command, position and loads by signal, each (n, channels) [SI] without gaps."""
-
-    command: np.ndarray
-    position: np.ndarray
-    loads: Mapping[str, np.ndarray]
-
-    def loads_at(self, frame: int) -> dict[str, np.ndarray]:
-        """Loads (channels,) by signal in a frame."""
-        return {name: rows[frame] for name, rows in self.loads.items()}
 
 
 def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarray], noise: float) -> PacketLoss | None:
@@ -166,60 +121,137 @@ def decode(machine: Machine, values: np.ndarray, measured: Mapping[str, np.ndarr
 
 def decoded(drive: Drive, log: Record, noise: float, frame: float) -> PacketLoss:
     """Lost commands of one log; noise: of a reading [unit of the position], frame [s]."""
-    visible = CERTAIN * noise / (AHEAD * frame)
-    packet_arrival, applied, state = np.ones_like(log.command), np.zeros(log.command.shape[1]), drive.state
-    events = lost = 0
-    for n in range(len(packet_arrival) - AHEAD):
-        change = np.abs(log.command[n] - applied)
-        seen = change > visible
-        if seen.any():
-            keep, drop = (least_error(drive, state, applied, seen, log, n, first) for first in (False, True))
-            shown = seen & (np.abs(keep - drop) > (CERTAIN * noise) ** 2)
-            gone = shown & (drop < CLEAR * keep)
-            packet_arrival[n, gone] = 0.0
-            events, lost = events + int(shown.sum()), lost + int(gone.sum())
-        now = np.where(packet_arrival[n] == 0.0, applied, log.command[n])
-        drive.frame(state, applied, now, log.loads_at(n))
-        applied = now
-    return PacketLoss(packet_arrival, events, lost)
+    moved, whole = np.diff(log.position, axis=0), np.zeros(log.command.shape, dtype=bool)
+    errors = path_errors(drive, log, moved, whole)
+    spread = error_std(log, errors, noise, frame)
+    lost = best_path(drive, log, moved, spread, STILL * noise / frame)
+    around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
+    before, after_loss = np.zeros(log.command.shape[1]), np.zeros(log.command.shape[1], dtype=bool)
+    events, gone = np.zeros(2, dtype=int), np.zeros(2, dtype=int)
+    for command, missed in zip(log.command, lost, strict=True):
+        shown = np.abs(command - before) * frame > SHOWN * noise
+        for k, cell in enumerate((shown & ~after_loss, shown & after_loss)):
+            events[k], gone[k] = events[k] + cell.sum(), gone[k] + (cell & missed).sum()
+        before, after_loss = np.where(missed, before, command), missed
+    explained = path_errors(drive, log, moved, lost)
+    squared = [float(np.sum((e / spread)[around] ** 2 - 1.0)) for e in (errors, explained)]
+    return PacketLoss(1.0 - lost, events, gone, np.array(squared))
 
 
-def least_error(
-    drive: Drive, state: np.ndarray, before: np.ndarray, seen: np.ndarray, log: Record, n: int, lost: bool
-) -> np.ndarray:
-    """Least squared error (channels,) of the positions over the next frames, whatever is lost after frame n.
+def path_errors(drive: Drive, log: Record, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Errors (frames, channels) of the changes of position with the commands (n, channels) that are lost."""
+    state, before, errors = drive.state.copy(), np.zeros(moved.shape[1]), np.zeros(moved.shape)
+    position = drive.position(state)
+    for n in range(len(moved)):
+        held = np.where(lost[n], before, log.command[n])
+        after = drive.frame(state, before, held, log.loads_at(n))
+        errors[n], position, before = after - position - moved[n], after, held
+    return errors
 
-    `lost` says whether the commands of the channels that are `seen` are lost in frame n.
+
+def best_path(drive: Drive, log: Record, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
+    """Which commands (n, channels) are lost on the path of least cost of each channel.
+
+    Args:
+        drive: the drives.
+        log: what was measured.
+        moved: (frames, channels) changes of position.
+        spread: (frames, channels) their standard deviation.
+        still: change of command that counts as none [its unit].
     """
-    return np.min([error(drive, state, before, seen, log, n, (lost, *future)) for future in FUTURES], axis=0)
+    paths, history = Paths.start(drive.state, log.command.shape[1]), []
+    for n in range(len(moved)):
+        chosen = paths.branches(log.command[n], still)
+        history.append(chosen)
+        paths = paths.advanced(drive, chosen, log, n, moved[n], spread[n])
+    lost, lane = np.zeros(log.command.shape, dtype=bool), paths.cost.argmin(axis=0)
+    channel = np.arange(len(lane))
+    for n, (parent, gone, _) in reversed(list(enumerate(history))):
+        lost[n], lane = gone[lane, channel], parent[lane, channel]
+    return lost
 
 
-def error(
-    drive: Drive,
-    state: np.ndarray,
-    before: np.ndarray,
-    seen: np.ndarray,
-    log: Record,
-    n: int,
-    lost: tuple[bool, ...],
-) -> np.ndarray:
-    """Squared error (channels,) of the positions over the next frames; `lost`: in which of them commands are."""
-    trial, total, speed = state.copy(), np.zeros(len(before)), before
-    start = drive.position(trial)
-    for k in range(AHEAD):
-        now = np.where(seen, speed, log.command[n + k]) if lost[k] else log.command[n + k]
-        end = drive.frame(trial, speed, now, log.loads_at(n + k))
-        total += ((end - start) - (log.position[n + k + 1] - log.position[n])) ** 2
-        speed = now
-    return total
+def error_std(log: Record, errors: np.ndarray, noise: float, frame: float) -> np.ndarray:
+    """Standard deviation of the changes of position (frames, channels): two readings, and the drive's model.
+
+    The model's error is a share of what the commands of the last frames change; the lower quartile of the errors where
+    nothing is lost tells the share, which commands that are lost in less than half of the time do not enlarge.
+    """
+    change = np.abs(np.diff(log.command[: len(errors)], axis=0, prepend=0.0)) * frame
+    recent = sum((np.roll(change, k, axis=0) for k in range(1, LAGS)), start=change)
+    large = recent > SHOWN * noise
+    share = np.quantile(np.abs(errors[large]) / recent[large], 0.25) / QUARTILE if large.any() else 0.0
+    return np.sqrt(2.0 * noise**2 + (share * recent) ** 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Paths of all channels side by side, (paths, channels) each; a path of one channel knows nothing of the others.
+
+    Attributes:
+        states: (paths, states) of the drives.
+        held: command that arrived last.
+        lost: whether the last command was lost.
+        cost: so far.
+    """
+
+    states: np.ndarray
+    held: np.ndarray
+    lost: np.ndarray
+    cost: np.ndarray
+
+    @classmethod
+    def start(cls, state: np.ndarray, channels: int) -> Paths:
+        """One path at rest."""
+        return cls(state[None].copy(), np.zeros((1, channels)), np.zeros((1, channels), bool), np.zeros((1, channels)))
+
+    def branches(self, command: np.ndarray, still: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Paths through a further command: parent, whether it is lost, and cost, (paths, channels) each."""
+        found = [self.branches_of(channel, value, still) for channel, value in enumerate(command)]
+        count = max(len(branches) for branches in found)
+        filled = [branches + branches[:1] * (count - len(branches)) for branches in found]
+        cost, parent, lost = np.array(filled, dtype=float).transpose(2, 1, 0)
+        return parent.astype(int), lost.astype(bool), cost
+
+    def branches_of(self, channel: int, command: float, still: float) -> list[tuple[float, int, bool]]:
+        """Branches of one channel, cheapest first: the command arrives on the best path, or is lost on some."""
+        cost, best = self.cost[:, channel], int(self.cost[:, channel].argmin())
+        found = [(float(cost[best]), best, False)]
+        for k in np.flatnonzero(np.abs(self.held[:, channel] - command) > still):
+            found.append((float(cost[k]) + (STAY if self.lost[k, channel] else ENTER), int(k), True))
+        found = sorted(set(found))
+        return [branch for branch in found if branch[0] < found[0][0] + FAR][:PATHS]
+
+    def advanced(
+        self,
+        drive: Drive,
+        chosen: tuple[np.ndarray, np.ndarray, np.ndarray],
+        log: Record,
+        n: int,
+        moved: np.ndarray,
+        spread: np.ndarray,
+    ) -> Paths:
+        """The paths after frame n of a log, in which its positions moved (channels,); `spread`: their error."""
+        parent, lost, cost = chosen
+        channel = np.arange(parent.shape[1])
+        states = self.states[parent[:, drive.channel], np.arange(len(drive.state))]
+        before = self.held[parent, channel]
+        held = np.where(lost, before, log.command[n])
+        ends = [drive.position(state) for state in states]
+        for k, state in enumerate(states):
+            ends[k] = drive.frame(state, before[k], held[k], log.loads_at(n)) - ends[k]
+        return Paths(states, held, lost, cost + 0.5 * ((np.array(ends) - moved) / spread) ** 2)
 
 
 def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
-    """Share of lost commands among those whose loss could be seen, with its 90 % interval (Wilson)."""
-    from scipy.stats import binomtest
+    """Share of lost commands with its 90 % interval.
 
-    n, k = sum(d.events for d in losses), sum(d.lost for d in losses)
-    if not n:
-        return 0.0, 0.0, 1.0
-    interval = binomtest(k, n).proportion_ci(CONFIDENCE, "wilson")
-    return k / n, float(interval.low), float(interval.high)
+    Losses come in runs, so that a loss shows more often within a run than where it begins. Of a Markov chain that
+    enters runs with probability e and stays with s, the share is e / (e + 1 - s); e and s have Jeffreys' posterior.
+    """
+    from scipy.stats import beta
+
+    lost, kept = (np.sum(rows, axis=0) for rows in ([d.lost for d in losses], [d.events - d.lost for d in losses]))
+    enter, stay = (beta.rvs(lost[k] + 0.5, kept[k] + 0.5, size=DRAWS, random_state=k) for k in range(2))
+    low, middle, high = np.quantile(enter / (enter + 1.0 - stay), (0.5 - CONFIDENCE / 2, 0.5, 0.5 + CONFIDENCE / 2))
+    return float(middle), float(low), float(high)
