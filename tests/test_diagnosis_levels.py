@@ -8,6 +8,7 @@ from scipy import stats
 from exodrake.diagnosis import levels as method
 from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.levels import ALPHA, exceeding, local_levels
+from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
 from exodrake.diagnosis.scan import scan
 
@@ -96,9 +97,11 @@ def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(planted, s
 
 
 def test_rival_takes_up_its_share_of_the_excess_over_noise():
-    """A leaves 5 and B leaves 2 times the noise: B takes up 3 of the 4 that are in excess."""
+    """A leaves 5 and B leaves 2 times the noise, and they use 25 and 4 of their prior, in independent samples."""
     likelihood = likelihood_of(lambda row: np.full(FRAMES, np.sqrt(row[0])))
     a, b = (explanation(likelihood, nominal(1, 1.0), np.array([x]), np.zeros((1, FRAMES))) for x in (5.0, 2.0))
+    samples = FRAMES * FRAME / CORRELATION / 5.0  # in units of what A leaves
     less, share = taken_up(likelihood, a, b)
-    assert share == pytest.approx(0.75) and less == pytest.approx(3.0 * FRAMES)
-    assert taken_up(likelihood, b, a)[1] == pytest.approx(-3.0)
+    assert less == pytest.approx(3.0 * samples + 21.0)
+    assert share == pytest.approx((3.0 * samples + 21.0) / (4.0 * samples + 25.0))
+    assert taken_up(likelihood, b, a)[1] < 0.0

@@ -6,6 +6,8 @@ import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 
+from exodrake.core.proportions import binomial_interval
+
 
 @dataclass(frozen=True)
 class Share:
@@ -40,16 +42,6 @@ class Share:
     def interval(self) -> tuple[float, float]:
         """95 % interval of the share."""
         return binomial_interval(self.hits, self.total)
-
-
-def binomial_interval(hits: int, total: int) -> tuple[float, float]:
-    """Exact (Clopper-Pearson) 95 % interval of a share; (0, 1) for no trials."""
-    from scipy.stats import binomtest
-
-    if not total:
-        return 0.0, 1.0
-    found = binomtest(hits, total).proportion_ci(0.95)
-    return float(found.low), float(found.high)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
+from exodrake.core.proportions import binomial_interval
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
@@ -218,9 +219,6 @@ def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
 
 def rate(outcomes: Sequence[bool]) -> dict[str, float]:
     """Count k of n with its interval; the whole range for n = 0."""
-    from scipy.stats import binomtest
-
     k, n = sum(outcomes), len(outcomes)
-    interval = binomtest(k, n).proportion_ci(0.95) if n else None
-    low, high = (float(interval.low), float(interval.high)) if interval else (0.0, 1.0)
+    low, high = binomial_interval(k, n)
     return {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}

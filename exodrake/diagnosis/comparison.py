@@ -14,12 +14,22 @@ def power(rows: np.ndarray) -> np.ndarray:
 
 
 def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
-    """What a rival leaves less than an explanation: weighted sum of squares, and share of the excess over noise."""
-    own, other = ((likelihood.chi2(x.residual), x.residual * likelihood.weights) for x in (e, rival))
-    weights = 1.0 / np.maximum(own[0], 1e-12)
-    excess = float(np.sum(weights * np.maximum(own[0] - 1.0, 0.0)))
-    less = float(np.sum(weights * (np.maximum(own[0], 1.0) - np.maximum(other[0], 1.0))))
-    return float(power(own[1]) - power(other[1])), less / excess if excess > 0.0 else 0.0
+    """What a rival leaves less than an explanation, the use of the priors included.
+
+    Returns:
+        Weighted sum of squares, and its share of the excess over noise.
+    """
+    likelihood = likelihood.scaled_to(e.residual)
+    less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e)
+    return less, less / whole if whole > 0.0 else 0.0
+
+
+def excess(likelihood: Likelihood, e: Explanation) -> float:
+    """Weighted sum of squares that an explanation leaves, the use of its priors included, above that of noise.
+
+    Of a true explanation both together are as large as noise alone, on the mean.
+    """
+    return 2.0 * e.cost(likelihood) - float(power(likelihood.weights))
 
 
 def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation) -> bool:
@@ -31,4 +41,4 @@ def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation
 
 def tolerance_use(e: Explanation) -> float:
     """Mean square change of the nominal parameters in standard deviations of their tolerances [-]."""
-    return float(np.mean((e.x / e.prior_std)[: e.nominal] ** 2)) if e.nominal else 0.0
+    return float(np.mean(e.use[: e.nominal] ** 2)) if e.nominal else 0.0

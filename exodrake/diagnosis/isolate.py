@@ -84,12 +84,15 @@ class Isolation:
     tested: tuple[tuple[Tested, ...], ...] = ()
     left: tuple[Tested, ...] = ()
 
-    def with_round(self, tested: Sequence[Tested], parent: Explanation | None = None) -> Isolation:
-        """The isolation with the explanations of one size more; each must take up most of what their parent leaves."""
+    def with_round(self, tested: Sequence[Tested], parent: Tested | None = None) -> Isolation:
+        """The isolation with the explanations of one size more.
+
+        Of a parent that leaves too much, each must take up most: else it is kept for the error of one law more alone.
+        """
         kept = [t for t in tested if t.levels.kept]
-        if parent is not None:
+        if parent is not None and not parent.levels.consistent:
             least = self.tests.calibration.taken
-            kept = [t for t in kept if taken_up(self.likelihood, parent, t.explanation)[1] > least]
+            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation)[1] > least]
         left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
         return replace(self, tested=(*self.tested, tuple(tested)), left=left)
 
@@ -184,7 +187,8 @@ class Isolator:
 
     def grown(self, found: Isolation) -> Isolation:
         """The isolation with sets of one more effect, grown from the best set."""
-        best = found.tested[-1][0].explanation
+        parent = found.tested[-1][0]
+        best = parent.explanation
         likelihood = found.likelihood.scaled_to(best.residual)
         likelihood.stage = "linearise again"
         lin = self.linearised(likelihood, best)
@@ -193,7 +197,7 @@ class Isolator:
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
-        return found.with_round(tested(likelihood, tests, more), parent=best)
+        return found.with_round(tested(likelihood, tests, more), parent)
 
     def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""

@@ -28,7 +28,7 @@ import numpy as np
 
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of, spread
-from exodrake.diagnosis.comparison import power, richer_law, taken_up, tolerance_use
+from exodrake.diagnosis.comparison import excess, power, richer_law, taken_up, tolerance_use
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, without_effect
@@ -125,9 +125,13 @@ class Tests:
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
-        gain, effect = project.gains(e.residual[None])
+        gain, effect = project.gains(e.residual[None], e.use[None])
         hopeless = max(fit, *views) < HOPELESS
-        null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
+        null = (
+            np.zeros(2)
+            if hopeless
+            else project.gains(self.noise + model, project.prior_draws(DRAWS, np.random.default_rng(3)))[0]
+        )
         share, beaten_by, no_better, consistent = 0.0, "", [], min(fit, *views) > ALPHA
         moved = tolerance_use(e)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):
@@ -142,7 +146,7 @@ class Tests:
             views=views,
             local=min(1.0, len(local) * min(local)),
             complete=0.0 if hopeless else exceeding(null, float(gain[0])),
-            promise=float(gain[0] / max(left[0] - np.mean(noise_left), 1e-9)),
+            promise=float(gain[0]) / max(excess(likelihood, e), 1e-9),
             next_effect=effect[0],
             beaten_by=beaten_by,
             no_better=tuple(no_better),

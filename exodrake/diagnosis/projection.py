@@ -32,10 +32,14 @@ class Projection:
         self.curvature = (self.directions @ self.directions.T).astype(float) - cross.T @ self.solved
         self.probes = [p for p in lin.probes if p.effect not in e.effects]
 
-    def pull(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted rows (n, samples), and their products with the fitted columns (fitted, n)."""
+    def pull(self, rows: np.ndarray, prior: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted rows (n, samples), and the gradient (fitted, n) of half their sum of squares and the prior's.
+
+        `prior` (n, fitted): changes of the parameters in standard deviations of their priors; none if not given.
+        """
         rows = (rows * self.weights).astype(np.float32)
-        return rows, (self.fitted @ rows.T).astype(float)
+        pull = (self.fitted @ rows.T).astype(float)
+        return rows, pull if prior is None else pull + (np.sqrt(self.precision) * prior).T
 
     def left(self, rows: np.ndarray) -> np.ndarray:
         """Sum of squares (n,) that is left of rows (n, samples)."""
@@ -52,11 +56,11 @@ class Projection:
         """Products (directions, n) of the directions with weighted rows (n, samples), the fitted columns eliminated."""
         return (self.directions @ rows.T).astype(float) - self.solved.T @ pull
 
-    def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""
+    def gains(self, rows: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples) and prior, and its id."""
         if not self.probes:
             return np.zeros(len(rows)), [""] * len(rows)
-        slope = self.slopes(*self.pull(rows))
+        slope = self.slopes(*self.pull(rows, prior))
         gains = np.array([self.gain(slope, probe) for probe in self.probes])
         return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
 
@@ -66,8 +70,11 @@ class Projection:
 
     def moves(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
-        _, pull = self.pull(rows)
-        return self.inverse @ (pull + np.sqrt(self.precision)[:, None] * rng.standard_normal(pull.shape))
+        return self.inverse @ self.pull(rows, self.prior_draws(len(rows), rng))[1]
+
+    def prior_draws(self, draws: int, rng: np.random.Generator) -> np.ndarray:
+        """Changes (draws, fitted) of the parameters in standard deviations of their priors, as these have them."""
+        return rng.standard_normal((draws, len(self.precision)))
 
     def gain(self, slope: np.ndarray, probe: Probe) -> np.ndarray:
         """Sum of squares (n,) that the directions of a probe take up."""

@@ -67,6 +67,11 @@ class Explanation:
         return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
 
     @property
+    def use(self) -> np.ndarray:
+        """Coordinates in standard deviations of their priors (parameters,)."""
+        return self.x / self.prior_std
+
+    @property
     def bounds(self) -> np.ndarray:
         """Lower and upper ends of the coordinates (2, parameters)."""
         return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T

@@ -46,8 +46,7 @@ class NormalMatrix:
 
     def __init__(self, likelihood: Likelihood, known: Explanation, lin: Linearisation) -> None:
         project = Projection(likelihood, known, lin)
-        residual, pull = project.pull(known.residual[None])
-        pull += (project.precision * known.x)[:, None]
+        residual, pull = project.pull(known.residual[None], known.use[None])
         self.probes, self.x, self.curvature = project.probes, known.x, project.curvature
         self.slope = project.slopes(residual, pull)[:, 0]
         self.solved = np.concatenate([project.solved, project.inverse @ pull], axis=1)
