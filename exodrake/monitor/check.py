@@ -13,11 +13,12 @@ import click
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.core.proportions import binomial_interval
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.alarm import Alarm, judge, limits
-from exodrake.monitor.calibrate import CONFIDENCE, MINUTE, SPAN, readings, seeds
+from exodrake.monitor.calibrate import MINUTE, SPAN, readings, seeds
 from exodrake.monitor.channels import channels
 from exodrake.monitor.gap import noise_std
 
@@ -35,10 +36,8 @@ def first_alarm(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, dura
 
 def share(hits: int, total: int) -> str:
     """A share with its two-sided 95 % interval (Clopper-Pearson)."""
-    from scipy.stats import binomtest
-
-    interval = binomtest(hits, total).proportion_ci(CONFIDENCE)
-    return f"{hits}/{total} = {hits / total:.1%} (95 % interval {interval.low:.1%} to {interval.high:.1%})"
+    low, high = binomial_interval(hits, total)
+    return f"{hits}/{total} = {hits / total:.1%} (95 % interval {low:.1%} to {high:.1%})"
 
 
 def shown(alarm: Alarm | None) -> str:
