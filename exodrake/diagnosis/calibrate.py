@@ -29,7 +29,7 @@ from exodrake.core.proportions import binomial_interval
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
-from exodrake.diagnosis.isolate import Isolation, Tested
+from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.levels import ALPHA, exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem

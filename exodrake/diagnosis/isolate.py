@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.comparison import richer_law, taken_up
-from exodrake.diagnosis.levels import PROMISING, Levels, Tests
+from exodrake.diagnosis.comparison import taken_up
+from exodrake.diagnosis.isolation import Isolation, mean_log, tested
+from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.problem import Problem
@@ -26,95 +27,12 @@ from exodrake.diagnosis.select import NormalMatrix, Predicted
 
 SHARE = 0.35  # of each fit log that is used
 REFINED = 5  # sets of effects of one size that are fitted
+EXCHANGED = 2  # other sets than the best one beside which an effect is tried that was found beside the best
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
 FRESH = 2  # fits with a new nominal Jacobian
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
-
-
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """An explanation with its levels, its reduced chi-squares (views,) and its cost."""
-
-    explanation: Explanation
-    levels: Levels
-    chi2: np.ndarray
-    cost: float
-
-
-def mean_log(likelihood: Likelihood, e: Explanation) -> float:
-    """Mean logarithm of the reduced chi-squares of all views, above the noise."""
-    return float(np.mean(np.log(np.maximum(likelihood.chi2(e.residual), 1.0))))
-
-
-def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
-    """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
-    name = richer.explanation.name
-    return name in simpler.levels.no_better and richer_law(likelihood, richer.explanation, simpler.explanation)
-
-
-def tested(
-    likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
-) -> list[Tested]:
-    """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
-    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
-    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
-    return sorted(made, key=lambda t: t.cost)
-
-
-@dataclass(frozen=True, eq=False)
-class Isolation:
-    """What the logs leave.
-
-    Attributes:
-        likelihood: views of the case.
-        tests: tests of the last round.
-        nominal, retuned: robots without an effect.
-        screened: each effect alone as the linearisation predicts it, best first.
-        tested: tested explanations of 1, 2, ... effects, best first.
-        left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
-    """
-
-    likelihood: Likelihood
-    tests: Tests
-    nominal: Tested
-    retuned: Tested
-    screened: tuple[Predicted, ...] = ()
-    tested: tuple[tuple[Tested, ...], ...] = ()
-    left: tuple[Tested, ...] = ()
-
-    def with_round(self, tested: Sequence[Tested], parent: Tested | None = None) -> Isolation:
-        """The isolation with the explanations of one size more.
-
-        Of a parent that leaves too much, each must take up most: else it is kept for the error of one law more alone.
-        """
-        kept = [t for t in tested if t.levels.kept]
-        if parent is not None and not parent.levels.consistent:
-            least = self.tests.calibration.taken
-            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation)[1] > least]
-        left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
-        return replace(self, tested=(*self.tested, tuple(tested)), left=left)
-
-    def without_effects(self) -> Isolation:
-        """The isolation that stops at the robot without an effect, if it is kept."""
-        return replace(self, left=tuple(t for t in (self.nominal, self.retuned) if t.levels.kept)[:1])
-
-    @property
-    def settled(self) -> bool:
-        """Whether some explanations of the last size are left, and none of them lacks an effect."""
-        return bool(self.left) and all(t.levels.settled for t in self.left)
-
-    @property
-    def explanations(self) -> list[Explanation]:
-        """The explanations of the last size."""
-        return [t.explanation for t in self.tested[-1]]
-
-    @property
-    def best(self) -> Tested:
-        """The explanation that leaves least, whether the logs reject it or not."""
-        tried = (self.retuned, *(t for size in self.tested for t in size))
-        return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
 
 
 class Isolator:
@@ -195,6 +113,7 @@ class Isolator:
         likelihood.stage = "refine again"
         tests = Tests(likelihood, lin, found.tests.moved)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
+        more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
         return found.with_round(tested(likelihood, tests, more), parent)
@@ -213,6 +132,25 @@ class Isolator:
             if CONVERGED < mean_log(likelihood, e) < least + NEAR:
                 done[k] = self.refreshed(closer, e)
         return sorted(done, key=lambda e: mean_log(likelihood, e))
+
+    def exchanged(
+        self, likelihood: Likelihood, found: list[Explanation], others: Sequence[Explanation]
+    ) -> list[Explanation]:
+        """Sets of effects, best first, and the last effect of the best one beside other sets than its own.
+
+        The best single effect may stand for one of two, which shows only beside the other one.
+        """
+        if not found:
+            return found
+        effect = found[0].effects[-1]
+        own = [i for i, p in enumerate(found[0].parameters) if p.effect == effect]
+        more = list(found)
+        for e in (e for e in others if effect not in e.effects):
+            values = with_effects(e.values, [(self.machine, self.machine.effect(effect))])
+            parameters = e.parameters + tuple(found[0].parameters[i] for i in own)
+            joined = Explanation((*e.effects, effect), parameters, e.x, values, e.residual, e.jacobian)
+            more.append(self.refined(likelihood, joined.at(likelihood, np.r_[e.x, found[0].x[own]]), STEPS))
+        return sorted(more, key=lambda e: mean_log(likelihood, e))
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""

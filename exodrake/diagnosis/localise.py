@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.diagnosis.isolate import Isolation
+from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where

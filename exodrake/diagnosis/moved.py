@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.isolate import Isolation
+from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.result import Moved, Retune
 from exodrake.diagnosis.select import NormalMatrix

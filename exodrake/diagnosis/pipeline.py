@@ -18,7 +18,8 @@ from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.intervals import describe
-from exodrake.diagnosis.isolate import SHARE, Isolation, Isolator, Tested
+from exodrake.diagnosis.isolate import SHARE, Isolator
+from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.moved import retuned

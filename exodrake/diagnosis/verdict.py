@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from exodrake.diagnosis.intervals import Fitted
-from exodrake.diagnosis.isolate import Isolation, Tested
+from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.levels import ALPHA
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN

@@ -1,0 +1,98 @@
+"""What the logs leave of the explanations that were tried, size by size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.diagnosis.comparison import richer_law, taken_up
+from exodrake.diagnosis.levels import Levels, Tests
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.refine import Explanation
+from exodrake.diagnosis.select import Predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """An explanation with its levels, its reduced chi-squares (views,) and its cost."""
+
+    explanation: Explanation
+    levels: Levels
+    chi2: np.ndarray
+    cost: float
+
+
+def mean_log(likelihood: Likelihood, e: Explanation) -> float:
+    """Mean logarithm of the reduced chi-squares of all views, above the noise."""
+    return float(np.mean(np.log(np.maximum(likelihood.chi2(e.residual), 1.0))))
+
+
+def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
+    """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
+    name = richer.explanation.name
+    return name in simpler.levels.no_better and richer_law(likelihood, richer.explanation, simpler.explanation)
+
+
+def tested(
+    likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
+) -> list[Tested]:
+    """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
+    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
+    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
+    return sorted(made, key=lambda t: t.cost)
+
+
+@dataclass(frozen=True, eq=False)
+class Isolation:
+    """What the logs leave.
+
+    Attributes:
+        likelihood: views of the case.
+        tests: tests of the last round.
+        nominal, retuned: robots without an effect.
+        screened: each effect alone as the linearisation predicts it, best first.
+        tested: tested explanations of 1, 2, ... effects, best first.
+        left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
+    """
+
+    likelihood: Likelihood
+    tests: Tests
+    nominal: Tested
+    retuned: Tested
+    screened: tuple[Predicted, ...] = ()
+    tested: tuple[tuple[Tested, ...], ...] = ()
+    left: tuple[Tested, ...] = ()
+
+    def with_round(self, tested: Sequence[Tested], parent: Tested | None = None) -> Isolation:
+        """The isolation with the explanations of one size more.
+
+        Of a parent that leaves too much, each must take up most: else it is kept for the error of one law more alone.
+        """
+        kept = [t for t in tested if t.levels.kept]
+        if parent is not None and not parent.levels.consistent:
+            least = self.tests.calibration.taken
+            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation)[1] > least]
+        left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
+        return replace(self, tested=(*self.tested, tuple(tested)), left=left)
+
+    def without_effects(self) -> Isolation:
+        """The isolation that stops at the robot without an effect, if it is kept."""
+        return replace(self, left=tuple(t for t in (self.nominal, self.retuned) if t.levels.kept)[:1])
+
+    @property
+    def settled(self) -> bool:
+        """Whether some explanations of the last size are left, and none of them lacks an effect."""
+        return bool(self.left) and all(t.levels.settled for t in self.left)
+
+    @property
+    def explanations(self) -> list[Explanation]:
+        """The explanations of the last size."""
+        return [t.explanation for t in self.tested[-1]]
+
+    @property
+    def best(self) -> Tested:
+        """The explanation that leaves least, whether the logs reject it or not."""
+        tried = (self.retuned, *(t for size in self.tested for t in size))
+        return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
