@@ -94,7 +94,7 @@ def interpreted(machine, values, inputs, feeds, rates):
             now = {s: f[frame] + later * rates[s][frame] for s, f in feeds.items()}
             imposed = {"stroke": now["motor"], "wire_speed": rates["motor"][frame]} if "motor" in now else {}
             if "tendon" in now:
-                imposed["tension"] = np.maximum(now["tendon"], 0.0)
+                imposed["tension"] = imposed["tension_spool"] = np.maximum(now["tendon"], 0.0)
             forced = (imposed["tension"], rates["tendon"][frame]) if "tendon" in now else None
             loop.tick(imposed, forced, now.get("finger"))
             loop.tasks(slot, imposed)

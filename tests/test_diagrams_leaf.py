@@ -20,7 +20,10 @@ from exodrake.diagrams.parts import NAMED, MotorDynamics, part_class
 from exodrake.simulation.simulate import record
 from exodrake.systems.gp_estimator import Weights, predict_rows
 
-THROUGH = {"finger": {("stroke", "tension")}, "sensor": {("tension", "cell")}}  # every other output is state
+THROUGH = {  # every other output is state
+    "finger": {("stroke", "tension"), ("stroke", "tension_spool")},
+    "sensor": {("tension", "cell")},
+}
 
 
 def through(system):
@@ -56,7 +59,7 @@ def test_a_motor_alone_reaches_its_speed():
     simulator = Simulator(motor)
     context = simulator.get_mutable_context()
     motor.GetInputPort("speed_applied").FixValue(context, [0.02, 0.0, -0.02])
-    motor.GetInputPort("tension").FixValue(context, np.zeros(3))
+    motor.GetInputPort("tension_spool").FixValue(context, np.zeros(3))
     before = motor.GetOutputPort("stroke").Eval(context).copy()
     simulator.AdvanceTo(2.0)
     np.testing.assert_allclose(motor.GetOutputPort("wire_speed").Eval(context), [0.02, 0.0, -0.02], atol=1e-9)

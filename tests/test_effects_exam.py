@@ -65,14 +65,27 @@ def seen_by(record: np.ndarray) -> dict[str, np.ndarray]:
     return {**shown, "angle_read": shown["angle_read"] - rate * late}
 
 
-@in_the_library
-def test_visible(effect: Effect) -> None:
-    """By default the effect moves some column of the log by more than half its noise standard deviation (RMS)."""
-    record = run_rows([row_of(nominal().splice(effect.id))])[0]
+def gap(effect: Effect, parameters: dict[str, float]) -> float:
+    """RMS difference from the plain robot's log, in noise standard deviations of the column that shows it best."""
+    record = run_rows([row_of(nominal().splice(effect.id, parameters))])[0]
     check(record)
     with_it, without = seen_by(record), seen_by(plain())
     gaps = {name: np.sqrt(np.mean((with_it[name] - without[name]) ** 2, axis=0)).max() for name in with_it}
-    assert max(gap / NOISE_STD[name] for name, gap in gaps.items()) > 0.5, gaps
+    return max(gap / NOISE_STD[name] for name, gap in gaps.items())
+
+
+@in_the_library
+def test_visible(effect: Effect) -> None:
+    """By default the effect moves some column of the log by more than half its noise standard deviation (RMS)."""
+    assert gap(effect, {}) > 0.5
+
+
+@in_the_library
+def test_changes_the_log_at_both_ends_of_every_range(effect: Effect) -> None:
+    """No range reaches to where the log is as without the effect."""
+    for parameter in effect.parameters:
+        for value in (parameter.low, parameter.high):
+            assert gap(effect, {parameter.name: value}) > 0.1, (parameter.name, value)
 
 
 @pytest.mark.parametrize("draw", range(200))

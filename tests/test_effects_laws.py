@@ -1,6 +1,6 @@
 """The own law of each effect, where it has a closed form: the modules' functions called directly."""
 
-from math import exp, pi, sin
+from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
@@ -18,6 +18,7 @@ from exodrake.effects import (
     finger_tremor,
     finger_viscoelasticity,
     finger_voluntary_torque,
+    motor_slow_velocity_loop,
     motor_speed_droop,
     motor_spool_growth,
     motor_spool_layers,
@@ -58,6 +59,7 @@ from exodrake.effects.signal import (
     timing_mocap_delay,
 )
 from exodrake.systems.finger import inertia
+from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 
 DT = 0.002
 LENGTH, MASS, RADIUS = (0.04264, 0.02014, 0.01872), (0.0119, 0.0045, 0.0032), (0.009, 0.008, 0.007)
@@ -359,8 +361,34 @@ def test_tremor_and_voluntary_torque() -> None:
 def test_routers_follow_the_tension() -> None:
     settled = 0.0
     for _ in range(100):
-        settled = finger_router_migration.settle(DT, 0.0, 8.0, 8.0, 0.0, 1e-4, settled)
-    assert finger_router_migration.worn_height(0.003, 8.0, 1e-4, settled) == pytest.approx(0.0038)
+        settled = finger_router_migration.settle(DT, 0.0, 8.0, 8.0, 0.0, 1e-4, 1.0, settled)
+    assert finger_router_migration.worn_height(0.003, 8.0, 1e-4, 1.0, settled) == pytest.approx(0.0038)
+
+
+@pytest.mark.parametrize("side", [FLEXOR, EXTENSOR])
+@pytest.mark.parametrize("stored", [1.0, 0.0])
+def test_a_garment_that_yields_stores_its_work(side: float, stored: float) -> None:
+    """Work of a cycle in tension and angle is nil (stroke at the spool, torque at the joint), unless none is stored."""
+    t = np.linspace(0.0, 2 * pi, 20001)
+    tension, angle = 6.0 + 4.0 * np.cos(t), 0.6 + 0.5 * np.sin(t)
+    stroke, torque = [], []
+    for pull, q in zip(tension, angle, strict=True):
+        high = finger_router_migration.worn_height(0.003, pull, 1e-4, stored, pull)
+        turn = finger_router_migration.lever_height(high, 1e-4, stored, pull)
+        stroke.append(pull / 2700.0 + path(cos(q), sin(q), 0.005, 0.005, high, high, side)[0])
+        torque.append(pull * path(cos(q), sin(q), 0.005, 0.005, turn, turn, side)[1])
+    given = np.sum(0.5 * (tension[1:] + tension[:-1]) * np.diff(stroke))
+    taken = np.sum(0.5 * (np.array(torque[1:]) + np.array(torque[:-1])) * np.diff(angle))
+    assert abs(given - taken) < 1e-9 if stored else abs(given - taken) > 1e-4
+
+
+def test_a_slow_drive_lags_by_its_own_loop_time() -> None:
+    """A command that rises at 1 m/s2 comes share (1 / factor - 1) loop times late, whatever the drive."""
+    for loop_time in (9.74e-3, 2e-2):
+        filtered = 0.0
+        for k in range(1, 2000):
+            filtered = motor_slow_velocity_loop.follow(DT, k * DT, loop_time, 0.4, 0.8, 1.0, filtered)
+        assert 1999 * DT - filtered == pytest.approx(0.8 * 1.5 * loop_time, abs=DT)
 
 
 def test_latency_counts_frames() -> None:

@@ -9,6 +9,9 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
+from exodrake.compiled.inputs import Reference
+from exodrake.simulation.simulate import record
+from exodrake.systems import finger_statics
 from exodrake.systems.finger import coriolis, inertia, mass_matrix
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from exodrake.systems.tendon_finger import PART, Parameters
@@ -113,3 +116,21 @@ def test_power_balance():
         unit = rate / np.linalg.norm(rate)
         flow = tension @ (taken(q + step * unit) - taken(q - step * unit)) / (2 * step)
         assert (np.array(wires[1]).T @ tension) @ unit == pytest.approx(flow, rel=1e-7)
+
+
+@pytest.mark.parametrize("offset", [0.5e-3, 1e-3, 2e-3])
+def test_a_robot_homed_with_taut_wires_starts_at_rest(offset):
+    """Under the tension of wires wound in too far, the finger of the first frame stands where statics put it."""
+    robot = nominal().splice("encoder.homing_offset", {"offset": offset}, ["AF", "AE"])
+    robot = robot.with_parameters(dict.fromkeys(robot.machine.noise, 0.0))
+    found = record(robot, Reference(np.full((2, 3), 1.0)), quantisation=False).signals
+    tension, angle = found["tension_finger"][0], found["angle"][0]
+    posture = finger_statics.posture(tension[None, :], finger_numbers())[0]
+    assert np.abs(posture - finger_numbers().q0).max() > 0.02
+    assert angle == pytest.approx(posture, abs=0.01)
+
+
+def test_a_robot_homed_right_starts_in_its_rest_posture():
+    robot = nominal().with_parameters(dict.fromkeys(nominal().machine.noise, 0.0))
+    found = record(robot, Reference(np.full((2, 3), 0.0)), quantisation=False).signals
+    assert found["angle"][0] == pytest.approx(np.array(finger_numbers().q0), abs=1e-6)

@@ -48,9 +48,10 @@ class TendonFinger(Part):
         - rate
         - tension_finger
         - tension
+        - tension_spool
         - memory
 
-    tension [N] answers stroke [m] at once; the other outputs are state.
+    tension and tension_spool [N] answer stroke [m] at once; the other outputs are state.
     """
 
     part = "finger"
@@ -64,7 +65,7 @@ class MotorDynamics(Part):
         name: MotorDynamics
         input_ports:
         - speed_applied
-        - tension
+        - tension_spool
         output_ports:
         - stroke
         - wire_speed

@@ -3,19 +3,18 @@
 i = Kp factor^(1 - share) e + Ki factor^(order (1 - share)) integral e          e: speed error
 T v' = v_ref - v          T = share (1 / factor - 1) T0          T0 = J / (Kp kM)
 
-The closed loop's bandwidth is about factor / T0 either way. order 1: both gains fall alike; 2: the damping stays.
+T0 is that of the robot's own motor and drive. The closed loop's bandwidth is about factor / T0 either way. order 1:
+both gains fall alike; 2: the damping stays.
 """
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 
-LOOP_TIME = 9.74e-3  # s, J / (Kp kM) of the nominal drive: model.md, Numbers
 
-
-def follow(dt, speed, factor, share, order, filtered):
+def follow(dt, speed, loop_time, factor, share, order, filtered):
     """Command after the filter [m/s], by backward Euler: its mean delay is T, however short against a tick."""
-    delay = share * (1.0 / factor - 1.0) * LOOP_TIME
+    delay = share * (1.0 / factor - 1.0) * loop_time
     return filtered + (speed - filtered) * dt / (dt + delay)
 
 

@@ -19,11 +19,11 @@ EFFECT = Effect(
     id="motor.speed_droop",
     summary="supply limits the speed, the more the higher the load",
     signature="stroke rate levels off in large steps, at a lower level under load; slow motion untouched",
-    source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N",
+    source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N; above 50 mm/s it hardly shows",
     at={"motor.command": command},
     parameters=(
         EffectParameter(
-            "limit", "m/s", null=inf, low=0.005, high=0.1, axis=TENDONS, default=0.03, transform="reciprocal"
+            "limit", "m/s", null=inf, low=0.005, high=0.05, axis=TENDONS, default=0.03, transform="reciprocal"
         ),
         EffectParameter("coefficient", "m/(s N)", null=0.0, low=0.0, high=0.005, axis=TENDONS, default=0.002),
     ),

@@ -34,11 +34,11 @@ EFFECT = Effect(
     id="motor.spool_layers",
     summary="each full layer of wire raises the spool's radius by a step",
     signature="slope of true against counted stroke steps up where a layer is full, in both directions alike",
-    source="physics.md 4.A; 3-7 % per layer",
+    source="physics.md 4.A; 3-7 % per layer; a finger takes in 22 mm at most",
     at={"motor.wound": wound, "motor.winding": winding, "motor.load": load},
     parameters=(
         EffectParameter("growth", "-", null=0.0, low=0.01, high=0.15, axis=TENDONS, default=0.06),
-        EffectParameter("pitch", "m", null=0.008, low=0.003, high=0.05, axis=TENDONS, default=0.008, transform="log"),
+        EffectParameter("pitch", "m", null=0.008, low=0.003, high=0.012, axis=TENDONS, default=0.008, transform="log"),
     ),
     family="geometry",
     not_tried="another law of motor.spool_growth, which is tried",

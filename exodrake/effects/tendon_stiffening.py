@@ -30,7 +30,7 @@ EFFECT = Effect(
     id="tendon.stiffening",
     summary="wire stiffens as it is stretched",
     signature="stroke offset is a curved function of tension, steep at low tension, without a loop",
-    source="physics.md 4.B, garment k0 + k1 T [A]",
+    source="physics.md 4.B, garment k0 + k1 T [A]; softer than the wire of 2700 N/m",
     at={"tendon.elastic": elastic},
     parameters=(
         EffectParameter(
@@ -38,7 +38,7 @@ EFFECT = Effect(
             "N/m",
             null=inf,
             low=500.0,
-            high=2700.0,
+            high=2500.0,
             axis=TENDONS,
             default=1200.0,
             transform="reciprocal",

@@ -43,8 +43,11 @@ def integral_gain(e, z, j, gain):
     return gain
 
 
-def follow(e, z, j, dt, speed):
-    """Point: before a tick, states of the effects on the command [m/s] of motor j advance by dt [s]."""
+def follow(e, z, j, dt, speed, loop_time):
+    """Point: before a tick, states of the effects on the command [m/s] of motor j advance by dt [s].
+
+    loop_time: time constant J / (Kp kM) of the nominal speed loop [s].
+    """
 
 
 def current_limit(e, z, j, limit):
@@ -97,13 +100,13 @@ def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
     return w + sixth * (a1 + 2.0 * (a2 + a3) + a4), integral + sixth * (c1 + 2.0 * (c2 + c3) + c4), angle
 
 
-def update(x, z, n, e, dt, speed_applied, tension):
+def update(x, z, n, e, dt, speed_applied, tension_spool):
     """One tick. x: rotor speeds, integral parts [A], output angles [rad] (3 each); signals [m/s], [N]."""
     for j in range(3):
         w = x[j]
-        follow(e, z, j, dt, speed_applied[j])
-        w_ref = command(e, z, j, speed_applied[j], tension[j]) * n.N / n.r_set
-        load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension[j], n.r[j] * x[6 + j]) / n.N)
+        follow(e, z, j, dt, speed_applied[j], n.J[j] / (n.Kp[j] * n.kM[j]))
+        w_ref = command(e, z, j, speed_applied[j], tension_spool[j]) * n.N / n.r_set
+        load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension_spool[j], n.r[j] * x[6 + j]) / n.N)
         kp, ki = n.Kp[j] * loop_gain(e, z, j, 1.0), n.Ki[j] * integral_gain(e, z, j, 1.0)
         limit = current_limit(e, z, j, n.i_max[j])
         x[j], x[3 + j], x[6 + j] = turn(w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n)
@@ -147,7 +150,7 @@ PART = Part(
         State("integral", TENDONS, unit="A"),
         State("theta", TENDONS, unit="rad"),
     ),
-    tasks=(Task("update", ("speed_applied", "tension")),),
+    tasks=(Task("update", ("speed_applied", "tension_spool")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
     points=tuple(Point(p, TENDONS) for p in POINTS),
 )

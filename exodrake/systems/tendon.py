@@ -1,7 +1,8 @@
 """Wire between spool and finger: elastic, one-sided, and the places where friction, creep and slack act.
 
-    T_c = max(0, k (s - l))        tension at the cell, s = 0 just taut at q = 0
+    T_c = max(0, k (s - l))        tension of the wire before its sheath, s = 0 just taut at q = 0
     T_d = T_c                      tension at the finger, nominally
+    T_c                            tension at the load cell and at the spool, nominally
 
 Sheath friction needs to know where in its travel the wire slides: `slide` is the wire's displacement since the last
 reversal, clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in.
@@ -15,6 +16,29 @@ def stretch(e, z, j, extension, tension_finger):
 
 def elastic(e, z, j, tension, stretch, stiffness):
     """Point: tension [N] of the stretched wire, from k stretch [N]."""
+    return tension
+
+
+def near_end(e, z, j, tension, stretched, travel):
+    """Point: tension [N] at the cell's end of the sheath, from that of the whole wire.
+
+    stretched: [m]; travel: of the finger's end in this tick [m].
+    """
+    return tension
+
+
+def far_end(e, z, j, tension, stretched, travel):
+    """Point: tension [N] at the finger's end of the sheath, from that at the cell's end; as in `near_end`."""
+    return tension
+
+
+def at_cell(e, z, j, tension):
+    """Point: load on the cell, as tension [N], from that of the wire before its sheath."""
+    return tension
+
+
+def at_spool(e, z, j, tension):
+    """Point: tension at the spool [N], from that of the wire before its sheath."""
     return tension
 
 
@@ -36,9 +60,10 @@ def stretched_by(e, z, j, extension, tension_finger):
     return max(0.0, stretch(e, z, j, extension, tension_finger))
 
 
-def cell_tension(e, z, j, stretched, k):
-    """Tension at the cell [N] of a wire stretched by 0 or more [m]."""
-    return max(0.0, elastic(e, z, j, k * stretched, stretched, k))
+def cell_tension(e, z, j, stretched, travel, k):
+    """Tension [N] before the sheath of a wire stretched by 0 or more [m]; travel in this tick [m]."""
+    whole = max(0.0, elastic(e, z, j, k * stretched, stretched, k))
+    return near_end(e, z, j, whole, stretched, travel)
 
 
 def slid(slide, travel, presliding):
@@ -46,6 +71,8 @@ def slid(slide, travel, presliding):
     return min(max(slide + travel / presliding, -1.0), 1.0)
 
 
-def finger_tension(e, z, j, tension, slide, travel, speed):
-    """Tension at the finger [N], from the one at the cell [N]."""
-    return max(0.0, transmit(e, z, j, tension, slide, travel, speed)) if tension > 0.0 else 0.0
+def finger_tension(e, z, j, tension, stretched, slide, travel, speed):
+    """Tension at the finger [N], from the one before the sheath [N]."""
+    if tension <= 0.0:
+        return 0.0
+    return max(0.0, transmit(e, z, j, far_end(e, z, j, tension, stretched, travel), slide, travel, speed))

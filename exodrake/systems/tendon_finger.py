@@ -15,10 +15,10 @@ from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 from exodrake.systems import finger, tendon, wire_paths
 from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
-from exodrake.systems.routers import applied_arm
-from exodrake.systems.tendon import cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.systems.triples import along, column, dot, quotient, solve
-from exodrake.systems.wire_paths import heights, paths
+from exodrake.systems.finger_newton import behind, newton_row, onward, torque
+from exodrake.systems.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
+from exodrake.systems.triples import along, dot, quotient, solve
+from exodrake.systems.wire_paths import heights, levers, moved, paths
 
 
 class Parameters(NamedTuple):
@@ -48,6 +48,8 @@ class Parameters(NamedTuple):
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
 STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
+PULLING = 0.1  # tension with which a finger is not at rest in q0 [N], ten times the cells' noise; assumed
+RESTS, RESTING = 100, 0.02  # ticks, and length of one [s], of a finger that comes to rest: 40 time constants B / kappa
 NUDGE, NUDGE_WIRE = 1e-6, 1e-7  # of difference quotients [rad], [m]
 
 
@@ -61,8 +63,9 @@ def wire(e, z, j, n, x, stroke, taken, dt):
 
 def pulled(e, z, j, n, x, extension, travel, dt):
     """Tension at the finger [N] of wire j, extended by `extension` [m], after a tick that took in `travel` [m]."""
-    tension = cell_tension(e, z, j, stretched_by(e, z, j, extension, x[PULL + j]), n.k[j])
-    return finger_tension(e, z, j, tension, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
+    stretched = stretched_by(e, z, j, extension, x[PULL + j])
+    tension = cell_tension(e, z, j, stretched, travel, n.k[j])
+    return finger_tension(e, z, j, tension, stretched, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
 
 
 def joint(e, z, i, n, angle, rate, clock, lag):
@@ -84,38 +87,19 @@ def outside(e, z, n, angle, rate, moments, clock, lag):
     return here, (quotient(here, c0, NUDGE), quotient(here, c1, NUDGE), quotient(here, c2, NUDGE))
 
 
-def stiffness(i, k, arms, bends, falls, tensions, passive_slope, external_slope):
-    """Entry i, k of d(passive - tendon - external torque)/dq [N m/rad]."""
-    own = passive_slope - dot(column(bends, i), tensions) if i == k else 0.0
-    r, s = column(arms, i), column(arms, k)
-    return own + r[0] * s[0] * falls[0] + r[1] * s[1] * falls[1] + r[2] * s[2] * falls[2] - external_slope[k][i]
-
-
-def newton_row(i, inertia, damping, lag, s, passive_slope, push_slope):
-    """Row i of the Newton matrix d(residual)/d(rate) [N m s/rad]; inertia: row i of the mass matrix [kg m2]."""
-    return (
-        entry(i, 0, inertia[0], damping, lag, s, passive_slope, push_slope),
-        entry(i, 1, inertia[1], damping, lag, s, passive_slope, push_slope),
-        entry(i, 2, inertia[2], damping, lag, s, passive_slope, push_slope),
-    )
-
-
-def entry(i, k, inertia, damping, lag, s, passive_slope, push_slope):
-    """Entry i, k of the Newton matrix [N m s/rad]."""
-    own = inertia / lag + damping if i == k else inertia / lag
-    return own + lag * stiffness(i, k, s[0], s[1], s[2], s[3], passive_slope, push_slope)
-
-
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
     """One Newton step for the joint rates at the end of a tick: the change of the rates [rad/s].
 
     Args: ends: strokes at the end of the tick [m]; angle, rate: the iterate;
-        rate_from, lag [s]: rate' = (rate - rate_from) / lag; high: `heights` [m].
+        rate_from, lag [s]: rate' = (rate - rate_from) / lag; high: `heights` and `levers` [m].
     """
     diagonal, coupling, moments = constants
     cosines, sines = (cos(angle[0]), cos(angle[1]), cos(angle[2])), (sin(angle[0]), sin(angle[1]), sin(angle[2]))
     cos_12, sin_12 = cosines[1] * cosines[2] - sines[1] * sines[2], sines[1] * cosines[2] + cosines[1] * sines[2]
-    taken, arms, bends = paths(n, cosines, sines, high)
+    taken, arms, bends = paths(n, cosines, sines, high[0])
+    turns = arms
+    if moved(high):
+        _, turns, bends = paths(n, cosines, sines, high[1])
     t0, g0 = wire(e, z, 0, n, x, ends[0], taken[0], dt)
     t1, g1 = wire(e, z, 1, n, x, ends[1], taken[1], dt)
     t2, g2 = wire(e, z, 2, n, x, ends[2], taken[2], dt)
@@ -128,10 +112,10 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     m11, m12, m13, m22, m23, m33 = mass_matrix(diagonal, coupling, cosines[1], cosines[2], cos_12)
     spin = coriolis(coupling, sines[1], sines[2], sin_12, rate)
     speed_up = ((rate[0] - rate_from[0]) / lag, (rate[1] - rate_from[1]) / lag, (rate[2] - rate_from[2]) / lag)
-    r0 = dot((m11, m12, m13), speed_up) + spin[0] + n.B[0] * rate[0] + p0 - torque(arms, 0, pull) - push[0]
-    r1 = dot((m12, m22, m23), speed_up) + spin[1] + n.B[1] * rate[1] + p1 - torque(arms, 1, pull) - push[1]
-    r2 = dot((m13, m23, m33), speed_up) + spin[2] + n.B[2] * rate[2] + p2 - torque(arms, 2, pull) - push[2]
-    s = (arms, bends, falls, pull)
+    r0 = dot((m11, m12, m13), speed_up) + spin[0] + n.B[0] * rate[0] + p0 - torque(turns, 0, pull) - push[0]
+    r1 = dot((m12, m22, m23), speed_up) + spin[1] + n.B[1] * rate[1] + p1 - torque(turns, 1, pull) - push[1]
+    r2 = dot((m13, m23, m33), speed_up) + spin[2] + n.B[2] * rate[2] + p2 - torque(turns, 2, pull) - push[2]
+    s = (turns, arms, bends, falls, pull)
     rows = (
         newton_row(0, (m11, m12, m13), n.B[0], lag, s, k0, push_slope),
         newton_row(1, (m12, m22, m23), n.B[1], lag, s, k1, push_slope),
@@ -140,15 +124,38 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     return solve(rows, (-r0, -r1, -r2))
 
 
-def torque(arms, i, pull):
-    """Torque of the wires at joint i: row i of P^T T [N m]."""
-    r = column(arms, i)
-    return applied_arm(r[0]) * pull[0] + applied_arm(r[1]) * pull[1] + applied_arm(r[2]) * pull[2]
-
-
 def update(x, z, n, e, dt, stroke, wire_speed):
+    """One tick of length dt [s]; signals [m], [m/s]. Before the first one, a finger under tension comes to rest."""
+    rests = RESTS if x[CLOCK] == 0.0 and drawn_tight(x, z, n, e, stroke) else 0
+    for k in range(rests + 1):
+        if k < rests:
+            tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
+            stand_still(x)
+        else:
+            tick(x, z, n, e, dt, stroke, wire_speed)
+
+
+def drawn_tight(x, z, n, e, stroke):
+    """Whether a wire pulls at the finger before it has moved; stroke [m]."""
+    t0 = cell_tension(e, z, 0, stretched_by(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
+    t1 = cell_tension(e, z, 1, stretched_by(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
+    t2 = cell_tension(e, z, 2, stretched_by(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
+    return max(t0, t1, t2) > PULLING
+
+
+def stand_still(x):
+    """A finger that is at rest before the log begins."""
+    for i in range(3):
+        x[RATE + i] = x[RATE_BEFORE + i] = 0.0
+        x[Q_BEFORE + i] = x[Q + i]
+    x[CLOCK] = 0.0
+
+
+def tick(x, z, n, e, dt, stroke, wire_speed):
     """One tick of length dt [s]; signals [m], [m/s]."""
-    constants, high = inertia(n.length, n.mass, n.radius), heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    constants = inertia(n.length, n.mass, n.radius)
+    worn = heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2]))
+    high = (worn, levers(e, z, worn))
     lag = 2.0 * dt / 3.0
     ends = (stroke[0] + dt * wire_speed[0], stroke[1] + dt * wire_speed[1], stroke[2] + dt * wire_speed[2])
     q_from = (behind(x, Q), behind(x, Q + 1), behind(x, Q + 2))
@@ -165,17 +172,7 @@ def update(x, z, n, e, dt, stroke, wire_speed):
         x[Q_BEFORE + i], x[RATE_BEFORE + i] = x[Q + i], x[RATE + i]
         x[Q + i], x[RATE + i] = angle[i], rate[i]
         relax(e, z, i, dt, angle[i] - n.q0[i], rate[i], n.kappa[i] * (angle[i] - n.q0[i]))
-    arrive(x, z, n, e, ends, high, dt)
-
-
-def behind(x, i):
-    """Where the two-step formula starts from: (4 y_n - y_(n-1)) / 3."""
-    return (4.0 * x[i] - x[i + 6]) / 3.0
-
-
-def onward(x, i):
-    """First guess of a rate: it goes on changing as in the last tick."""
-    return 2.0 * x[i] - x[i + 6]
+    arrive(x, z, n, e, ends, worn, dt)
 
 
 def arrive(x, z, n, e, ends, high, dt):
@@ -185,9 +182,9 @@ def arrive(x, z, n, e, ends, high, dt):
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
-        tension = cell_tension(e, z, j, stretched, n.k[j])
+        tension = cell_tension(e, z, j, stretched, travel, n.k[j])
         x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding)
-        x[PULL + j] = finger_tension(e, z, j, tension, x[SLIDE + j], travel, travel / dt)
+        x[PULL + j] = finger_tension(e, z, j, tension, stretched, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)
     x[CLOCK] += dt
@@ -199,10 +196,12 @@ def output(x, z, n, e, angle, rate, tension_finger):
         angle[i], rate[i], tension_finger[i] = x[Q + i], x[RATE + i], x[PULL + i]
 
 
-def output_tension(x, z, n, e, stroke, tension):
-    """Tension at the cell [N], directly from the stroke [m]."""
+def output_tension(x, z, n, e, stroke, tension, tension_spool):
+    """Tension at the cell and at the spool [N], directly from the stroke [m]."""
     for j in range(3):
-        tension[j] = cell_tension(e, z, j, stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j]), n.k[j])
+        stretched = stretched_by(e, z, j, stroke[j] - x[TAKEN + j], x[PULL + j])
+        own = cell_tension(e, z, j, stretched, 0.0, n.k[j])
+        tension[j], tension_spool[j] = at_cell(e, z, j, own), at_spool(e, z, j, own)
 
 
 def hold(x, z, n, e, angle):
@@ -244,14 +243,19 @@ PART = Part(
     tasks=(Task("update", ("stroke", "wire_speed")),),
     outputs=(
         Output("output", ("angle", "rate", "tension_finger")),
-        Output("output_tension", ("tension",), reads=("stroke",)),
+        Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
         Point("router_height", JOINTS, wire_paths),
         Point("worn_height", TENDONS, wire_paths),
+        Point("lever_height", TENDONS, wire_paths),
         Point("stretch", TENDONS, tendon),
         Point("elastic", TENDONS, tendon),
+        Point("near_end", TENDONS, tendon),
+        Point("far_end", TENDONS, tendon),
         Point("transmit", TENDONS, tendon),
+        Point("at_cell", TENDONS, tendon),
+        Point("at_spool", TENDONS, tendon),
         Point("settle", TENDONS, tendon),
         Point("passive", JOINTS, finger),
         Point("external", SCALAR, finger),

@@ -13,6 +13,29 @@ def worn_height(e, z, j, height, tension):
     return height
 
 
+def lever_height(e, z, j, height):
+    """Point: router height [m] with which wire j turns the joints, from that of its path."""
+    return height
+
+
+def levers(e, z, high):
+    """Heights with which the wires turn the joints [m], as in `heights`, from those of their paths."""
+    (f0, f1, f2), g0, (x0, x1, x2) = high
+    flexors = (lever(e, z, 0, f0), lever(e, z, 0, f1), lever(e, z, 0, f2))
+    return flexors, lever(e, z, 1, g0), (lever(e, z, 2, x0), lever(e, z, 2, x1), lever(e, z, 2, x2))
+
+
+def lever(e, z, j, height):
+    """Heights m, n [m] with which wire j turns one joint."""
+    return lever_height(e, z, j, height[0]), lever_height(e, z, j, height[1])
+
+
+def moved(high):
+    """Whether any wire turns the joints with other heights than those of its path; high: `heights`, `levers`."""
+    path, turn = high
+    return path[0][0][0] != turn[0][0][0] or path[1][0] != turn[1][0] or path[2][0][0] != turn[2][0][0]
+
+
 def heights(e, z, n, pull):
     """Heights m, n [m] of the routers at tensions `pull` [N]: AF at three joints, MF at the MCP, AE at three joints."""
     f0 = pair(e, z, 0, 0, n.m_f, n.n_f, pull)

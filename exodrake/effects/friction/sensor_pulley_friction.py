@@ -1,6 +1,9 @@
 """Friction at the sensing pulley, where the wire turns round by pi: the reading depends on direction.
 
 F = T (1 + exp(-mu pi slide)) / 2        slide -> +1 while the spool takes wire in, -1 while it gives wire back
+
+The vocabulary's law and the reference simulator's: an error of the reading alone, with the wire's tension T on both
+sides. The pulley that takes its work from the motor is `sensor.pulley_capstan`.
 """
 
 from math import exp, pi

@@ -1,4 +1,4 @@
-"""Dry friction with a soft onset (Dahl, LuGre without its viscous terms), between cell and finger.
+"""Dry friction with a soft onset (Dahl's law), between cell and finger; `tendon.lugre` adds peak and damping.
 
 T_d = T_c - F          dF/dx = stiffness (1 - F sgn(x') / force)
 """
@@ -22,7 +22,7 @@ def settle(dt, stretched, tension, tension_finger, travel, force, stiffness, bri
 
 EFFECT = Effect(
     id="tendon.presliding",
-    summary="dry friction with a soft onset (Dahl, LuGre)",
+    summary="dry friction with a soft onset (Dahl)",
     signature="loop of angle against tension that opens gradually after a reversal; nested minor loops in small motion",
     source="physics.md 4.B; 1e3-1e5 N/m",
     at={"tendon.transmit": transmit, "tendon.settle": settle},

@@ -18,11 +18,11 @@ EFFECT = Effect(
     id="motor.current_limit",
     summary="current clips lower than nominal",
     signature="tension levels off and speed falls short where load is high or acceleration is asked for",
-    source="physics.md 4.A; 0.11 A holds 12 N at the wire",
+    source="physics.md 4.A; 0.11 A holds 12 N at the wire, above 0.12 A nothing clips",
     at={"motor.current_limit": current_limit},
     parameters=(
         EffectParameter(
-            "limit", "A", null=inf, low=0.02, high=0.25, axis=TENDONS, default=0.06, transform="reciprocal"
+            "limit", "A", null=inf, low=0.02, high=0.12, axis=TENDONS, default=0.06, transform="reciprocal"
         ),
     ),
     family="saturation",

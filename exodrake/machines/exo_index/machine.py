@@ -36,6 +36,7 @@ SIGNALS = (
     Signal("wire_speed", "m/s", TENDONS),
     Signal("spool_angle", "rad", TENDONS),
     Signal("tension", "N", TENDONS),
+    Signal("tension_spool", "N", TENDONS),
     Signal("tension_finger", "N", TENDONS),
     Signal("angle", "rad", JOINTS),
     Signal("rate", "rad/s", JOINTS),

@@ -24,6 +24,7 @@ SEGMENTS = (
         ("stroke", "angle"),
         (
             Imposed("tension", low=0.0),
+            Imposed("tension_spool", low=0.0),
             Imposed("stroke", gain=1.0 / SOFT, low=0.0, part="finger"),
             Imposed("wire_speed", rate=True, gain=1.0 / SOFT, part="finger"),
         ),
