@@ -1,0 +1,79 @@
+"""Curves of measured and simulated signals as compact data for `templates/curves.js`, which draws them with uPlot.
+
+A sample takes two bytes: its level between the least and the largest value of its curve, in base 64. Logs that are too
+long for the page are given by their envelope, so that no peak is lost.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.display import SYMBOLS
+from exodrake.data.envelope import envelope, stretch_of
+from exodrake.report.simulated_logs import IMPROVED, NOMINAL, SimulatedLog, SimulatedLogs
+
+LEVELS = 65534  # of a curve; the next one marks a missing sample
+CURVES = ("measured", NOMINAL, IMPROVED, "error_nominal", "error_improved")
+SIZE = 900_000  # characters that all curves of a page may take
+CHARACTERS = 8 / 3  # that a sample takes
+LEAST, MOST = (
+    600,
+    8000,
+)  # samples of a curve: so few are drawn at least, however many logs there are, and so many at most
+BAND = 2.0  # noise standard deviations to either side of no error
+
+
+def curves(runs: SimulatedLogs) -> dict[str, Any]:
+    """All that the page draws over time: kinds of signals, and for each judged log its curves.
+
+    Returns:
+        Plain data: `kinds` (name, label, unit) and `logs` (name, samples, step [s], stretch, columns).
+    """
+    columns = max(len(runs.problem.columns), 1)
+    samples = SIZE / (CHARACTERS * len(CURVES) * columns * max(len(runs.judged), 1))
+    most = int(np.clip(samples, LEAST, MOST))
+    shown = {kind: runs.display(kind) for kind in runs.kinds}
+    return {
+        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in shown.items()],
+        "logs": [log_curves(runs, log, most) for log in runs.judged],
+    }
+
+
+def log_curves(runs: SimulatedLogs, log: SimulatedLog, most: int) -> dict[str, Any]:
+    """The curves of a log, of at most so many samples each."""
+    frames = len(log.trial.measured)
+    stretch = stretch_of(frames, most)
+    errors = {name: log.residuals[name] * log.noise_std for name in (NOMINAL, IMPROVED)}
+    simulated = {n: np.where(np.isfinite(rows), rows, np.nan) for n, rows in log.simulated.items()}
+    rows = (log.trial.measured, simulated[NOMINAL], simulated[IMPROVED], errors[NOMINAL], errors[IMPROVED])
+    short = dict(zip(CURVES, (envelope(one, stretch) for one in rows), strict=True))
+    columns = []
+    for i, (kind, channel) in enumerate(runs.parts):
+        factor = runs.display(kind).factor
+        found = {name: packed(factor * short[name][:, i]) for name in CURVES}
+        columns.append({"kind": kind, "channel": channel, "band": BAND * factor * float(log.noise_std[i]), **found})
+    return {
+        "name": log.trial.name, "samples": len(short[CURVES[0]]), "stretch": stretch,
+        "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
+    }  # fmt: skip
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """A curve (n,) as least value, height of a level, and levels in base 64; NaN is the level after the last."""
+    known = np.isfinite(values)
+    least = float(values[known].min()) if known.any() else 0.0
+    height = float(values[known].max() - least) / LEVELS if known.any() else 0.0
+    levels = np.full(len(values), LEVELS + 1, "<u2")
+    levels[known] = np.round((values[known] - least) / (height or 1.0))
+    return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
+
+
+def unpacked(curve: dict[str, Any]) -> np.ndarray:
+    """The curve (n,) of its packed form, as `curves.js` reads it."""
+    from base64 import b64decode
+
+    levels = np.frombuffer(b64decode(curve["levels"]), "<u2")
+    return np.where(levels > LEVELS, np.nan, curve["least"] + curve["height"] * levels)
