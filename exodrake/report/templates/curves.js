@@ -27,6 +27,16 @@
     return value.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : size >= 1 ? 2 : size >= 0.1 ? 3 : 4);
   }
 
+  function rounded(value) { // down to 1, 2 or 5 times a power of ten
+    const power = 10 ** Math.floor(Math.log10(value)), head = value / power;
+    return (head >= 5 ? 5 : head >= 2 ? 2 : 1) * power;
+  }
+
+  function ticks(u, axis, low, high) {
+    const end = rounded(0.95 * high);
+    return [-end, 0, end];
+  }
+
   function drawBand(u, band) {
     const top = u.valToPos(band, "y", true), bottom = u.valToPos(-band, "y", true);
     const { left, width, top: above, height } = u.bbox;
@@ -69,7 +79,7 @@
       },
       axes: [
         { ...axis, grid: { show: false }, size: last ? 26 : 6, values: last ? (u, t) => t.map((v) => v + " s") : () => [] },
-        { ...axis, grid, size: 46, space: band ? 18 : 26, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
+        { ...axis, grid, size: 46, space: 26, splits: band ? ticks : undefined, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") },
       ],
       series: [{}, ...series],
       hooks: {
