@@ -15,7 +15,7 @@ from rich.console import Console
 from exodrake.data.envelope import envelope, stretch_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
 from exodrake.report import number_format, wording
-from exodrake.report.curves import CURVES, MOST, curves, unpacked
+from exodrake.report.curves import MOST, curves, unpacked
 from exodrake.report.diagnosis_page import page
 from exodrake.report.how_far import spectra
 from exodrake.report.simulated_logs import SimulatedLogs
@@ -24,6 +24,7 @@ from exodrake.report.where import binned, top_condition
 from exodrake.report.which import retuned_tables
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+ROBOTS = ("nominal", "improved")
 VOID = {"meta", "br", "img", "i"}
 
 
@@ -222,7 +223,7 @@ def test_retuned_parameters_come_largest_first_in_tolerances():
 
 def test_curves_are_read_back_to_half_a_level():
     runs = simulated_logs(frames=500)
-    (log,) = curves(runs)["logs"]
+    (log,) = curves(runs, ROBOTS)["logs"]
     for i, column in enumerate(log["columns"]):
         factor = runs.display(column["kind"]).factor
         measured = factor * runs.judged[0].trial.measured[:, i]
@@ -234,12 +235,13 @@ def test_curves_are_read_back_to_half_a_level():
 def test_long_logs_are_drawn_by_their_envelope_and_lose_no_peak():
     runs = simulated_logs(frames=60_000)
     runs.judged[0].trial.measured[31_234, 0] = 99.0  # N, one sample
-    (log,) = curves(runs)["logs"]
+    (log,) = curves(runs, ROBOTS)["logs"]
     assert log["stretch"] > 1 and log["samples"] <= MOST
     assert log["samples"] * log["step"] == pytest.approx(60_000 * runs.period, rel=0.01)
+    names = ("measured", *ROBOTS, *(f"error_{robot}" for robot in ROBOTS))
     read = unpacked(log["columns"][0]["measured"])
     assert read.max() == pytest.approx(99.0) and abs(read.argmax() * log["step"] - 31_234 * runs.period) < 1.0
-    assert all(len(unpacked(column[name])) == log["samples"] for column in log["columns"] for name in CURVES)
+    assert all(len(unpacked(column[name])) == log["samples"] for column in log["columns"] for name in names)
 
 
 def test_envelope_of_columns_with_gaps():
@@ -326,5 +328,5 @@ def test_page_of_a_robot_that_diverges_says_so_by_gaps():
     runs = simulated_logs(frames=300)
     runs.logs[1].simulated["nominal"][100:] = np.inf
     assert "Capstan friction" in visible(page(diagnosis(), runs))
-    (log,) = curves(runs)["logs"]
+    (log,) = curves(runs, ROBOTS)["logs"]
     assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()

@@ -7,16 +7,16 @@ long for the page are given by their envelope, so that no peak is lost.
 from __future__ import annotations
 
 from base64 import b64encode
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from exodrake.core.display import SYMBOLS
 from exodrake.data.envelope import envelope, stretch_of
-from exodrake.report.simulated_logs import IMPROVED, NOMINAL, SimulatedLog, SimulatedLogs
+from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
 
 LEVELS = 65534  # of a curve; the next one marks a missing sample
-CURVES = ("measured", NOMINAL, IMPROVED, "error_nominal", "error_improved")
 SIZE = 900_000  # characters that all curves of a page may take
 CHARACTERS = 8 / 3  # that a sample takes
 LEAST, MOST = (
@@ -26,37 +26,37 @@ LEAST, MOST = (
 BAND = 2.0  # noise standard deviations to either side of no error
 
 
-def curves(runs: SimulatedLogs) -> dict[str, Any]:
-    """All that the page draws over time: kinds of signals, and for each judged log its curves.
+def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
+    """All that the page draws over time: for each judged log what was measured, and each robot with its error.
 
     Returns:
-        Plain data: `kinds` (name, label, unit) and `logs` (name, samples, step [s], stretch, columns).
+        Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns).
     """
-    columns = max(len(runs.problem.columns), 1)
-    samples = SIZE / (CHARACTERS * len(CURVES) * columns * max(len(runs.judged), 1))
-    most = int(np.clip(samples, LEAST, MOST))
+    count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
+    most = int(np.clip(SIZE / (CHARACTERS * count), LEAST, MOST))
     shown = {kind: runs.display(kind) for kind in runs.kinds}
     return {
         "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in shown.items()],
-        "logs": [log_curves(runs, log, most) for log in runs.judged],
+        "robots": list(robots),
+        "logs": [log_curves(runs, log, robots, most) for log in runs.judged],
     }
 
 
-def log_curves(runs: SimulatedLogs, log: SimulatedLog, most: int) -> dict[str, Any]:
+def log_curves(runs: SimulatedLogs, log: SimulatedLog, robots: Sequence[str], most: int) -> dict[str, Any]:
     """The curves of a log, of at most so many samples each."""
-    frames = len(log.trial.measured)
-    stretch = stretch_of(frames, most)
-    errors = {name: log.residuals[name] * log.noise_std for name in (NOMINAL, IMPROVED)}
-    simulated = {n: np.where(np.isfinite(rows), rows, np.nan) for n, rows in log.simulated.items()}
-    rows = (log.trial.measured, simulated[NOMINAL], simulated[IMPROVED], errors[NOMINAL], errors[IMPROVED])
-    short = dict(zip(CURVES, (envelope(one, stretch) for one in rows), strict=True))
+    stretch = stretch_of(len(log.trial.measured), most)
+    rows = {"measured": log.trial.measured}
+    for name in robots:
+        rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
+        rows[f"error_{name}"] = log.residuals[name] * log.noise_std
+    short = {name: envelope(values, stretch) for name, values in rows.items()}
     columns = []
     for i, (kind, channel) in enumerate(runs.parts):
         factor = runs.display(kind).factor
-        found = {name: packed(factor * short[name][:, i]) for name in CURVES}
+        found = {name: packed(factor * values[:, i]) for name, values in short.items()}
         columns.append({"kind": kind, "channel": channel, "band": BAND * factor * float(log.noise_std[i]), **found})
     return {
-        "name": log.trial.name, "samples": len(short[CURVES[0]]), "stretch": stretch,
+        "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
         "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
     }  # fmt: skip
 

@@ -17,11 +17,12 @@ from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figu
 
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
+    drawn = dict([(NOMINAL, BEFORE), (IMPROVED, AFTER)][: len(w.robots_of(diagnosis))])
     return {
         "ladder": ladder(diagnosis),
-        "curves": curves(runs) if runs.judged else None,
+        "curves": curves(runs, list(drawn)) if runs.judged else None,
         "gaps": gap_table(diagnosis),
-        "spectrum": Drawing(spectrum_svg(runs), wide=True) if runs.judged else None,
+        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
     }
 
 
@@ -69,14 +70,14 @@ def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
 
 
-def spectrum_svg(runs: SimulatedLogs) -> str:
-    """Spectra of the normalised residuals before and after, a panel per kind of signal."""
+def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, str]) -> str:
+    """Spectra of the normalised residuals of robots, each in its colour, a panel per kind of signal."""
     with house_style():
         figure = new_figure(9.6, 2.35)
         panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
         white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
         for axes, kind in zip(panels, runs.kinds):
-            for robot, colour in ((NOMINAL, BEFORE), (IMPROVED, AFTER)):
+            for robot, colour in drawn.items():
                 frequency, power = spectra(runs, robot, kind)
                 axes.loglog(frequency[1:], power[1:], color=colour, lw=1.2)
             axes.axhline(white, color=SOFT, lw=0.9, ls=(0, (4, 2)))
@@ -84,4 +85,4 @@ def spectrum_svg(runs: SimulatedLogs) -> str:
             axes.set_xlabel("Frequency [Hz]")
             axes.grid(color=RULE, lw=0.5)
         panels[0].set_ylabel("Density [1/Hz]")
-        return svg_of(figure, "spectrum", "power density of normalised residuals before and after")
+        return svg_of(figure, "spectrum", "power density of normalised residuals")

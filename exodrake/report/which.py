@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, LevelTest, NamedEffect
+from exodrake.diagnosis.result import Candidate, Diagnosis, LevelTest, NamedEffect
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.page import Bars, Block, Table
 from exodrake.report.simulated_logs import IMPROVED, SimulatedLogs
@@ -68,17 +68,13 @@ def candidate_blocks(diagnosis: Diagnosis) -> list[Block]:
     """The ranking of candidates as bars, and all of them in numbers, folded."""
     if not diagnosis.candidates:
         return []
-    named = diagnosis.verdict in (NAMED, AMBIGUOUS)
-    chosen = {*diagnosis.equivalents, *(e.id for e in diagnosis.effects)} if named else set()
-    bars = [
-        (f"`{c.id}`", max(c.score, 0.0), n.percent(max(c.score, 0.0)), set(c.id.split(" + ")) <= chosen)
-        for c in diagnosis.candidates[:MOST]
-    ]
+    removed = [(c, max(c.score, 0.0)) for c in diagnosis.candidates[:MOST]]
+    bars = [(f"`{c.id}`", share, n.percent(share), c.left) for c, share in removed]
     caption = (
         "Closure of each candidate on the fitted logs: fraction of the excess error of the retuned robot that is gone, "
-        "mean of closed loop and prediction error. Each is fitted together with the nominal parameters; in colour what "
-        "the verdict names. Larger sets come first, in each size the likeliest; one that is far behind after two steps "
-        "is not fitted to the end."
+        "mean of closed loop and prediction error; in colour those that no test rejects. Each is fitted together with "
+        "the nominal parameters, and not to the end where it is far behind after two steps. Larger sets come first, in "
+        "each size the likeliest."
     )
     chi2 = ("chi-square, closed loop", "chi-square, prediction error")
     header = ("Candidate", "Closure", *chi2, "p of what it leaves", "")

@@ -96,9 +96,7 @@
       : number(u.data[0][i]) + " s:  " + u.data.slice(1).map((row) => number(row[i])).join("   ");
   }
 
-  function panel(place, kind, column, time) {
-    const cell = place.appendChild(document.createElement("div"));
-    cell.className = "channel";
+  function panel(cell, kind, column, time) {
     const line = (stroke, width) => ({ stroke: css(stroke), width, points: { show: false } });
     const head = (name, rest) => {
       const row = cell.appendChild(document.createElement("div"));
@@ -117,8 +115,9 @@
       const drawn = series.map(([, stroke, width]) => line(stroke, width));
       panels.push(new uPlot(options(box, height, text, drawn, band, last), data, box));
     };
-    draw(title, HEIGHT[0], [["measured", "--measured", 4], ["nominal", "--before", 1.3], ["improved", "--after", 1.3]], 0, false);
-    draw(head("", "error"), HEIGHT[1], [["error_nominal", "--before", 1], ["error_improved", "--after", 1]], column.band, true);
+    const robots = found.robots.map((name, i) => [name, ["--before", "--after"][i]]);
+    draw(title, HEIGHT[0], [["measured", "--measured", 4], ...robots.map(([name, colour]) => [name, colour, 1.3])], 0, false);
+    draw(head("", "error"), HEIGHT[1], robots.map(([name, colour]) => ["error_" + name, colour, 1]), column.band, true);
   }
 
   function drawAll() {
@@ -130,7 +129,9 @@
       place.textContent = "";
       if (!place.clientWidth) continue; // folded
       const kind = found.kinds.find((k) => k.name === place.dataset.kind);
-      for (const column of log.columns) if (column.kind === kind.name) panel(place, kind, column, time);
+      const columns = log.columns.filter((column) => column.kind === kind.name);
+      const cells = columns.map(() => place.appendChild(document.createElement("div"))); // all, since they share the width
+      cells.forEach((cell, i) => { cell.className = "channel"; panel(cell, kind, columns[i], time); });
     }
     const note = document.getElementById("stretch");
     note.textContent = log.stretch > 1 ? "Each stretch of " + log.stretch + " samples is drawn by its least and its largest." : "";
