@@ -8,6 +8,7 @@ import numpy as np
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.provenance import Provenance
 from exodrake.diagnosis.result import (
     AMBIGUOUS,
     NAMED,
@@ -18,6 +19,7 @@ from exodrake.diagnosis.result import (
     Closure,
     Diagnosis,
     Interval,
+    LevelTest,
     Moved,
     NamedEffect,
     Retune,
@@ -25,7 +27,7 @@ from exodrake.diagnosis.result import (
     Where,
 )
 from exodrake.machines.robot_file import load_robot
-from exodrake.report.held_out_runs import HeldOutRuns
+from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN)
 TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
@@ -42,8 +44,8 @@ def noise_and_sizes():
     return (np.array([table[c.rsplit("_", 1)[0]][k] for c in COLUMNS]) for k in (1, 2))
 
 
-def held_out_runs(robot=None, frames=1500, gap=0.06):
-    """Held-out runs: the nominal robot errs by a share `gap`, the improved one by noise alone."""
+def simulated_logs(robot=None, frames=1500, gap=0.06):
+    """A fitted and a held-out log: the nominal robot errs by a share `gap`, the improved one by noise alone."""
     rng = np.random.default_rng(1)
     floor, size = noise_and_sizes()
     time = 0.02 * np.arange(frames)
@@ -55,8 +57,34 @@ def held_out_runs(robot=None, frames=1500, gap=0.06):
     held = Trial("grasps.csv.gz", "holdout", np.abs(course[:, :3]), measured)
     fit = replace(held, name="chirp.csv.gz", role="fit")
     log = Log(time, dict(zip(COLUMNS, measured.T, strict=True)))
-    case = Case("synthetic", {}, (CaseLog(log, "chirp", "fit", None, fit.name),))
-    return HeldOutRuns(Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case), (runs,))
+    again = CaseLog(log, "chirp", "fit", fit.name, "chirp_2.csv.gz")
+    logs = (CaseLog(log, "chirp", "fit", None, fit.name), again, CaseLog(log, "grasps", "holdout", None, held.name))
+    case = Case("synthetic", {}, logs, hashes={item.file: f"{k}" * 64 for k, item in enumerate(logs)})
+    problem = Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case)
+    return SimulatedLogs(problem, tuple(SimulatedLog(trial, runs, floor) for trial in (fit, held)))
+
+
+def chosen(runs, columns, **changes):
+    """The simulated logs with some columns alone."""
+    places = [COLUMNS.index(c) for c in columns]
+
+    def trial(t):
+        return replace(t, measured=t.measured[:, places])
+
+    problem = runs.problem
+    problem = replace(
+        problem,
+        columns=tuple(columns),
+        noise_std=problem.noise_std[places],
+        fit=tuple(map(trial, problem.fit)),
+        holdout=tuple(map(trial, problem.holdout)),
+        **changes,
+    )
+    logs = [
+        SimulatedLog(trial(log.trial), {n: rows[:, places] for n, rows in log.simulated.items()}, problem.noise_std)
+        for log in runs.logs
+    ]
+    return SimulatedLogs(problem, tuple(logs))
 
 
 def closure(healthy=False):
@@ -127,5 +155,9 @@ def diagnosis(verdict=NAMED):
         seconds=48.2,
         robots={"nominal": robot, "retuned": retuned, "improved": improved},
         simulated={"retune": 1200.0, "linearise": 6400.0},
+        tests=(LevelTest("Would noise leave so much?", "p-value", 0.4, 0.02, True),),
+        provenance=Provenance(
+            "2026-11-22T08:00:00+00:00", "0.1", "abc123", "exodrake diagnose case", "exo_index.yaml", "f00d", "none", {}
+        ),
         retune=Retune() if healthy else Retune(moved(robot, retuned), {"finger.stiffness": 0.97}),
     )

@@ -52,7 +52,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.diagnosis.result import Detection, Interval, NamedEffect
+from exodrake.diagnosis.detection import Detection
+from exodrake.diagnosis.result import Interval, NamedEffect
 
 
 def detect(problem, effect, values):

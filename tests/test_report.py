@@ -9,16 +9,22 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from report_synthetic import COLUMNS, IDS, VERDICTS, diagnosis, held_out_runs
+from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulated_logs
 from rich.console import Console
 
+from exodrake.data.envelope import envelope, stretch_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
 from exodrake.report import number_format, wording
+from exodrake.report.curves import MOST, curves, unpacked
 from exodrake.report.diagnosis_page import page
-from exodrake.report.held_out_runs import binned, changed_parameters, spectra, top_condition
+from exodrake.report.how_far import spectra
+from exodrake.report.simulated_logs import SimulatedLogs
 from exodrake.report.terminal import print_summary
+from exodrake.report.where import binned, top_condition
+from exodrake.report.which import retuned_tables
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+ROBOTS = ("nominal", "improved")
 VOID = {"meta", "br", "img", "i"}
 
 
@@ -29,7 +35,7 @@ def pages():
     def of(verdict):
         if verdict not in made:
             found = diagnosis(verdict)
-            made[verdict] = page(found, held_out_runs(found.robots["nominal"], frames=600))
+            made[verdict] = page(found, simulated_logs(found.robots["nominal"], frames=600))
         return made[verdict]
 
     return of
@@ -43,26 +49,60 @@ def said(verdict, width=120):
 
 def visible(html):
     """Text of a page without its drawings."""
-    text = re.sub(r"<(svg|style)[^>]*>.*?</\1>", "", html, flags=re.DOTALL)
+    text = re.sub(r"<(svg|style|script)[^>]*>.*?</\1>", "", html, flags=re.DOTALL)
     return " ".join(re.sub(r"<[^>]+>", " ", text).split())
 
 
 @pytest.mark.parametrize("verdict", [NAMED, NO_GAP, UNKNOWN])
 def test_page_is_small_and_needs_nothing_from_outside(pages, verdict):
     html = pages(verdict)
-    assert len(html.encode()) < 3_000_000
-    assert not re.search(r"https?:|//cdn|@import|<script|<link", html)
+    assert len(html.encode()) < 2_000_000
+    assert "default-src 'none'" in html  # the browser itself then refuses whatever is not in the file
+    assert not re.search(r"<link|@import|<iframe|fetch\(|XMLHttpRequest", html)
     sources = re.findall(r'(?:src|href)="([^"]*)"', html)
-    assert sources and all(s.startswith(("data:", "#")) for s in sources)
+    assert all(s.startswith(("data:", "#")) for s in sources)
+    assert {s[1:] for s in sources if s[0] == "#"} <= set(re.findall(r'\sid="([^"]*)"', html))
+
+
+def test_page_holds_the_licence_of_what_it_contains(pages):
+    assert "Copyright (c) 2022 Leon Sorokin" in pages(NAMED) and "MIT License" in pages(NAMED)
 
 
 def test_page_says_the_answer(pages):
     text = visible(pages(NAMED))
-    for wanted in ("Capstan friction on tendons AF and MF", "tendon.capstan_friction", "0.280 to 0.340", "93 to 98 %",
-                   "finger.kappa.MCP", "-11.0 %", "2 repeated rows dropped", "level of each test",
-                   "raw BIC"):  # fmt: skip
+    for wanted in (
+        "Capstan friction on tendons AF and MF", "0.280 to 0.340", "93 to 98 %",  # value, interval, closure
+        "T_d = T_c exp(-mu_phi slide)", "exodrake effects tendon.capstan_friction",  # equation
+        "finger.kappa.MCP", "2 repeated rows dropped", "level of each test", "raw BIC",
+        "Would noise leave so much? p = 0.4 p &gt; 0.02 passed",  # a test at its level
+        "2026-11-22 08:00:00 UTC", "exodrake diagnose case", "exo_index.yaml", "abc123",  # provenance
+        "noise: repeats chirp.csv.gz", "222222222222",  # every log, and the hash of its file
+    ):  # fmt: skip
         assert wanted in text, wanted
     assert "case &lt;7&gt; &amp; co" in text
+
+
+def test_headline_holds_value_interval_and_unit():
+    assert "mu_phi 0.300 (90 %: 0.270 to 0.330)" in wording.headline(diagnosis())
+    found = diagnosis().effects[0]
+    stiffness = Interval(5275.0, 4900.0, 5700.0, "N/m")
+    other = replace(found, parameters={"stiffness": stiffness}, channels={})
+    assert wording.value_words(other) == "stiffness 5.28 N/mm (90 %: 4.90 to 5.70)"
+
+
+def test_channels_that_disagree_are_stated_one_by_one():
+    channels = {"AF": Interval(0.1, 0.09, 0.11), "MF": Interval(-0.1, -0.11, -0.09)}
+    found = replace(
+        diagnosis().effects[0], parameters={"gain": Interval(0.0, -0.02, 0.02)}, channels={"gain": channels}
+    )
+    assert [name for name, *_ in wording.parameter_values(found)] == ["gain AF", "gain MF"]
+
+
+def test_what_is_left_stands_beside_the_closure(pages):
+    rms = diagnosis().closure.rms
+    assert rms["after"] == pytest.approx(1.05) and rms["retuned"] == pytest.approx(0.8 * rms["before"])
+    for text in (visible(pages(NAMED)), said(NAMED)):
+        assert number_format.digits(rms["before"]) in text and "1.05" in text and "noise standard deviations" in text
 
 
 def test_page_is_well_formed_and_ids_do_not_clash(pages):
@@ -85,30 +125,64 @@ def test_page_is_well_formed_and_ids_do_not_clash(pages):
 
 def test_page_of_no_gap_has_no_place_and_no_effect(pages):
     text = visible(pages(NO_GAP))
-    assert "Where:" not in text and "Which:" not in text and "No gap" in text
+    assert "Where:" not in text and "Which: the tests" in text and "No gap" in text
 
 
 def test_unknown_page_names_no_effect(pages):
     text = visible(pages(UNKNOWN))
-    assert "no effect of the library" in text and "not accepted" in text and "Probability" not in text
+    assert "no effect of the library" in text and "not accepted" in text and "weight among" not in text
+
+
+def browsed(file, folder, *options):
+    """What chromium says of a page."""
+    common = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--window-size=1100,3000"]
+    command = [str(CHROMIUM), *common, f"--user-data-dir={folder / 'user'}", *options, file.as_uri()]
+    made = subprocess.run(command, capture_output=True, text=True, timeout=90)
+    assert "CONSOLE" not in made.stderr, made.stderr
+    return made.stdout
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
 def test_page_renders_without_console_errors(pages, tmp_path):
-    file = tmp_path / "report.html"
+    file, shot = tmp_path / "report.html", tmp_path / "page.png"
     file.write_text(pages(NAMED))
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--window-size=1100,3000"]
-    shot = tmp_path / "page.png"
-    made = subprocess.run(
-        [str(CHROMIUM), *options, f"--user-data-dir={tmp_path / 'user'}", f"--screenshot={shot}", file.as_uri()],
-        capture_output=True, text=True, timeout=50,
-    )  # fmt: skip
-    assert "CONSOLE" not in made.stderr, made.stderr
+    browsed(file, tmp_path, f"--screenshot={shot}")
     from matplotlib.image import imread
 
     pixels = imread(shot)
     assert pixels.shape[:2] == (3000, 1100)
     assert (pixels[..., :3].min(axis=2) < 0.5).any(axis=1).mean() > 0.3  # most lines of pixels hold ink
+
+
+PROBE = """<script>
+const over = document.querySelector(".u-over"), box = over.getBoundingClientRect();
+function at(share) {
+  const place = {clientX: box.left + share * box.width, clientY: box.top + 20, bubbles: true};
+  for (const kind of ["mouseenter", "mousemove"]) over.dispatchEvent(new MouseEvent(kind, place));
+  return document.querySelector(".reading span").textContent;
+}
+const texts = [at(0.5)];
+document.querySelector("[title=shorter]").click();
+setTimeout(() => { texts.push(at(0)); document.title = texts.join(" | "); }, 200);
+</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
+def test_curves_are_read_under_the_pointer_and_zoom(pages, tmp_path):
+    """The middle of a log of 12 s, and the left end after zooming to its middle half."""
+    file = tmp_path / "report.html"
+    file.write_text(pages(NAMED).replace("</body>", f"{PROBE}</body>"))
+    dom = browsed(file, tmp_path, "--virtual-time-budget=3000", "--dump-dom")
+    found = re.search(r"<title>([^<]*)</title>", dom)
+    assert found is not None
+    log = simulated_logs(frames=600).judged[0]
+    for text, time in zip(found[1].split(" | "), (6.0, 3.0), strict=True):
+        seconds, *values = (float(number) for number in re.findall(r"-?[\d.]+", text))
+        assert seconds == pytest.approx(time, abs=0.1), found[1]
+        frame = round(seconds / 0.02)
+        near = slice(max(frame - 2, 0), frame + 3)
+        wanted = [log.trial.measured[near, 0], log.simulated["nominal"][near, 0], log.simulated["improved"][near, 0]]
+        assert all(w.min() - 0.01 <= v <= w.max() + 0.01 for v, w in zip(values, wanted, strict=True)), found[1]
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
@@ -128,20 +202,60 @@ def test_summary_of_each_kind():
 
 
 def test_top_condition_is_the_injected_one():
-    found = top_condition(diagnosis(), held_out_runs())
+    found = top_condition(diagnosis(), simulated_logs())
     assert found is not None and found.name == "direction of motion"
     assert found.before.std() > 5 * found.after.std()
 
 
 def test_spectrum_of_white_noise_is_that_of_unit_variance():
-    runs = held_out_runs(frames=6000)
+    runs = simulated_logs(frames=6000)
     _, power = spectra(runs, "improved", "tension")
     assert power[2:].mean() == pytest.approx(2 * runs.period, rel=0.1)
 
 
-def test_changed_parameters_come_largest_first():
-    names = [row[0] for row in changed_parameters(diagnosis())]
-    assert names == ["finger.kappa.MCP", "tendon.k.AF", "tendon.k.MF", "tendon.k.AE"]
+def test_retuned_parameters_come_largest_first_in_tolerances():
+    (table,) = retuned_tables(diagnosis(), simulated_logs(frames=100))
+    rows = {row[0].strip("`"): float(row[3].split()[0]) for row in table.rows}
+    assert set(rows) == {"finger.kappa.MCP", "tendon.k.AF", "tendon.k.MF", "tendon.k.AE"}
+    assert [abs(v) for v in rows.values()] == sorted(map(abs, rows.values()), reverse=True)
+    assert all(value < 0.0 for value in rows.values())
+
+
+def test_curves_are_read_back_to_half_a_level():
+    runs = simulated_logs(frames=500)
+    (log,) = curves(runs, ROBOTS)["logs"]
+    for i, column in enumerate(log["columns"]):
+        factor = runs.display(column["kind"]).factor
+        measured = factor * runs.judged[0].trial.measured[:, i]
+        read = unpacked(column["measured"])
+        assert np.array_equal(np.isnan(read), np.isnan(measured))
+        assert np.nanmax(np.abs(read - measured)) <= 0.51 * column["measured"]["height"]
+
+
+def test_long_logs_are_drawn_by_their_envelope_and_lose_no_peak():
+    runs = simulated_logs(frames=60_000)
+    runs.judged[0].trial.measured[31_234, 0] = 99.0  # N, one sample
+    (log,) = curves(runs, ROBOTS)["logs"]
+    assert log["stretch"] > 1 and log["samples"] <= MOST
+    assert log["samples"] * log["step"] == pytest.approx(60_000 * runs.period, rel=0.01)
+    names = ("measured", *ROBOTS, *(f"error_{robot}" for robot in ROBOTS))
+    read = unpacked(log["columns"][0]["measured"])
+    assert read.max() == pytest.approx(99.0) and abs(read.argmax() * log["step"] - 31_234 * runs.period) < 1.0
+    assert all(len(unpacked(column[name])) == log["samples"] for column in log["columns"] for name in names)
+
+
+def test_envelope_of_columns_with_gaps():
+    values = np.random.default_rng(3).standard_normal((1003, 2))
+    values[100:200, 1] = np.nan
+    stretch = stretch_of(len(values), 100)
+    short = envelope(values, stretch)
+    assert len(short) <= 100 and envelope(values, 1) is values
+    for k in range(len(values) // stretch):
+        part, pair = values[k * stretch : (k + 1) * stretch], short[2 * k : 2 * k + 2]
+        for c in range(2):
+            known = part[np.isfinite(part[:, c]), c]
+            wanted = [known.min(), known.max()] if len(known) else [np.nan, np.nan]
+            assert np.array_equal(np.sort(pair[:, c]), wanted, equal_nan=True)
 
 
 def test_binned_means():
@@ -174,26 +288,14 @@ def test_closure_per_kind_counts_in_noise_standard_deviations():
 
 
 def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
-    found, runs = diagnosis(), held_out_runs(frames=300)
-    keep = [i for i, c in enumerate(COLUMNS) if not c.startswith("angle")]
-    held = tuple(replace(t, measured=t.measured[:, keep]) for t in runs.problem.holdout)
-    problem = replace(
-        runs.problem,
-        columns=tuple(COLUMNS[i] for i in keep),
-        noise_std=runs.problem.noise_std[keep],
-        holdout=held,
-        fit=held,
-    )
-    runs = replace(runs, problem=problem, simulated=({n: rows[:, keep] for n, rows in runs.simulated[0].items()},))
+    found = diagnosis()
+    runs = chosen(simulated_logs(frames=300), [c for c in COLUMNS if not c.startswith("angle")])
     strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow"),))
     assert "Of tomorrow" in visible(page(strange, runs))
 
 
 def test_page_and_summary_of_a_diagnosis_without_columns():
-    found, runs = diagnosis(), held_out_runs(frames=300)
-    nothing = tuple(replace(t, measured=t.measured[:, :0]) for t in runs.problem.holdout)
-    problem = replace(runs.problem, columns=(), noise_std=np.zeros(0), holdout=nothing, fit=nothing)
-    runs = replace(runs, problem=problem, simulated=({n: rows[:, :0] for n, rows in runs.simulated[0].items()},))
+    found, runs = diagnosis(), chosen(simulated_logs(frames=300), [])
     found = replace(found, closure=replace(found.closure, signals={}))
     assert "Capstan friction" in visible(page(found, runs))
     print_summary(found, Console(file=StringIO()))
@@ -216,7 +318,15 @@ def test_column_names_split_into_kind_and_channel():
 
 
 def test_page_of_a_case_without_held_out_log_says_so():
-    found, runs = diagnosis(), held_out_runs(frames=300)
-    runs = replace(runs, problem=replace(runs.problem, holdout=runs.problem.fit))
+    found, runs = diagnosis(), simulated_logs(frames=300)
+    runs = SimulatedLogs(replace(runs.problem, holdout=()), runs.logs[:1])
     text = visible(page(found, runs))
     assert "holds no log out" in text and "Held out:" not in text
+
+
+def test_page_of_a_robot_that_diverges_says_so_by_gaps():
+    runs = simulated_logs(frames=300)
+    runs.logs[1].simulated["nominal"][100:] = np.inf
+    assert "Capstan friction" in visible(page(diagnosis(), runs))
+    (log,) = curves(runs, ROBOTS)["logs"]
+    assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()

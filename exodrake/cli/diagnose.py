@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option, tried_of
+from exodrake.cli.options import command_line, robot_option, tried_of
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
@@ -82,7 +82,7 @@ def diagnose_case(
     with stages() as progress:
         from exodrake.diagnosis.pipeline import diagnose
 
-        found = diagnose(read, nominal, progress, tried)
+        found = with_command(diagnose(read, nominal, progress, tried))
     written = write_all(contents_of(found, json_file, out_robot))
     try:
         if report is not None:
@@ -92,6 +92,14 @@ def diagnose_case(
         if profile:
             print_profile(found)
         say_written(written)
+
+
+def with_command(found: Diagnosis) -> Diagnosis:
+    """The answer with the command that asked for it."""
+    from dataclasses import replace
+
+    made = found.provenance
+    return found if made is None else replace(found, provenance=replace(made, command=command_line()))
 
 
 def check_target(path: Path | None) -> None:

@@ -34,14 +34,6 @@ def command(identity: str, as_json: bool, robot: str) -> None:
         print_library(machine, chosen)
 
 
-def equation(effect: Effect) -> str:
-    """The effect's equation: the docstring of its module."""
-    import sys
-    from inspect import cleandoc
-
-    return cleandoc(sys.modules[next(iter(effect.at.values())).__module__].__doc__ or "")
-
-
 def finite(value: float) -> float | str:
     """A number as JSON takes it: an infinite one as text."""
     return value if math.isfinite(value) else str(value)
@@ -59,7 +51,7 @@ def describe(machine: Machine, effect: Effect) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "id": effect.id, "block": effect.block, "summary": effect.summary, "signature": effect.signature,
-        "source": effect.source, "acts_at": list(effect.at), "parameters": parameters, "equation": equation(effect),
+        "source": effect.source, "acts_at": list(effect.at), "parameters": parameters, "equation": effect.equation,
         "example": example(machine, effect),
     }  # fmt: skip
 
@@ -104,7 +96,7 @@ def print_description(machine: Machine, effect: Effect) -> None:
 
     console = Console(width=None if Console().is_terminal else 120)
     console.print(f"[bold]{effect.id}[/bold]  {effect.summary}\n")
-    console.print(equation(effect), markup=False, highlight=False, style="cyan", soft_wrap=True)
+    console.print(effect.equation, markup=False, highlight=False, style="cyan", soft_wrap=True)
     rows = []
     for n in effect.parameters:
         channels = ", ".join(filter(None, machine.axes.of(n.axis))) or "robot"

@@ -13,7 +13,7 @@ from typing import IO, Any
 import click
 
 from exodrake import __version__
-from exodrake.cli.options import plugin_added
+from exodrake.cli.options import ARGUMENTS, plugin_added
 from exodrake.core.errors import InputError, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
@@ -98,6 +98,11 @@ class LazyGroup(OneLineErrors, click.Group):
         if cmd_name not in COMMANDS or not _exists(cmd_name):
             return None
         return import_module(COMMANDS[cmd_name][0]).command
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; the arguments are kept as they were typed, for `command_line`."""
+        ctx.meta[ARGUMENTS] = tuple(args)
+        return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does, with the nearest commands named when there is none such."""

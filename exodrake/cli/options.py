@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 from collections.abc import Callable
 from typing import Any
 
 import click
 
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
+ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
+
+
+def command_line() -> str:
+    """The command as it was typed, for answers: absolute paths by their last part; empty outside of a command."""
+    context = click.get_current_context(silent=True)
+    return shlex.join(["exodrake", *map(without_folder, context.meta[ARGUMENTS])]) if context else ""
+
+
+def without_folder(argument: str) -> str:
+    """An argument, `FILE` or `--option=FILE`, whose absolute path is cut to its last part."""
+    option, equals, path = argument.partition("=") if argument.startswith("-") else ("", "", argument)
+    return f"{option}{equals}{os.path.basename(os.path.normpath(path))}" if os.path.isabs(path) else argument
 
 
 def robot_option(name: str = "robot", default: str = "exo_index") -> Callable[[Callable], Callable]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import cleandoc
 
 from exodrake.core.part import State
 from exodrake.core.signal import SCALAR
@@ -102,3 +104,8 @@ class Effect:
     def axis(self) -> str:
         """Axis of the effect: `TENDONS`, `JOINTS` or `SCALAR`."""
         return self.parameters[0].axis
+
+    @property
+    def equation(self) -> str:
+        """What the effect is and its equation: the docstring of the module of its law."""
+        return cleandoc(sys.modules[next(iter(self.at.values())).__module__].__doc__ or "")

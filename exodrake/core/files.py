@@ -1,6 +1,7 @@
 """Files written whole or not at all, and read without a traceback."""
 
 import contextlib
+import hashlib
 import os
 import shutil
 import stat
@@ -37,6 +38,11 @@ def read_bytes(path: str | Path) -> bytes:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({_reason(error)})") from None
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal digits. InputError as `read_bytes`."""
+    return hashlib.sha256(read_bytes(path)).hexdigest()
 
 
 def refuse_special(path: str | Path) -> None:

@@ -43,8 +43,8 @@ class Case:
     """Logs of one robot in one state.
 
     robot: overrides of nominal parameters as in the robot file. period: frame [s]. notes: what was assumed or mended
-    while reading. InputError for an unknown role, a doubled file, repeats of a log that is not there, and nothing to
-    fit.
+    while reading. hashes: file -> SHA-256 of each file that it was read from. InputError for an unknown role, a doubled
+    file, repeats of a log that is not there, and nothing to fit.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Case:
     logs: tuple[CaseLog, ...]
     period: float = PERIOD
     notes: tuple[str, ...] = field(default=())
+    hashes: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         files = [item.file for item in self.logs]

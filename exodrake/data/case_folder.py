@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError, printable
-from exodrake.core.files import is_file, is_folder, write_folder
+from exodrake.core.files import is_file, is_folder, sha256_of, write_folder
 from exodrake.core.schema import refusal, shown
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
 from exodrake.data.case_file import CaseFile, case_text, find_logs, read_case_file
@@ -41,14 +42,16 @@ def read_case(
     if not is_folder(place):
         raise InputError(f"{folder}: no such folder")
     if is_file(place / FILE):
-        content, notes = read_case_file(place / FILE), []
+        content, notes, read_from = read_case_file(place / FILE), [], place / FILE
     else:
-        entries, notes = find_logs(place)
+        (entries, notes), read_from = find_logs(place), None
         content = CaseFile(None, {}, None, tuple(entries))
     name = printable(content.name or place.resolve().name)
     for entry in content.logs if not allow_outside else ():
         check_inside(place, entry["file"], str(folder))
-    return _case(name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes)
+    return _case(
+        name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes, read_from
+    )
 
 
 def write_case(case: Case, folder: str | Path) -> None:
@@ -77,14 +80,24 @@ def _case(
     period: float,
     required: Sequence[str],
     notes: Sequence[str] = (),
+    read_from: Path | None = None,
 ) -> Case:
     logs, said = [], list(notes)
+    hashes = {} if read_from is None else {FILE: sha256_of(read_from)}
     for entry in entries:
-        log, faults = _read(place / entry["file"], required, period)
-        said += [fault.replace(str(place / entry["file"]), entry["file"]) for fault in faults]  # the answer holds them
-        protocol = entry.get("protocol") or stem(entry["file"])
-        logs.append(CaseLog(log, protocol, entry.get("role", "fit"), entry.get("repeats"), entry["file"]))
-    return Case(name, robot, tuple(logs), period, tuple(said))
+        path, repeats = place / entry["file"], entry.get("repeats")
+        file = _relative(entry["file"], place)
+        log, faults = _read(path, required, period)
+        hashes[file] = sha256_of(path)
+        said += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
+        protocol = entry.get("protocol") or stem(file)
+        logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats and _relative(repeats, place), file))
+    return Case(name, robot, tuple(logs), period, tuple(said), hashes)
+
+
+def _relative(file: str, place: Path) -> str:
+    """A log's name seen from the folder of its case, since answers hold it: no absolute path."""
+    return os.path.relpath(file, place) if os.path.isabs(file) else file
 
 
 def _read(path: Path, required: Sequence[str], period: float) -> tuple[Log, list[str]]:

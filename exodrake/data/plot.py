@@ -10,11 +10,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from exodrake.core.display import Display, colour_of, display_of
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_bytes
 from exodrake.core.machine import Machine
 from exodrake.core.units import kind_of
+from exodrake.data.envelope import envelope, means, stretch_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
 # suffixes of kinds that are drawn with another kind, or not at all
 REFERENCE, ESTIMATE, DEVIATION = "_ref", "_est", "_std"
 ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
+LONG = 6000  # rows: more of them cover each other; a log of two minutes at 50 Hz
+STRETCHES = 240  # of a long log, about four pixels each on a screen
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
@@ -50,7 +55,8 @@ def plot_log(
     """Draws a log: a panel per kind of column over one time axis.
 
     Args:
-        log: what is drawn; references are dashed, estimates have a band of two standard deviations.
+        log: what is drawn; references are dashed, estimates have a band of two standard deviations. A long one is
+            drawn by the mean and the range of stretches of time, without its references.
         title: above the figure.
         other: a second log, drawn dotted on the same axes.
         names: of the two logs in the legend.
@@ -90,15 +96,27 @@ def draw_panel(axes: Any, log: Log, kind: str, machine: Machine | None = None) -
     display = display_in(log, kind, machine)
     for i, name in enumerate(log.names(kind)):
         colour = colour_of(name, i, machine)
-        axes.plot(log.time, display.factor * log[f"{kind}_{name}"], color=colour, label=name)
+        draw_course(axes, log.time, display.factor * log[f"{kind}_{name}"], color=colour, label=name)
         reference = f"{kind}{REFERENCE}_{name}"
-        if log.has(reference):
+        if log.has(reference) and len(log) <= LONG:
             wanted = display.factor * log[reference]
             axes.plot(log.time, wanted, color=colour, lw=0.9, ls=(0, (4, 2)), alpha=0.75)
         if log.has(f"{kind}{ESTIMATE}_{name}"):
             draw_estimate(axes, log, kind, name, colour, display.factor)
     axes.set_ylabel(display.axis)
     axes.margins(y=0.08)
+
+
+def draw_course(axes: Any, time: np.ndarray, values: np.ndarray, **style: Any) -> None:
+    """Draws a signal (n,); that of a long log as the envelope and the mean of stretches of time."""
+    if len(values) <= LONG:
+        axes.plot(time, values, **style)
+        return
+    stretch = stretch_of(len(values), 2 * STRETCHES)
+    low, high = np.sort(envelope(values[:, None], stretch).reshape(-1, 2), axis=1).T
+    at, mean = means(np.column_stack([time, values]), stretch).T
+    axes.fill_between(at, low, high, color=style["color"], alpha=0.3, lw=0)
+    axes.plot(at, mean, **style)
 
 
 def draw_estimate(axes: Any, log: Log, kind: str, name: str, colour: str, factor: float) -> None:
@@ -121,6 +139,7 @@ def draw_other(axes: Any, other: Log, kind: str, machine: Machine | None) -> Non
 def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | None) -> None:
     """Colours beside the first panel of each set of channels, with what dashed and dotted mean."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     explained: set[tuple[str, ...]] = set()
     for axes, kind in zip(rows, kinds):
@@ -128,7 +147,9 @@ def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | 
         if log.names(kind) in explained:
             continue
         explained.add(log.names(kind))
-        if log.names(kind + REFERENCE):
+        if len(log) > LONG:
+            handles.append(Patch(color="#555", alpha=0.3, lw=0, label="range"))
+        elif log.names(kind + REFERENCE):
             handles.append(Line2D([], [], color="#555", lw=0.9, ls=(0, (4, 2)), label="reference"))
         if log.names(kind + ESTIMATE):
             handles.append(Line2D([], [], color="black", lw=0.6, label="estimate"))

@@ -21,9 +21,11 @@ from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import SHARE, Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_each_log
+from exodrake.diagnosis.level_table import level_table
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.moved import retuned
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
+from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
@@ -187,6 +189,8 @@ def answer(
         evidence=evidence_of(found, best),
         simulated=dict(found.likelihood.simulated),
         retune=retuned(found),
+        tests=level_table(best, found.tests.calibration),
+        provenance=provenance_of(problem),
         problem=problem,
     )
 

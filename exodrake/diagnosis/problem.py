@@ -14,9 +14,9 @@ from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.checks import check_case
+from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
-from exodrake.diagnosis.result import Detection
 from exodrake.simulation.delayed_samples import delayed
 
 

@@ -1,8 +1,8 @@
-"""The answer of a diagnosis: frozen results, and their form as JSON (`diagnosis.md`, The answer as JSON)."""
+"""The answer of a diagnosis: frozen results, and their form as JSON: keys are the names of the fields, values in SI."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +12,10 @@ from exodrake.core.short_repr import short_repr
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem
+    from exodrake.diagnosis.provenance import Provenance
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
+NOT_IN_JSON = ("robots", "problem")
 
 
 @dataclass(frozen=True)
@@ -24,10 +26,6 @@ class Interval:
     low: float
     high: float
     unit: str = "-"
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
 
 
 @dataclass(frozen=True)
@@ -43,38 +41,6 @@ class NamedEffect:
     parameters: dict[str, Interval]
     channels: dict[str, dict[str, Interval]]
     probability: float
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return {
-            "id": self.id,
-            "wires": list(self.wires),
-            "joints": list(self.joints),
-            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
-            "channels": {n: {channel: i.to_json() for channel, i in at.items()} for n, at in self.channels.items()},
-            "probability": self.probability,
-        }
-
-
-@dataclass(frozen=True)
-class Detection:
-    """An effect that a detector found.
-
-    Attributes:
-        effect: effect as the answer states it.
-        values: parameter name -> value [SI] that all further robots have; none for an effect that remains a candidate
-            of the fits.
-        reason: how it was found, in one sentence.
-    """
-
-    effect: NamedEffect
-    values: dict[str, float]
-    reason: str
-
-    @property
-    def certain(self) -> bool:
-        """Whether the effect is there, whatever a fit finds."""
-        return bool(self.values)
 
 
 @dataclass(frozen=True)
@@ -93,18 +59,6 @@ class Where:
     replay: dict[str, float] = field(default_factory=dict)
     regime: dict[str, float] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return {
-            "block": self.block,
-            "wires": list(self.wires),
-            "joints": list(self.joints),
-            "shares": self.shares,
-            "segments": self.segments,
-            "replay": self.replay,
-            "regime": self.regime,
-        }
-
 
 @dataclass(frozen=True)
 class SignalGap:
@@ -116,10 +70,6 @@ class SignalGap:
     floor: float
     closure: float
     unit: str
-
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return dict(vars(self))
 
 
 @dataclass(frozen=True)
@@ -138,11 +88,12 @@ class Closure:
     effect: Interval
     signals: dict[str, SignalGap]
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        steps = {name: getattr(self, name).to_json() for name in ("overall", "retune", "effect")}
-        steps = {name: {k: v for k, v in step.items() if k != "unit"} for name, step in steps.items()}
-        return {**steps, "signals": {name: s.to_json() for name, s in self.signals.items()}}
+    @property
+    def rms(self) -> dict[str, float]:
+        """RMS error over all signals of the nominal, the retuned and the improved robot [noise_std]; 1 is noise."""
+        names = ("before", "retuned", "after")
+        squares = [[(getattr(gap, name) / gap.floor) ** 2 for gap in self.signals.values()] for name in names]
+        return {name: float(np.sqrt(np.mean(s))) if s else float("nan") for name, s in zip(names, squares, strict=True)}
 
 
 @dataclass(frozen=True)
@@ -162,10 +113,6 @@ class Moved:
     unit: str
     deviations: float
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return dict(vars(self))
-
 
 @dataclass(frozen=True)
 class Retune:
@@ -180,9 +127,24 @@ class Retune:
     moved: tuple[Moved, ...] = ()
     alike: dict[str, float] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return {"moved": [m.to_json() for m in self.moved], "alike": self.alike}
+
+@dataclass(frozen=True)
+class LevelTest:
+    """A test of the explanation behind the verdict, at its level.
+
+    Attributes:
+        asks: what it asks, in words.
+        measure: what is compared: "p-value", "share" or "mean square".
+        value: what was found.
+        limit: the level; p-values must be larger, all else at most as large.
+        passed: whether the explanation stands the test.
+    """
+
+    asks: str
+    measure: str
+    value: float
+    limit: float
+    passed: bool
 
 
 @dataclass(frozen=True)
@@ -206,10 +168,6 @@ class Candidate:
     complete: float
     left: bool
 
-    def to_json(self) -> dict[str, Any]:
-        """As in the JSON answer."""
-        return dict(vars(self))
-
 
 @short_repr
 @dataclass(frozen=True, eq=False)
@@ -221,7 +179,9 @@ class Diagnosis:
         evidence: reduced chi-squares of these on the fitted logs.
         simulated: simulated seconds by stage [s].
         retune: what retuning moved.
-        problem: case as a regression, with what detectors found; not part of the JSON.
+        tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
+        provenance: what the answer was made from.
+        problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
     """
 
     case: str
@@ -240,6 +200,8 @@ class Diagnosis:
     evidence: dict[str, float] = field(default_factory=dict)
     simulated: dict[str, float] = field(default_factory=dict)
     retune: Retune = field(default_factory=Retune)
+    tests: tuple[LevelTest, ...] = ()
+    provenance: Provenance | None = None
     problem: Problem | None = None
 
     @property
@@ -249,29 +211,15 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """The answer as plain data, in SI."""
-        answer = {
-            "case": self.case,
-            "verdict": self.verdict,
-            "where": self.where.to_json(),
-            "effects": [e.to_json() for e in self.effects],
-            "equivalents": list(self.equivalents),
-            "closure": self.closure.to_json(),
-            "next_experiment": self.next_experiment,
-            "candidates": [c.to_json() for c in self.candidates],
-            "baselines": self.baselines,
-            "evidence": self.evidence,
-            "reasons": list(self.reasons),
-            "notes": list(self.notes),
-            "seconds": self.seconds,
-            "retune": self.retune.to_json(),
-            "simulated": self.simulated,
-            "simulated_seconds": self.simulated_seconds,
-        }
-        return plain(answer)
+        answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
+        closure = plain(self.closure) | {"rms": self.closure.rms}
+        return plain(answer | {"closure": closure, "simulated_seconds": self.simulated_seconds})
 
 
 def plain(value: Any) -> Any:
-    """Data that JSON can hold: numpy numbers as floats, what is not finite as null."""
+    """Data that JSON can hold: results by field, numpy numbers as floats, what is not finite as null."""
+    if is_dataclass(value):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, dict):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Building blocks of HTML pages: tables, drawings, headings; set by `templates/kit.html` in `templates/page.html`."""
+"""Building blocks of HTML pages: tables, bars, drawings, headings; set by `templates/kit.html` in `page.html`."""
 
 from __future__ import annotations
 
@@ -36,6 +36,22 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Bars:
+    """Horizontal bars with a text at the end of each; backticks mark code.
+
+    Attributes:
+        rows: label, length as a fraction of the full width, text, whether it is in the accent colour.
+        caption: text below.
+        folded: title behind which the bars are hidden; shown at once if empty.
+    """
+
+    block: ClassVar[str] = "bars"
+    rows: Sequence[tuple[str, float, str, bool]]
+    caption: str = ""
+    folded: str = ""
+
+
+@dataclass(frozen=True)
 class Drawing:
     """An SVG with its caption.
 
@@ -68,7 +84,14 @@ class Heading:
     text: str
 
 
-Block = Table | Drawing | Heading
+Block = Table | Bars | Drawing | Heading
+
+
+def shares(values: dict[str, float], caption: str = "") -> Bars:
+    """Bars of fractions, in the order given; the largest fills most of the width, in the accent colour."""
+    largest = max(*values.values(), 1e-9)
+    rows = [(name, max(v, 0.0) / largest, f"{100 * v:.0f} %", v == largest) for name, v in values.items()]
+    return Bars(rows, caption)
 
 
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-INK, SOFT, RULE, BAND = "#1c2430", "#667085", "#e4e7ec", "#dfe5ec"
-MEASURED, BEFORE, TUNED, AFTER = "#30363f", "#e07b39", "#8a94a6", "#1d5fd1"
+INK, SOFT, RULE, LINE, BAND = "#1c2430", "#667085", "#e4e7ec", "#98a2b3", "#dfe5ec"
+MEASURED, BEFORE, AFTER = "#30363f", "#d9691e", "#1d5fd1"
+# colours that are variables of the page's style sheet, so that figures follow a dark page
+VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "axes.linewidth": 0.6,
-    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#98a2b3", "axes.labelcolor": INK,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": LINE, "axes.labelcolor": INK,
     "text.color": INK, "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
     "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.minor.size": 0, "ytick.minor.size": 0,
     "axes.titlesize": 9, "axes.titleweight": "bold",
@@ -61,6 +63,8 @@ def inline(svg: str, label: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href", "href")
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', svg))
+    for colour, name in VARIABLES.items():
+        svg = svg.replace(colour, f"var(--{name})")
     svg = re.sub(r'\sid="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     return re.sub(
         r'<svg[^>]*viewBox="([^"]*)"[^>]*>',

@@ -87,27 +87,31 @@ def parameter_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
 
 
 def gap_table(diagnosis: Diagnosis) -> Table:
-    """Gap before and after per kind of signal, with noise standard deviation and closure."""
-    rows = []
+    """Gap per kind of signal with the nominal and the last robot, noise standard deviation and closure."""
+    rows, closes = [], diagnosis.verdict != NO_GAP
     for found in w.kind_gaps(diagnosis):
         gap = found.gap
-        cells = [n.quantity(x, gap.unit, found.display.unit) for x in (gap.before, gap.after, gap.floor)]
+        gaps = (gap.before, gap.after, gap.floor) if closes else (gap.before, gap.floor)
+        cells = [n.quantity(x, gap.unit, found.display.unit) for x in gaps]
         closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor else "-"
-        rows.append((found.display.label.lower(), *cells, closed))
-    return table(("gap (RMS)", ">before", ">after", ">noise std", ">closed"), rows)
+        rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
+    titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
+    return table(("gap (RMS)", *titles), rows)
 
 
 def closing_lines(diagnosis: Diagnosis) -> list[str]:
     """Closure with its interval; for an ambiguous verdict the class and the next experiment."""
     lines = []
     if diagnosis.verdict != NO_GAP:
-        overall = diagnosis.closure.overall
+        overall, rms = diagnosis.closure.overall, diagnosis.closure.rms
         closed = f"{n.percent(overall.value)} ({n.percent_span(overall)})"
-        lines.append(f"closure [bold]{closed}[/bold] of the excess error removed by the {w.after_name(diagnosis)}")
+        lines.append(f"closure [bold]{closed}[/bold] of the excess error is gone with the {w.last_robot(diagnosis)}")
         step = diagnosis.closure.effect
         if diagnosis.effects and step.value == step.value:
             of_rest = f"[bold]{n.percent(step.value)}[/bold] ({n.percent_span(step)})"
             lines.append(f"        {of_rest} of what retuning alone leaves")
+        robots = ", ".join(f"{name} {n.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
+        lines.append(f"error   {robots} noise standard deviations (RMS)")
     if diagnosis.verdict == RETUNE:
         lines += [f"moved   {text}" if k == 0 else f"        {text}" for k, text in enumerate(w.moved_words(diagnosis))]
     if diagnosis.verdict == AMBIGUOUS:
@@ -122,7 +126,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
     for candidate in diagnosis.candidates[:TOP]:
         removed = min(max(candidate.score, 0.0), 1.0)
         rows.append((candidate.id, n.percent(removed), "━" * round(BAR * removed)))
-    return table(("candidate", ">excess removed", ""), rows, wrapped=0)
+    return table(("candidate, fitted logs", ">closure beyond retuning", ""), rows, wrapped=0)
 
 
 def print_profile(diagnosis: Diagnosis, console: Console | None = None) -> None:

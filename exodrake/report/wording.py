@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.display import Display, display_of
+from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect, SignalGap
-from exodrake.report.number_format import digits, listed
+from exodrake.report.number_format import digits, interval, listed, percent
 
 MOST_MOVED = 4  # parameters that the terminal lists
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
@@ -52,10 +53,16 @@ def name_of(identity: str) -> str:
     return " + ".join(part.strip().split(".")[-1].replace("_", " ") for part in identity.split("+"))
 
 
-def summary_of(diagnosis: Diagnosis, identity: str) -> str:
-    """What an effect is, from the effect library of the machine; empty if the library lacks it."""
+def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
+    """An effect of the library of the machine; None if the library lacks it."""
     machine = machine_of(diagnosis)
-    return next((e.summary for e in machine.effects if e.id == identity), "") if machine else ""
+    return next((e for e in machine.effects if e.id == identity), None) if machine else None
+
+
+def summary_of(diagnosis: Diagnosis, identity: str) -> str:
+    """What an effect is, in one sentence; empty if the library lacks it."""
+    effect = effect_of(diagnosis, identity)
+    return effect.summary if effect else ""
 
 
 def effect_words(effect: NamedEffect) -> str:
@@ -64,8 +71,24 @@ def effect_words(effect: NamedEffect) -> str:
     return name_of(effect.id) + (f" on {place}" if place else f" in the {effect.id.split('.')[0]}")
 
 
-def headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence."""
+def parameter_values(effect: NamedEffect) -> list[tuple[str, str, str]]:
+    """Name, value with unit and 90 % interval of each parameter; channel by channel where their values disagree."""
+    found = []
+    for name, item in effect.parameters.items():
+        channels = effect.channels.get(name, {})
+        alike = all(item.low <= one.value <= item.high for one in channels.values())
+        several = {} if alike else {f"{name} {channel}": one for channel, one in channels.items()}
+        found += [(title, *interval(one)) for title, one in (several or {name: item}).items()]
+    return found
+
+
+def value_words(effect: NamedEffect) -> str:
+    """The parameters of an effect in a sentence: `mu_phi 0.31 (90 %: 0.28 to 0.34)`."""
+    return ", ".join(f"{name} {value} (90 %: {span})" for name, value, span in parameter_values(effect))
+
+
+def headline(diagnosis: Diagnosis, values: bool = True) -> str:
+    """The verdict in one sentence, with or without the values of the named effects' parameters."""
     where = diagnosis.where
     if diagnosis.verdict == NO_GAP:
         return "The nominal robot is consistent with noise on every signal."
@@ -77,7 +100,8 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"There is a gap{within}{f' ({place})' if place else ''} that no effect of the library explains."
     if diagnosis.verdict == AMBIGUOUS:
         return f"The logs cannot tell apart: {listed([name_of(i) for i in class_of(diagnosis)], 'or')}."
-    text = " and ".join(effect_words(e) for e in diagnosis.effects)
+    words = [effect_words(e) + (f": {value_words(e)}" if values else "") for e in diagnosis.effects]
+    text = ("; and " if values else " and ").join(words)
     closed = "" if diagnosis.closure.overall.value > 0.0 else ": the cause is found, the gap is not closed"
     return f"{text[:1].upper()}{text[1:]}{closed}."
 
@@ -87,10 +111,33 @@ def class_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*diagnosis.equivalents, *(e.id for e in diagnosis.effects))))
 
 
-def after_name(diagnosis: Diagnosis) -> str:
-    """What the last of the three robots is."""
-    names = {NO_GAP: "nominal robot", RETUNE: "retuned robot", UNKNOWN: "best candidate (not accepted)"}
-    return names.get(diagnosis.verdict, "improved robot")
+def tested_words(diagnosis: Diagnosis) -> str:
+    """The explanation behind the verdict."""
+    if diagnosis.verdict == NO_GAP:
+        return "the nominal robot"
+    if diagnosis.verdict == RETUNE:
+        return "the robot with retuned parameters and no effect"
+    if diagnosis.verdict == UNKNOWN:
+        return "the best explanation that was tried"
+    return f"the robot with {listed([effect_words(e) for e in diagnosis.effects])}"
+
+
+def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
+    """The robots that the answer compares: their key among the gaps of a signal -> what they are."""
+    robots = {"before": "nominal robot", "retuned": "retuned robot", "after": "improved robot"}
+    if diagnosis.verdict == UNKNOWN:
+        return robots | {"after": "best candidate (not accepted)"}
+    return dict(list(robots.items())[: {NO_GAP: 1, RETUNE: 2}.get(diagnosis.verdict, 3)])
+
+
+def last_robot(diagnosis: Diagnosis) -> str:
+    """What the last of these robots is."""
+    return list(robots_of(diagnosis).values())[-1]
+
+
+def robot_titles(diagnosis: Diagnosis) -> list[str]:
+    """Titles of columns of these robots: `Nominal`, `Retuned`, `Improved`."""
+    return [name.removesuffix(" robot").partition(" (")[0].capitalize() for name in robots_of(diagnosis).values()]
 
 
 def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
@@ -108,12 +155,6 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
         total = SignalGap(before, retuned, after, noise_std, float(closed), gaps[0].unit)
         found.append(KindGap(kind, display_of(kind, machine), total))
     return found
-
-
-def rms_error(diagnosis: Diagnosis, robot: str) -> float:
-    """RMS error over all signals on held-out logs [noise standard deviations]; robot: before, retuned or after."""
-    squares = [(getattr(s, robot) / s.floor) ** 2 for s in diagnosis.closure.signals.values()]
-    return float(np.sqrt(np.mean(squares))) if squares else math.nan
 
 
 def experiment_words(diagnosis: Diagnosis) -> str:
@@ -137,6 +178,6 @@ def moved_words(diagnosis: Diagnosis) -> list[str]:
         rest = len(found.moved) - len(shown)
         lines.append("; ".join(shown) + (f"; and {rest} more" if rest > 0 else ""))
     if found.alike:
-        shares = [f"{identity} ({share:.0%})" for identity, share in found.alike.items()]
-        lines.append(f"one effect alone would explain as much: {', '.join(shares)}")
+        shares = [f"{identity} ({percent(share)} of that)" for identity, share in found.alike.items()]
+        lines.append(f"one effect alone, with nominal parameters, closes as much: {', '.join(shares)}")
     return lines

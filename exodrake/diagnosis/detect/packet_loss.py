@@ -20,10 +20,11 @@ import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
+from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import sensor_noise_std
-from exodrake.diagnosis.result import Detection, Interval, NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands
 from exodrake.diagnosis.parameter import apply, effect_parameters
-from exodrake.diagnosis.result import Detection, Interval, NamedEffect
+from exodrake.diagnosis.result import Interval, NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem

@@ -1,0 +1,28 @@
+"""The tests of an explanation as a table: what each asks, what it found, and its level."""
+
+from __future__ import annotations
+
+from exodrake.diagnosis.calibration import Calibration
+from exodrake.diagnosis.isolate import Tested
+from exodrake.diagnosis.levels import ALPHA, LOCAL
+from exodrake.diagnosis.result import LevelTest
+
+P, SHARE, SQUARE = "p-value", "share", "mean square"
+VIEWS = ("in closed loop", "as prediction error")
+
+
+def level_table(t: Tested, limits: Calibration) -> tuple[LevelTest, ...]:
+    """The tests of an explanation that was held against all others."""
+    p = t.levels
+    law = "noise and the error of its law" if t.explanation.effects else "noise"
+    rows = [LevelTest(f"Would {law} leave so much, in all?", P, p.fit, ALPHA, p.fit > ALPHA)]
+    for view, value in zip(VIEWS, p.views):
+        rows.append(LevelTest(f"Would {law} leave so much {view}?", P, value, ALPHA, value > ALPHA))
+    if not t.explanation.effects:
+        asks = "Would noise leave so much in any window of 2 s?"
+        rows.append(LevelTest(asks, P, p.local, LOCAL, p.local > LOCAL))
+    asks = "How far do nominal parameters move, in standard deviations of their tolerances?"
+    rows.append(LevelTest(asks, SQUARE, p.moved, p.most_moved, p.moved <= p.most_moved))
+    asks = "How much of what it leaves does the best other explanation take up?"
+    rows.append(LevelTest(asks, SHARE, p.share, limits.taken, not p.beaten_by))
+    return tuple(rows)

@@ -1,0 +1,53 @@
+"""Provenance of an answer: with what, from what and when it was made. It holds no absolute path."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from exodrake.core.provenance import configuration
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.problem import Problem
+
+DIGITS = 12  # hexadecimal ones of the SHA-256 of a robot's parameters
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What an answer was made from.
+
+    Attributes:
+        date: Coordinated Universal Time in the form of ISO 8601.
+        version: of the package.
+        code: first digits of the SHA-256 of the code that finds answers.
+        command: as it was typed, absolute paths by their last part; empty for a call from Python.
+        robot: file of the nominal robot.
+        parameters: first digits of the SHA-256 of its parameters, the overrides of the case included.
+        calibration: source of the numbers of the tests.
+        files: file of the case -> SHA-256; none for a case that was not read from files.
+    """
+
+    date: str
+    version: str
+    code: str
+    command: str
+    robot: str
+    parameters: str
+    calibration: str
+    files: dict[str, str]
+
+
+def provenance_of(problem: Problem) -> Provenance:
+    """The provenance of an answer that is made now."""
+    robot, code = problem.robot, configuration()
+    return Provenance(
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=code["version"],
+        code=code["code"],
+        command="",
+        robot=robot.source or robot.machine.name,
+        parameters=hashlib.sha256(robot.values.tobytes()).hexdigest()[:DIGITS],
+        calibration=calibration_of(robot.machine).source or "none",
+        files=dict(problem.case.hashes),
+    )

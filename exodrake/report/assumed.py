@@ -1,0 +1,81 @@
+"""Section "what was assumed" of the report: every log of the case, the numbers of the tests, the provenance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.levels import decision_numbers
+from exodrake.diagnosis.result import Diagnosis
+from exodrake.report import number_format as n, wording as w
+from exodrake.report.page import Table
+from exodrake.report.simulated_logs import ROBOTS, SimulatedLogs
+
+DIGITS = 12  # of a file's hash that are shown; the JSON has them all
+
+
+def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+    """Values of the section's template."""
+    return {
+        "logs": log_table(diagnosis, runs),
+        "levels": level_table(runs),
+        "provenance": provenance_table(diagnosis),
+    }
+
+
+def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
+    """Every log of the case: role, length, missing samples, RMS error with each robot, hash of its file."""
+    case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
+    titles = w.robot_titles(diagnosis)
+    robots = ROBOTS[: len(titles)]
+    rows = []
+    for item in case.logs:
+        log = simulated.get(item.file)
+        errors = ["–"] * len(robots) if log is None else [n.digits(runs.rms(log, robot)) for robot in robots]
+        length = f"{len(item.log) * runs.period:.0f} s"
+        rows.append((f"`{item.file}`", role(item), length, missing(item, runs), *errors, digest(case, item.file)))
+    header = ("Log", "Role", "Length", "Missing", *titles, "SHA-256")
+    return Table(header, rows, words=2)
+
+
+def role(item: CaseLog) -> str:
+    """What a log serves."""
+    if item.repeats is not None:
+        return f"noise: repeats {item.repeats}"
+    return "held out: closure" if item.role == "holdout" else "fitted"
+
+
+def missing(item: CaseLog, runs: SimulatedLogs) -> str:
+    """Part of the compared samples that a log lacks."""
+    samples = [item.log[column] for column in runs.problem.columns]
+    share = float(np.mean(~np.isfinite(samples))) if samples else 0.0
+    return "none" if share == 0.0 else f"{100 * share:.2g} %"
+
+
+def digest(case: Case, file: str) -> str:
+    """First digits of a file's hash."""
+    found = case.hashes.get(file, "")
+    return f"`{found[:DIGITS]}`" if found else "–"
+
+
+def level_table(runs: SimulatedLogs) -> Table:
+    """Each number of the tests with its meaning and provenance."""
+    rows = decision_numbers(runs.problem.robot.machine)
+    return Table(("Number", "Value", "Source"), rows, words=3, folded="The numbers of the tests")
+
+
+def provenance_table(diagnosis: Diagnosis) -> Table | None:
+    """With what, from what and when the answer was made."""
+    made = diagnosis.provenance
+    if made is None:
+        return None
+    rows = [
+        ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
+        ("Command", f"`{made.command}`" if made.command else "called from Python"),
+        ("exodrake", f"{made.version}, code `{made.code}`"),
+        ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
+        ("Calibration", made.calibration),
+    ]
+    return Table((), rows, words=2, wide=False)
