@@ -53,7 +53,7 @@ def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def joint_points(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (3,) [m] where axes cross the plane through `origin` (3,) [m] normal to their mean, and its normal (3,)."""
+    """Points (3,) [m] where axes cross the plane through `origin` (3,) [m] normal to their mean; that normal (3,)."""
     normal = near.direction + far.direction
     normal = normal / np.linalg.norm(normal)
     a, b = (
