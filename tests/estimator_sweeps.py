@@ -6,7 +6,7 @@ a slow drift of the rest posture (Ornstein-Uhlenbeck) and wire friction that ope
 unloading.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 
@@ -142,8 +142,10 @@ def as_log(data, source="worn.csv"):
 @cache
 def trained():
     """(prior, estimator, training sweeps): the paper's 48 sweeps, 500 points. Trained once a session: seconds."""
-    from exodrake.estimator.gp import condition, learn
+    from exodrake.estimator.gp import condition
+    from exodrake.estimator.prior import learn
+    from exodrake.estimator.strokes import learn_strokes
 
     sweeps = as_sweeps(worn_sweeps(48, seed=3))
     prior = learn(sweeps)
-    return prior, condition(prior, sweeps), sweeps
+    return prior, replace(condition(prior, sweeps), strokes=learn_strokes(sweeps)), sweeps

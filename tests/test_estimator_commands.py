@@ -41,6 +41,18 @@ def test_estimating_adds_columns_and_scores(folder):
     assert np.all(log.array("angle_std") > 0)
 
 
+def test_re_donning_is_reported_and_corrected(folder, tmp_path):
+    log = read_log(folder / "fresh.csv.gz")
+    worn = log.with_array("stroke", ("MF",), log.array("stroke", ("MF",)) + 1e-3)
+    write_log(worn, tmp_path / "worn.csv")
+    assert "not moved" in run("estimate", "--estimator", folder / "e.npz", folder / "fresh.csv.gz").output
+    corrected = run("estimate", "--estimator", folder / "e.npz", tmp_path / "worn.csv").output
+    kept = run("estimate", "--estimator", folder / "e.npz", tmp_path / "worn.csv", "--as-trained").output
+    assert "moved, corrected. Re-donned?" in corrected and "not corrected, as asked" in kept
+    errors = [float(text.split("MCP: RMSE ")[1].split()[0]) for text in (corrected, kept)]
+    assert errors[0] < errors[1] / 3
+
+
 def test_a_log_without_angles_is_estimated_but_not_trained_on(folder, tmp_path):
     log = read_log(folder / "fresh.csv.gz")
     write_log(log.only([name for name in log.columns if not name.startswith("angle_")]), tmp_path / "blind.csv")

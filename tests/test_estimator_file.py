@@ -19,6 +19,7 @@ def test_a_saved_estimator_predicts_the_same_bits(tmp_path):
     ):
         assert np.array_equal(one, other)
     assert (back.wires, back.joints, back.logs, back.sweeps) == (estimator.wires, estimator.joints, ("worn",), 48)
+    assert np.array_equal(back.zeros(sweeps).shift, estimator.zeros(sweeps).shift)
     with np.load(tmp_path / "e.npz", allow_pickle=False) as archive:
         record = json.loads(str(archive["record"]))
     assert record["units"]["stroke"] == "m" and record["notes"] == {"held-out": [0.02]}
@@ -37,6 +38,9 @@ def test_what_is_no_estimator_is_refused(tmp_path):
     np.savez(tmp_path / "short.npz", **{**data, "factor": data["factor"][:-1]})
     with pytest.raises(InputError, match="damaged"):
         load(tmp_path / "short.npz")
+    np.savez(tmp_path / "odd.npz", **{**data, "strokes_time": data["strokes_time"][:-1]})
+    with pytest.raises(InputError, match="damaged"):
+        load(tmp_path / "odd.npz")
     with pytest.raises(InputError, match="no such file"):
         load(tmp_path / "absent.npz")
 

@@ -5,7 +5,6 @@ import pytest
 
 from exodrake.identification.kinematics.axis import across
 from exodrake.identification.kinematics.identify import Kinematics, Settings, identify
-from exodrake.identification.kinematics.line import centre_line
 from exodrake.identification.kinematics.report import robot_yaml, table_csv, table_markdown
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 
@@ -86,26 +85,6 @@ def test_hand_without_abduction_is_still_identified():
     found = identify(recording)
     assert np.rad2deg(_rms(found.joints[0].angle - truth.angles[:, 1])) < 0.5
     np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-3)
-
-
-def test_regression_is_the_weighted_least_squares_of_numpy():
-    rng = np.random.default_rng(0)
-    angle = rng.uniform(0.3, 1.5, 400)
-    centre = np.stack([2e-3 * angle + 0.01, -1e-3 * angle, 0 * angle], axis=1)
-    centre += 1e-3 / angle[:, None] * rng.standard_normal((400, 3))
-    line = centre_line(angle, centre, angle**2, 1)
-    expected = np.polyfit(angle, centre, 1, w=angle)
-    np.testing.assert_allclose([line.gradient, line.intercept], expected, atol=1e-12)
-
-
-def test_intervals_cover_the_truth_in_95_of_100():
-    rng, hits = np.random.default_rng(1), 0
-    for _ in range(300):
-        angle = np.linspace(0.3, 1.5, 300)
-        noise = np.repeat(rng.standard_normal((30, 3)), 10, axis=0)  # alike within ten frames
-        line = centre_line(angle, 2e-3 * angle[:, None] + 1e-3 * noise, np.ones(300), 10)
-        hits += int(np.sum(np.abs(line.gradient - 2e-3) < line.gradient_interval))
-    assert 0.90 < hits / 900 < 0.985
 
 
 def test_tables_and_robot_file_say_what_was_found(clean):

@@ -1,8 +1,12 @@
 """`exodrake estimate`: joint angles of a log from its tensions and strokes."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from exodrake.estimator.strokes import Zeros
 
 
 @click.command()
@@ -12,26 +16,42 @@ import click
     "--out", type=click.Path(path_type=Path), default=None, help="Write the log with angle_est and angle_std columns."
 )
 @click.option("--robot", type=click.Path(path_type=Path), default=None, help="Robot file the estimator must belong to.")
-def command(log: Path, estimator: Path, out: Path | None, robot: Path | None) -> None:
+@click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
+def command(log: Path, estimator: Path, out: Path | None, robot: Path | None, as_trained: bool) -> None:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
-    Where LOG has measured angles, prints the error and the share inside the 95 % interval.
+    Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
+    LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
     from exodrake.data.log_file import read_log, write_log
     from exodrake.estimator.file import load, signature
     from exodrake.estimator.validate import estimate
 
     trained = load(estimator, signature(robot) if robot else None)
-    table = read_log(log)
-    estimated, flagged, score = estimate(trained, table)
+    found = estimate(trained, read_log(log), correct=not as_trained)
     if out:
-        write_log(estimated, out)
-        click.echo(f"{out}: {len(table)} rows with angle_est and angle_std")
-    click.echo(f"unlike the training sweeps: {100 * flagged:.1f} % of samples")
-    if flagged > 0.5:
-        click.echo("most samples are: re-donned, or another wearer or robot? Train again before trusting the angles.")
-    if score is None:
+        write_log(found.log, out)
+        click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
+    if found.zeros is not None:
+        click.echo(zeros_text(found.zeros, corrected=not as_trained))
+    click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")
+    if found.flagged > 0.5:
+        click.echo("most samples are: other tensions, another wearer or robot? Train again before trusting the angles.")
+    if found.score is None:
         click.echo("no measured angles in this log: error unknown")
         return
-    for joint, rmse, coverage in zip(trained.joints, score.rmse, score.coverage, strict=True):
+    for joint, rmse, coverage in zip(trained.joints, found.score.rmse, found.score.coverage, strict=True):
         click.echo(f"{joint}: RMSE {rmse:.4f} rad, {100 * coverage:.1f} % inside the 95 % interval")
+
+
+def zeros_text(zeros: "Zeros", corrected: bool) -> str:
+    """The zeros of a session with 95 % half widths, and what follows from them."""
+    parts = zip(zeros.wires, 1e3 * zeros.shift, 1e3 * zeros.half_widths, strict=True)
+    shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
+    text = f"zeros of the strokes since the training: {shifts} mm"
+    if zeros.unlike:
+        return f"{text}\nand the rest is no constant: contact, another wearer or robot? Nothing was corrected."
+    if not zeros.moved:
+        return f"{text}: not moved"
+    done = "corrected" if corrected else "not corrected, as asked"
+    return f"{text}: moved, {done}. Re-donned? A changed rest posture looks the same."

@@ -35,14 +35,16 @@ def command(
     from exodrake.data.log_file import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.file import save, signature
-    from exodrake.estimator.gp import condition, learn
+    from exodrake.estimator.gp import condition
+    from exodrake.estimator.prior import learn
+    from exodrake.estimator.strokes import learn_strokes
     from exodrake.estimator.validate import validate
 
     read = [read_log(path) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     mark = signature(robot) if robot else ""
     prior = learn(sweeps, points)
-    estimator = replace(condition(prior, sweeps, points), robot=mark)
+    estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
     scores = validate(prior, sweeps, points, seed)
     save(estimator, out, notes={f"{s.method}, {s.split}": [float(value) for value in s.rmse] for s in scores})
     Console().print(table(scores, estimator.joints))

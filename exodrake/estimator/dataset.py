@@ -109,6 +109,13 @@ def inputs_of(log: Log, wires: tuple[str, ...]) -> np.ndarray:
     return np.hstack([log.array("tension", wires), log.array("stroke", wires)])
 
 
+def session_of(log: Log, wires: tuple[str, ...], joints: tuple[str, ...]) -> Sweeps:
+    """Cut a log; its angles (rows, joints) are left NaN. InputError for other wires or missing samples."""
+    inputs, references = inputs_of(log, wires), set(log.names("tension_ref")) >= set(wires)
+    label = cut(log.array("tension_ref", wires), log.dt) if references else np.zeros(len(log), int)
+    return Sweeps(inputs, np.full((len(log), len(joints)), np.nan), label, log.time, wires, joints, (log.label,))
+
+
 def angles_of(log: Log, joints: tuple[str, ...]) -> np.ndarray:
     """Measured joint angles (n, joints) [rad] of a log. InputError for none, other joints or missing samples."""
     found = log.names("angle")

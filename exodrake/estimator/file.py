@@ -15,10 +15,14 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_bytes
 from exodrake.data.formats.npz import read_arrays
+from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import Estimator
+from exodrake.estimator.kernels import sweep_kernel
+from exodrake.estimator.strokes import StrokeModel
 from exodrake.systems.gp_estimator import Weights
 
 FORMAT = "exodrake estimator 1"
+STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
 UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
 
 
@@ -51,7 +55,8 @@ def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = 
         "notes": notes or {},
     }
     stream = io.BytesIO()
-    np.savez(stream, record=np.array(json.dumps(record)), **estimator.weights._asdict())
+    arrays = {**estimator.weights._asdict(), **_strokes_arrays(estimator.strokes)}
+    np.savez(stream, record=np.array(json.dumps(record)), **arrays)
     write_bytes(path, stream.getvalue())
 
 
@@ -84,11 +89,35 @@ def load(path: str | Path, robot: str | None = None) -> Estimator:
             logs=tuple(record["logs"]),
             sweeps=int(record["sweeps"]),
             kernel=record["kernel"],
+            strokes=_strokes(arrays, tuple(record["wires"])),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged estimator file ({error})") from None
     _check_shapes(estimator, path)
     return estimator
+
+
+def _strokes_arrays(model: StrokeModel | None) -> dict[str, np.ndarray]:
+    """Arrays of a model of the strokes, by name."""
+    if model is None:
+        return {}
+    rows = model.rows
+    parts = (rows.inputs, rows.angle, rows.sweep, rows.time, model.theta)
+    return dict(zip(STROKES, parts, strict=True))
+
+
+def _strokes(arrays: dict[str, np.ndarray], wires: tuple[str, ...]) -> StrokeModel | None:
+    """Model of the strokes from its arrays; None in files without. ValueError for wrong shapes."""
+    if STROKES[0] not in arrays:
+        return None
+    tension, stroke, sweep, time, theta = (np.asarray(arrays[name], dtype=float) for name in STROKES)
+    wide, long = (len(sweep), len(wires)), (len(sweep),)
+    kernel = sweep_kernel(len(wires))
+    if (tension.shape, stroke.shape, time.shape, theta.shape) != (wide, wide, long, kernel.theta.shape):
+        raise ValueError("arrays of the strokes have wrong shapes")
+    if not all(np.isfinite(part).all() for part in (tension, stroke, sweep, time, theta)) or not len(sweep):
+        raise ValueError("arrays of the strokes are not finite")
+    return StrokeModel(Sweeps(tension, stroke, sweep.astype(int), time, wires, wires), theta)
 
 
 def _read(path: str | Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

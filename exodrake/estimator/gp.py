@@ -1,9 +1,7 @@
-"""Gaussian process over sweeps: training, closed-form leave-one-sweep-out, and the flat arrays for prediction.
+"""Gaussian process over sweeps: closed-form leave-one-sweep-out, and the flat arrays for prediction.
 
-`learn` fits the hyperparameters with scikit-learn's GaussianProcessRegressor (marginal likelihood summed over the
-joints, which share the covariance up to scale); `condition` conditions on the training rows and calibrates; `fit` does
-both. Inputs are rotated to the principal axes of their correlation, since combinations such as s - T / k carry the
-information.
+`prior.learn` fits the covariance; `condition` conditions on the training rows and calibrates; `fit` does both, and
+learns the strokes that show the zeros of a session (`strokes`).
 
 The prediction of sweep B from the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section
 5.4.2, with a block in place of a point):
@@ -14,47 +12,26 @@ The residuals scale the standard deviation of each joint, and the variances set 
 flagged.
 """
 
-import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
+from exodrake.core.errors import InputError
 from exodrake.core.short_repr import short_repr
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.kernels import NEW, parts, sweep_kernel
+from exodrake.estimator.kernels import parts
+from exodrake.estimator.prior import JITTER, POINTS, Prior, learn
+from exodrake.estimator.strokes import StrokeModel, Zeros, learn_strokes
 from exodrake.systems.gp_estimator import Weights, predict_rows
 
-POINTS = 500
-JITTER = 1e-10  # scikit-learn's default, added to the diagonal
-EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
 # Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
 OWN = 0.975
 # The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
 ALLOWANCE = 1.1
 NORMAL_95 = 1.959964
-
-
-@dataclass(frozen=True, eq=False)
-class Prior:
-    """Covariance and scaling: kernel over (z, sweep, time) with z = rotation (x - center), angle = offset + gain y."""
-
-    kernel: Any
-    center: np.ndarray
-    rotation: np.ndarray
-    offset: np.ndarray
-    gain: np.ndarray
-
-    def rows(self, sweeps: Sweeps) -> np.ndarray:
-        """Inputs of the kernel (n, m + 2): z [-], sweep label, time [s]."""
-        return np.column_stack([(sweeps.inputs - self.center) @ self.rotation.T, sweeps.sweep, sweeps.time])
-
-    def targets(self, sweeps: Sweeps) -> np.ndarray:
-        """Scaled angles (n, joints) [-]."""
-        return (sweeps.angle - self.offset) / self.gain
 
 
 @short_repr
@@ -71,6 +48,7 @@ class Estimator:
         logs: Names of the training logs.
         sweeps: Number of training sweeps.
         kernel: The covariance, as text.
+        strokes: Strokes that the training shows at its tensions, for the zeros of a session; None if not learnt.
     """
 
     wires: tuple[str, ...]
@@ -81,6 +59,7 @@ class Estimator:
     logs: tuple[str, ...] = ()
     sweeps: int = 0
     kernel: str = ""
+    strokes: StrokeModel | None = None
 
     @cached_property
     def points(self) -> int:
@@ -90,8 +69,8 @@ class Estimator:
     def predict(self, tension: np.ndarray, stroke: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict joint angles.
 
-        The flag detects re-donning, which shifts the zeros of the wires. It does not detect contact with an object,
-        which changes tension and stroke along combinations seen in training.
+        The flag is that of a sample: `zeros` finds re-donning with a whole session. It does not detect contact with an
+        object, which changes tension and stroke along combinations seen in training.
 
         Args:
             tension: (rows, wires) [N].
@@ -104,24 +83,34 @@ class Estimator:
         mean, std, ratio = predict_rows(np.ascontiguousarray(tension), np.ascontiguousarray(stroke), self.weights)
         return mean, std, ratio > self.limit
 
+    def zeros(self, session: Sweeps) -> Zeros:
+        """Estimate the zeros of the strokes of a session and test whether they moved since the training.
+
+        Raises:
+            InputError: If the estimator has no model of the strokes, as in files of earlier versions.
+        """
+        if self.strokes is None:
+            raise InputError("estimator without a model of the strokes: train it again to find the zeros of a session")
+        return self.strokes.zeros(session)
+
+    def corrected(self, zeros: Zeros, session: Sweeps) -> "Estimator":
+        """Move the zeros of the estimator to those of a session.
+
+        The standard deviations grow by the uncertainty of the zeros, in the mean over the session: the result is an
+        estimator like any other, for the Diagram too.
+        """
+        wires, weights, some = len(self.wires), self.weights, session.equispaced(POINTS)
+        moved = replace(self, weights=weights._replace(center=weights.center + np.r_[np.zeros(wires), zeros.shift]))
+        mean, std, _ = moved.predict(some.tension, some.stroke)
+        ways = np.linalg.cholesky(zeros.covariance).T
+        added = [moved.predict(some.tension, some.stroke + way)[0] - mean for way in ways]
+        wider = np.sqrt(1 + np.mean(np.sum(np.square(added), axis=0), axis=0) / np.mean(std**2, axis=0))
+        return replace(moved, weights=moved.weights._replace(spread=weights.spread * wider))
+
 
 def fit(sweeps: Sweeps, points: int = POINTS) -> Estimator:
-    """Learn the covariance and condition on at most `points` rows, equispaced in time."""
-    return condition(learn(sweeps, points), sweeps, points)
-
-
-def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
-    """Fit scaling and hyperparameters by marginal likelihood, from the start values of `sweep_kernel`."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-
-    chosen = sweeps.equispaced(points)
-    prior = _scaled(chosen)
-    process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=_minimise)  # pyright: ignore
-    with threadpool_limits(1), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a variance at its lower bound is an effect that is absent
-        process.fit(prior.rows(chosen), prior.targets(chosen))
-    return replace(prior, kernel=process.kernel_)
+    """Learn the covariance, condition on at most `points` rows equispaced in time, and learn the strokes."""
+    return replace(condition(learn(sweeps, points), sweeps, points), strokes=learn_strokes(sweeps))
 
 
 def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
@@ -172,29 +161,3 @@ def leave_one_sweep_out(inverse: np.ndarray, targets: np.ndarray, sweep: np.ndar
         residual[block] = covariance @ weighted[block]
         variance[block] = np.diag(covariance)
     return residual, variance
-
-
-def new_rows(prior: Prior, tension: np.ndarray, stroke: np.ndarray) -> np.ndarray:
-    """Kernel inputs (n, m + 2) of a new sweep with tensions (n, wires) [N] and strokes (n, wires) [m]."""
-    z = (np.hstack([tension, stroke]) - prior.center) @ prior.rotation.T
-    return np.column_stack([z, np.full(len(z), NEW), np.zeros(len(z))])
-
-
-def _scaled(sweeps: Sweeps) -> Prior:
-    """Scale inputs and angles to unit variance; constant ones keep unit scale."""
-    center, width = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0)
-    width = np.where(width > 0, width, 1.0)
-    unit = (sweeps.inputs - center) / width
-    _, axes = np.linalg.eigh(unit.T @ unit)
-    gain = sweeps.angle.std(axis=0)
-    gain = np.where(gain > 0, gain, 1.0)
-    return Prior(sweep_kernel(len(center)), center, axes.T / width, sweeps.angle.mean(axis=0), gain)
-
-
-def _minimise(objective, start, bounds):
-    """Optimizer of scikit-learn: L-BFGS-B with a bounded number of evaluations, each of which costs n^3."""
-    from scipy.optimize import minimize
-
-    options = {"maxfun": EVALUATIONS}
-    found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
-    return found.x, found.fun

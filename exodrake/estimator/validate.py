@@ -12,9 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from exodrake.core.errors import InputError
 from exodrake.data.log import Log
-from exodrake.estimator.dataset import Sweeps, inputs_of
-from exodrake.estimator.gp import NORMAL_95, POINTS, Estimator, Prior, condition
+from exodrake.estimator.dataset import Sweeps, session_of
+from exodrake.estimator.gp import NORMAL_95, Estimator, condition
+from exodrake.estimator.prior import POINTS, Prior
 from exodrake.estimator.ridge import Predictor, fit_nearest, fit_ridge
+from exodrake.estimator.strokes import Zeros
 
 FOLDS = 6
 RANDOM, HELD_OUT = "random rows", "held-out sweeps"
@@ -95,30 +97,45 @@ def _process(prior: Prior, sweeps: Sweeps, points: int) -> Predictor:
     return lambda new: estimator.predict(new.tension, new.stroke)[:2]
 
 
-def estimate(estimator: Estimator, log: Log) -> tuple[Log, float, Score | None]:
-    """Estimate the joint angles of a log.
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimated joint angles of a log.
 
-    Returns:
-        The log with `angle_est` and `angle_std` columns, the fraction of flagged samples, and the score over the rows
-        with measured angles, if there are any.
+    Attributes:
+        log: The log with `angle_est` and `angle_std` columns.
+        flagged: Fraction of samples unlike the training sweeps [-].
+        score: Score over the rows with measured angles, or None without any.
+        zeros: Zeros of the strokes against the training; None of an estimator that cannot tell.
+    """
+
+    log: Log
+    flagged: float
+    score: Score | None
+    zeros: Zeros | None
+
+
+def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
+    """Estimate the joint angles of a log, a session of its own.
+
+    Args:
+        estimator: The trained estimator.
+        log: Log with tension and stroke.
+        correct: Move the zeros of the strokes to those of the log if they have moved since the training.
 
     Raises:
         InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
     """
-    inputs = inputs_of(log, estimator.wires)
-    measured = log.names("angle")
+    session, measured = session_of(log, estimator.wires, estimator.joints), log.names("angle")
     if measured and set(measured) != set(estimator.joints):
         raise InputError(
             f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"
         )
-    wires = len(estimator.wires)
-    mean, std, flag = estimator.predict(inputs[:, :wires], inputs[:, wires:])
+    zeros = estimator.zeros(session) if estimator.strokes else None
+    if correct and zeros is not None and zeros.moved:
+        estimator = estimator.corrected(zeros, session)
+    mean, std, flag = estimator.predict(session.tension, session.stroke)
     new = log.with_array("angle_est", estimator.joints, mean).with_array("angle_std", estimator.joints, std)
-    flagged = float(np.mean(flag))
-    if not measured:
-        return new, flagged, None
-    angle = log.array("angle", estimator.joints)
+    angle = log.array("angle", estimator.joints) if measured else session.angle
     seen = np.isfinite(angle).all(axis=1)
-    if not seen.any():
-        return new, flagged, None
-    return new, flagged, score("estimator", log.label, angle[seen], mean[seen], std[seen])
+    judged = score("estimator", log.label, angle[seen], mean[seen], std[seen]) if seen.any() else None
+    return Estimate(new, float(np.mean(flag)), judged, zeros)

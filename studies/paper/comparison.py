@@ -6,7 +6,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.gp import POINTS, fit
+from exodrake.estimator.gp import fit
+from exodrake.estimator.prior import POINTS
 from exodrake.estimator.ridge import fit_ridge
 from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
 from exodrake.systems.finger_statics import follow, posture

@@ -10,6 +10,7 @@ CENTRE = np.array([0.035, 0.005, 0.0])  # m, a joint centre in the proximal fram
 SLIDE = 0.004  # m/rad along the axis
 PIP_ONLY = 0.7  # rad the PIP alone is bent by
 LIKELY = 1e-9  # agreement to rounding
+NEWTON_STEPS = 10
 DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 
@@ -55,8 +56,8 @@ def control() -> tuple[Claim, ...]:
 
 def residue(degrees: float, printed: bool) -> float:
     """‖G G⁻¹ − I‖ (Frobenius) about z at an angle [deg]."""
-    from exodrake.identification.kinematics.screws import g_inverse, g_matrix
     from studies.paper.printed_equations import g_inverse_as_printed
+    from studies.paper.screw_theory import g_inverse, g_matrix
 
     axis, angle = np.array([0.0, 0.0, 1.0]), float(np.deg2rad(degrees))
     undo = g_inverse_as_printed if printed else g_inverse
@@ -65,8 +66,8 @@ def residue(degrees: float, printed: bool) -> float:
 
 def centre_error(degrees: float) -> float:
     """How far off [m] Eq. 9 as printed puts a joint centre after a turn [deg] about z."""
-    from exodrake.identification.kinematics.screws import g_matrix
     from studies.paper.printed_equations import g_inverse_as_printed
+    from studies.paper.screw_theory import g_matrix
 
     axis, angle = np.array([0.0, 0.0, -1.0]), float(np.deg2rad(degrees))
     shift = g_matrix(axis, angle) @ -np.cross(axis, CENTRE)
@@ -75,14 +76,16 @@ def centre_error(degrees: float) -> float:
 
 def newton_left() -> float:
     """Largest error [rad] of the two MCP angles found by Eq. 16 as printed, on a synthetic joint."""
-    from exodrake.identification.kinematics.axis import Axis
-    from exodrake.identification.kinematics.newton import chain_pose, joint_angles
+    from exodrake.identification.kinematics.axis import Axis, chain_pose
+    from studies.paper.screw_theory import newton_step
 
     still = np.zeros(3)
     axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
     wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
-    turns = chain_pose(axes, wanted)
-    return float(np.abs(joint_angles(axes, turns, np.broadcast_to(np.eye(6), (50, 6, 6))) - wanted).max())
+    turns, angles = chain_pose(axes, wanted), np.zeros_like(wanted)
+    for _ in range(NEWTON_STEPS):
+        angles += newton_step(axes, turns, angles)
+    return float(np.abs(angles - wanted).max())
 
 
 def screws() -> tuple[Claim, ...]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exodrake.identification.kinematics.screws import hat
+from exodrake.identification.kinematics.rigid import hat
 from exodrake.identification.stiffness import ROUTER_SIGNS, mf_at_first_joint, tension_map_with
 
 

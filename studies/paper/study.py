@@ -77,7 +77,8 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
-    from exodrake.estimator.gp import condition, learn
+    from exodrake.estimator.gp import condition
+    from exodrake.estimator.prior import learn
     from exodrake.grasping.inverse import parameters_of
     from exodrake.identification.stiffness import linear
     from exodrake.simulation.protocols import sweeps as protocol

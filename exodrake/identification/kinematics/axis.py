@@ -3,15 +3,15 @@
     e^{[S(theta)] theta},  S(theta) = (w, -w x Q(theta)),  Q(theta) = Y + G theta
     R = e^{[w] theta},     p = (I - R) Q(theta)
 
-Q is the centre of the finite rotation from the reference posture. With G = 0 the axis is an ordinary screw. The spatial
-velocity per rad, (w, -w x Q + (I - R) G), replaces the constant screw in the space Jacobian (Eq. 17).
+Q is the centre of the finite rotation from the reference posture. With G = 0 the axis is an ordinary screw.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.screws import motion, rotation
+from exodrake.identification.kinematics.rigid import motion, rotation
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,13 @@ class Axis:
         centre = self.centre(angle)
         return motion(turn, centre - np.einsum("...ij,...j->...i", turn, centre))
 
-    def velocity(self, angle: np.ndarray) -> np.ndarray:
-        """Column of the space Jacobian (..., 6), the spatial velocity per rad, at angles (...) [rad]."""
-        slide = self.slope - rotation(self.direction, angle) @ self.slope
-        v = np.cross(self.centre(angle), self.direction) + slide
-        return np.concatenate([np.broadcast_to(self.direction, v.shape), v], axis=-1)
+
+def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
+    """Product (frames, 4, 4) of the motions of the axes at angles (frames, axes) [rad] (Eq. 14 without M)."""
+    pose = axes[0].pose(angles[:, 0])
+    for number, axis in enumerate(axes[1:], start=1):
+        pose = pose @ axis.pose(angles[:, number])
+    return pose
 
 
 def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -50,18 +52,8 @@ def across(vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
     return vector - np.asarray(vector @ direction)[..., None] * direction
 
 
-def joint_length(near: Axis, far: Axis, origin: np.ndarray) -> float:
-    """Distance [m] between two joint axes, in a plane through `origin` (3,) [m] normal to their mean direction.
-
-    The position of a centre along its axis cannot be observed, so the plane through the markers of the segment serves
-    as the middle of the finger.
-    """
-    a, b, _ = joint_points(near, far, origin)
-    return float(np.linalg.norm(b - a))
-
-
 def joint_points(near: Axis, far: Axis, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (3,) [m] where two axes cross the plane of `joint_length`, and the unit normal (3,) of that plane."""
+    """Points (3,) [m] where axes cross the plane through `origin` (3,) [m] normal to their mean; that normal (3,)."""
     normal = near.direction + far.direction
     normal = normal / np.linalg.norm(normal)
     a, b = (

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.screws import motion
+from exodrake.identification.kinematics.rigid import motion
 
 FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
 
@@ -60,17 +60,28 @@ def triad_of(points: np.ndarray, names: tuple[str, str, str], source: str = "rec
         raise InputError(
             f"{source}: markers {', '.join(names)} lie on a line (height {low:.2f} mm), which determines no frame"
         )
-    corners = np.array([[0.0, 0.0, 0.0], [base, 0.0, 0.0], [along, height, 0.0]])
-    return Triad(names, corners - corners.mean(axis=0))
+    return Triad(names, corners() @ np.array([base, along, height]))
+
+
+def corners() -> np.ndarray:
+    """Derivatives (3, 3, 3) [-] of the markers of a triad in its own frame for the sides (base, along, height) [m]."""
+    place = np.zeros((3, 3, 3))
+    place[1, 0, 0] = place[2, 0, 1] = place[2, 1, 2] = 1
+    return place - place.mean(axis=0)
 
 
 def place(triad: Triad, points: np.ndarray) -> SegmentMotion:
     """Fit the pose of a triad to markers (frames, 3, 3) [m] in every frame by least squares (Kabsch)."""
+    return SegmentMotion(triad, *placed(triad.shape, points))
+
+
+def placed(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (frames, 4, 4) [m] and residuals (frames,) [m] of `kabsch`, NaN where one of points is missing."""
     whole = np.isfinite(points).all(axis=(1, 2))
     pose, residual = np.full((len(points), 4, 4), np.nan), np.full(len(points), np.nan)
     if whole.any():
-        pose[whole], residual[whole] = kabsch(triad.shape, points[whole])
-    return SegmentMotion(triad, pose, residual)
+        pose[whole], residual[whole] = kabsch(shape, points[whole])
+    return pose, residual
 
 
 def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -91,6 +102,14 @@ def kabsch(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarra
     turn = np.swapaxes(u @ vt, 1, 2)
     left = wanted - moved @ np.swapaxes(turn, 1, 2)
     return motion(turn, centre - turn @ middle), np.sqrt(np.mean(np.sum(left**2, axis=2), axis=1))
+
+
+def triad_pose(points: np.ndarray) -> np.ndarray:
+    """Pose (4, 4) of a triad from exact markers (3, 3) [m]: centroid, x from first to second, z normal."""
+    x = points[1] - points[0]
+    z = np.cross(x, points[2] - points[0])
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
 
 
 def mean_pose(poses: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ with an error that grows as 1/theta. Frames therefore have the weight (2 sin(the
 import numpy as np
 
 from exodrake.identification.kinematics.axis import across
-from exodrake.identification.kinematics.screws import vee
+from exodrake.identification.kinematics.rigid import vee
 
 
 def mean_axis(turns: np.ndarray) -> np.ndarray:

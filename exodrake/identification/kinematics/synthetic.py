@@ -11,13 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, across
-from exodrake.identification.kinematics.frames import triad_of
+from exodrake.identification.kinematics.axis import Axis, across, chain_pose
+from exodrake.identification.kinematics.frames import triad_pose
 from exodrake.identification.kinematics.labels import Swap
 from exodrake.identification.kinematics.layout import SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
-from exodrake.identification.kinematics.newton import chain_pose
-from exodrake.identification.kinematics.screws import apply, inverse, motion, rotation
+from exodrake.identification.kinematics.rigid import apply, inverse, motion, rotation
 
 MM = 1e-3
 PLACES = {  # mm from the joint before the segment, at rest
@@ -153,15 +152,6 @@ def _in_triads(axes: tuple[Axis, ...], rest: dict[str, np.ndarray]) -> tuple[Axi
         w = pose[:3, :3] @ axis.direction
         seen.append(Axis(w, across(apply(pose, axis.point[None])[0], w), across(pose[:3, :3] @ axis.slope, w)))
     return tuple(seen)  # type: ignore[return-value]
-
-
-def triad_pose(points: np.ndarray) -> np.ndarray:
-    """Pose (4, 4) of a triad from exact markers (3, 3) [m]: centroid, x from first to second, z normal."""
-    triad_of(points[None], ("1", "2", "3"))
-    x = points[1] - points[0]
-    z = np.cross(x, points[2] - points[0])
-    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    return motion(np.stack([x, np.cross(z, x), z], axis=1), points.mean(axis=0))
 
 
 def _skin_motion(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:

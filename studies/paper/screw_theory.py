@@ -1,39 +1,29 @@
-"""Screws and rigid motions: exponential, logarithm and the matrix G between them (paper Eq. 7-12, 15, 18).
+"""The paper's Eq. 7-12 and 15-18, corrected: exponential, logarithm, the matrix G between them, and Newton's step.
 
-A rigid motion is a 4 x 4 matrix T = [R p; 0 1]. A screw is S = (w, v) with unit axis w, and v = -w x Q for a pure
-rotation about the axis through Q. All functions act on the leading axes (`...`), which are frames of a recording.
+A screw is S = (w, v) with unit axis w, and v = -w x Q for a pure rotation about the axis through Q.
 
     e^{[S] theta} = [e^{[w] theta}, G v; 0, 1]
     G      = I theta + (1 - cos theta) [w] + (theta - sin theta) [w]^2
     G^{-1} = I / theta - [w] / 2 + (1/theta - 1/2 cot(theta/2)) [w]^2
 
 This G^{-1} is the corrected one; the printed one has cot(theta/2)/theta in place of cot(theta/2)/2 and does not invert
-G (`physics.md` 1.9).
+G (`physics.md` 1.9). Joint angles of a measured pose by Newton's iteration on the space Jacobian (Eq. 14-18):
+
+    T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
+    -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
+
+exodrake itself fits angles to the markers (`identification.kinematics.adjust`).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from exodrake.identification.kinematics.axis import Axis, chain_pose
+from exodrake.identification.kinematics.rigid import hat, inverse, motion, rotation
+
 SERIES = 1e-2  # rad; below this angle quotients are summed as series, whose next term is under 1e-16
-
-
-def hat(w: np.ndarray) -> np.ndarray:
-    """Matrix [w] of the cross product w x (Eq. 11): (..., 3) [-] to (..., 3, 3) [-]."""
-    matrix = np.zeros((*np.shape(w), 3))
-    matrix[..., 2, 1], matrix[..., 0, 2], matrix[..., 1, 0] = w[..., 0], w[..., 1], w[..., 2]
-    return matrix - np.swapaxes(matrix, -1, -2)
-
-
-def vee(matrix: np.ndarray) -> np.ndarray:
-    """Vector of the antisymmetric part (M - M^T) / 2: (..., 3, 3) [-] to (..., 3) [-]."""
-    part = (matrix - np.swapaxes(matrix, -1, -2)) / 2
-    return np.stack([part[..., 2, 1], part[..., 0, 2], part[..., 1, 0]], axis=-1)
-
-
-def rotation(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
-    """Rotation e^{[w] theta} (..., 3, 3) about unit axes (..., 3) by angles (...) [rad], Rodrigues' formula."""
-    w, theta = hat(axis), np.asarray(angle)[..., None, None]
-    return np.eye(3) + np.sin(theta) * w + (1 - np.cos(theta)) * (w @ w)
 
 
 def rotation_vector(matrix: np.ndarray) -> np.ndarray:
@@ -63,24 +53,6 @@ def _cotangent(theta: np.ndarray) -> np.ndarray:
     """(1/theta - 1/2 cot(theta/2)) / theta, which is 1/12 at 0."""
     safe = np.where(np.abs(theta) < SERIES, 1.0, theta)
     return np.where(np.abs(theta) < SERIES, 1 / 12 + theta**2 / 720, (1 / safe - 1 / (2 * np.tan(safe / 2))) / safe)
-
-
-def motion(matrix: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Rigid motion [R p; 0 1] (..., 4, 4) of rotations (..., 3, 3) and shifts (..., 3) [m]."""
-    pose = np.zeros((*np.shape(matrix)[:-2], 4, 4))
-    pose[..., :3, :3], pose[..., :3, 3], pose[..., 3, 3] = matrix, shift, 1
-    return pose
-
-
-def inverse(pose: np.ndarray) -> np.ndarray:
-    """Inverse [R^T, -R^T p; 0 1] of poses (..., 4, 4) (Eq. 6)."""
-    turned = np.swapaxes(pose[..., :3, :3], -1, -2)
-    return motion(turned, -np.einsum("...ij,...j->...i", turned, pose[..., :3, 3]))
-
-
-def apply(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (..., k, 3) [m] carried by poses (..., 4, 4): X_M = T_MF X_F (Eq. 4)."""
-    return points @ np.swapaxes(pose[..., :3, :3], -1, -2) + pose[..., None, :3, 3]
 
 
 def exponential(screw: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
@@ -123,3 +95,25 @@ def screw_angle_and_centre(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = vector / angle[..., None]
     return unit[..., :3], angle, np.cross(unit[..., :3], unit[..., 3:])
+
+
+def velocity(axis: Axis, angle: np.ndarray) -> np.ndarray:
+    """Spatial velocity per rad (..., 6) of an axis at angles (...) [rad]: (w, -w x Q + (I - R) G) for a moving one."""
+    slide = axis.slope - rotation(axis.direction, angle) @ axis.slope
+    v = np.cross(axis.centre(angle), axis.direction) + slide
+    return np.concatenate([np.broadcast_to(axis.direction, v.shape), v], axis=-1)
+
+
+def space_jacobian(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:
+    """Space Jacobian (frames, 6, axes), rows (w, v), at angles (frames, axes) [rad] (Eq. 17-18)."""
+    columns, pose = [velocity(axes[0], angles[:, 0])], axes[0].pose(angles[:, 0])
+    for number, axis in enumerate(axes[1:], start=1):
+        columns.append(np.einsum("fij,fj->fi", adjoint(pose), velocity(axis, angles[:, number])))
+        pose = pose @ axis.pose(angles[:, number])
+    return np.stack(columns, axis=2)
+
+
+def newton_step(axes: Sequence[Axis], turns: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Step dtheta (frames, axes) [rad] for measured T M^{-1} (frames, 4, 4): least squares of six equations."""
+    error = logarithm(chain_pose(axes, angles) @ inverse(turns))
+    return -np.einsum("fai,fi->fa", np.linalg.pinv(space_jacobian(axes, angles)), error)

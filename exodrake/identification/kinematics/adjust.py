@@ -1,0 +1,193 @@
+"""Bundle adjustment: finger, hand poses and joint angles together, by least squares over all seen markers.
+
+    minimise  sum over frames and seen markers |y - (R_f x(finger, theta_f) + p_f)|^2      mean theta over the rest = 0
+
+Each frame has ten unknowns of its own (pose of the hand, four angles), the finger 51. With H_f the normal matrix of a
+frame, E_f its coupling to the finger and C_f to the constraint, the frames are eliminated by the Schur complement
+
+    [N - sum E' H^-1 E,  - sum E' H^-1 C]
+    [     symmetric   ,  - sum C' H^-1 C]
+
+so a step costs one 55 x 55 system (Triggs et al., Bundle Adjustment, 1999, section 6.1). The inverse of that matrix
+times the variance of the noise is the covariance of the finger. Errors of neighbouring frames may be correlated (skin,
+filters of the camera software), so it is multiplied by the variance inflation of sums over blocks of frames, if that
+exceeds 1. A weak prior holds what the motion does not show, such as the abduction axis of a hand without abduction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.identification.kinematics.finger import ALL, COUNT, FREE, LOCAL, Finger
+from exodrake.identification.kinematics.rigid import apply, hat, inverse, motion, turned_by
+
+STEPS = 60  # a finger needs 5 to 15
+CONVERGED = 1e-10  # relative decrease of the cost
+ROUNDING = 1e-14  # m; errors as small are rounding
+DAMPING = 1e9  # beyond it no step lowers the cost
+FRAME_STEPS, STILL = 20, 1e-12  # of a frame with the finger known; last step [rad, m]
+CHUNK = 400  # frames at a time, for memory
+HELD = 1e-9  # m2; holds what missing markers leave open in a frame
+JOINT_ANGLES = 4
+PRIOR = np.r_[np.full(COUNT, 0.03), np.tile(np.repeat([0.5, 0.03, 0.03], 3), 4)] ** -2  # m, rad, m/rad; assumed, wide
+
+
+@dataclass(frozen=True)
+class Adjusted:
+    """Result of the bundle adjustment.
+
+    Attributes:
+        finger: The finger.
+        covariance: (51, 51) of the coefficients of its `free` changes.
+        noise: RMS noise per axis of a marker [m].
+        inflation: Factor by which correlated errors enlarge the covariance; 1 for white noise.
+        frames: Number of frames.
+    """
+
+    finger: Finger
+    covariance: np.ndarray
+    noise: float
+    inflation: float
+    frames: int
+
+
+def adjust(
+    points: np.ndarray, rest: np.ndarray, start: Finger, poses: np.ndarray, angles: np.ndarray, block: int
+) -> Adjusted:
+    """Adjust finger, poses and angles to markers.
+
+    Args:
+        points: (frames, 12, 3) measured markers [m], NaN where missing.
+        rest: (frames,) mask of the frames whose mean angles are 0.
+        start: Finger to start from.
+        poses: (frames, 4, 4) poses of the base triad to start from [m].
+        angles: (frames, 4) angles to start from [rad].
+        block: Number of frames within which errors may be correlated.
+    """
+    finger, offset, damping = start, np.zeros(ALL), 1e-6
+    angles = angles - angles[rest].mean(axis=0)
+    error = _errors(points, finger.places(angles), poses)
+    for _ in range(STEPS):
+        system = _Normal(points, finger, poses, angles, rest)
+        prior = _variance(error, points) * PRIOR
+        cost = np.sum(error**2) + prior @ offset**2
+        while damping < DAMPING:
+            change, moves = system.step(prior, offset, damping)
+            trial = finger.moved(change), moved(poses, moves), angles + moves[:, 6:]
+            left = _errors(points, trial[0].places(trial[2]), trial[1])
+            lower = np.sum(left**2) + prior @ (offset + change) ** 2
+            if lower <= cost:
+                break
+            damping *= 10
+        else:
+            break
+        (finger, poses, angles), error, offset, damping = trial, left, offset + change, damping / 10
+        if cost - lower <= CONVERGED * cost or lower < error.size * ROUNDING**2:
+            break
+    system, variance = _Normal(points, finger, poses, angles, rest), _variance(error, points)
+    covariance = np.linalg.inv(system.reduced(variance * PRIOR)[0])[:FREE, :FREE]
+    inflation = _inflation(error, block)
+    return Adjusted(finger, variance * inflation * covariance, float(np.sqrt(variance)), inflation, len(points))
+
+
+def fit_frames(points: np.ndarray, finger: Finger, poses: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Fit pose and angles of each frame by Gauss-Newton with the finger known.
+
+    Args:
+        points: (frames, 12, 3) markers [m], NaN where missing.
+        finger: The finger.
+        poses: (frames, 4, 4) poses of the base triad to start from [m].
+        angles: (frames, 4) angles to start from [rad].
+
+    Returns:
+        Angles (frames, 4) [rad].
+    """
+    for _ in range(FRAME_STEPS):
+        place, by_angle, _ = finger.linearised(angles, derivatives=False)
+        error = _errors(points, place, poses)
+        own = _own(place, by_angle, points)
+        pull = np.einsum("fmil,fmi->fl", own, error)
+        moves = np.linalg.solve(_held(np.einsum("fmik,fmil->fkl", own, own)), pull[..., None])[..., 0]
+        poses, angles = moved(poses, moves), angles + moves[:, 6:]
+        if np.max(np.abs(moves), initial=0.0) < STILL:
+            break
+    return angles
+
+
+class _Normal:
+    """Normal equations of all frames at one estimate."""
+
+    def __init__(self, points, finger: Finger, poses, angles, rest) -> None:
+        self.free = finger.free()
+        self.normal, self.gradient = np.zeros((ALL, ALL)), np.zeros(ALL)
+        chunks = [slice(at, at + CHUNK) for at in range(0, len(points), CHUNK)]
+        parts = [self._sum(points[part], poses[part], angles[part], rest[part], finger) for part in chunks]
+        self.own, self.pull, self.to = (np.concatenate(part) for part in zip(*parts))
+        self.start = np.r_[self.free.T @ self.gradient, np.zeros(JOINT_ANGLES)]
+
+    def _sum(self, points, poses, angles, rest, finger: Finger):
+        """Add some frames; return own (frames, 10, 10), pull (frames, 10) and coupling (frames, 10, 55) of each."""
+        place, by_angle, by_change = finger.linearised(angles)
+        by_change *= np.isfinite(points)[..., None]
+        error, own = _errors(points, place, poses), _own(place, by_angle, points)
+        flat, wide = own.reshape(len(points), COUNT, LOCAL), by_change.reshape(len(points), COUNT, ALL)
+        tall = wide.reshape(-1, ALL)
+        self.normal += tall.T @ tall
+        self.gradient += tall.T @ error.ravel()
+        fixed = np.zeros((len(points), LOCAL, JOINT_ANGLES))
+        fixed[rest, 6:] = np.eye(JOINT_ANGLES)
+        across = np.swapaxes(flat, 1, 2)
+        to = np.concatenate([across @ wide @ self.free, fixed], axis=2)
+        return across @ flat, np.einsum("fil,fi->fl", flat, error.reshape(len(points), COUNT)), to
+
+    def reduced(self, prior: np.ndarray, damping: float = 0.0):
+        """Schur complement (55, 55), and H^-1 [coupling, pull] (frames, 10, 56) of each frame; prior: (72,) weights."""
+        own = _held(self.own + damping * self.own * np.eye(LOCAL))
+        solved = np.linalg.solve(own, np.concatenate([self.to, self.pull[..., None]], axis=2))
+        matrix = np.zeros((FREE + JOINT_ANGLES,) * 2)
+        inner = self.free.T @ ((self.normal + np.diag(prior)) @ self.free)
+        matrix[:FREE, :FREE] = inner + damping * inner * np.eye(FREE)
+        size = len(matrix)
+        matrix -= self.to.reshape(-1, size).T @ solved[..., :size].reshape(-1, size)
+        return matrix, solved
+
+    def step(self, prior: np.ndarray, offset: np.ndarray, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """Change of the finger (72,) and moves of the frames (frames, 10) [rad, m]."""
+        matrix, solved = self.reduced(prior, damping)
+        right = self.start - np.einsum("flg,fl->g", self.to, solved[..., -1])
+        right[:FREE] -= self.free.T @ (prior * offset)
+        answer = np.linalg.solve(matrix, right)
+        return self.free @ answer[:FREE], solved[..., -1] - solved[..., :-1] @ answer
+
+
+def _own(place: np.ndarray, by_angle: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Derivatives (frames, 12, 3, 10) of places with respect to rotation, shift and angles of their frame; 0 unseen."""
+    shift = np.broadcast_to(np.eye(3), (*place.shape, 3))
+    return np.concatenate([-hat(place), shift, by_angle], axis=3) * np.isfinite(points)[..., None]
+
+
+def _held(own: np.ndarray) -> np.ndarray:
+    return own + HELD * np.eye(LOCAL)
+
+
+def _errors(points: np.ndarray, place: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """Measured less predicted markers (frames, 12, 3) [m], seen from the base triad; 0 where missing."""
+    return np.nan_to_num(apply(inverse(poses), points) - place)
+
+
+def moved(poses: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """Poses (frames, 4, 4) [m] after small rotations and shifts, moves (frames, 10) [rad, m]."""
+    return poses @ motion(turned_by(moves[:, :3]), moves[:, 3:6])
+
+
+def _variance(error: np.ndarray, points: np.ndarray) -> float:
+    """Variance of the noise [m2]; a frame seen completely spends ten of its 36 coordinates on its own unknowns."""
+    left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE
+    return float(np.sum(error**2) / max(left, 1))
+
+
+def _inflation(error: np.ndarray, block: int) -> float:
+    """Variance of sums over blocks of frames, relative to that of independent errors (frames, 12, 3) [m]."""
+    whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
+    sums = np.sum(whole.sum(axis=1) ** 2)
+    return max(1.0, float(sums / max(np.sum(whole**2), np.finfo(float).tiny)))

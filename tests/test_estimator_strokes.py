@@ -1,0 +1,119 @@
+"""Zeros of the strokes of a session: found against planted shifts, tested at stated error rates, and corrected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from estimator_sweeps import as_log, as_sweeps, trained, worn_sweeps
+from scipy.linalg import lstsq
+
+from exodrake.core.errors import InputError
+from exodrake.estimator.gp import condition
+from exodrake.estimator.strokes import TOLERANCE, hotelling, stroke_rows
+from exodrake.estimator.validate import estimate, score
+
+SESSIONS, SWEEPS = 40, 3  # of three sweeps each: one per wire
+WIRES = np.eye(3)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    """Sessions of the same wearer, each of three sweeps drawn anew."""
+    joined = as_sweeps(worn_sweeps(SESSIONS * SWEEPS, seed=200, rows=60))
+    return [joined.rows(joined.sweep // SWEEPS == number) for number in range(SESSIONS)]
+
+
+def shifted(session, zero):
+    return replace(session, inputs=session.inputs + np.r_[0, 0, 0, zero])
+
+
+def test_one_millimetre_on_any_wire_is_found_and_nothing_where_nothing_moved(healthy):
+    """Wanted: at least 95 % of 1 mm on any one wire, at most 2 % false."""
+    estimator = trained()[1]
+    assert not any(estimator.zeros(session).moved for session in healthy)
+    for wire in WIRES:
+        found = [estimator.zeros(shifted(session, 1e-3 * wire)) for session in healthy]
+        assert np.mean([zeros.moved for zeros in found]) >= 0.95, wire
+        assert not any(zeros.unlike for zeros in found)
+
+
+def test_zeros_are_those_planted_within_their_intervals(healthy):
+    estimator, planted = trained()[1], np.array([4e-4, -9e-4, 6e-4])
+    found = [estimator.zeros(shifted(session, planted)) for session in healthy]
+    errors = np.array([zeros.shift - planted for zeros in found])
+    inside = np.mean(np.abs(errors) <= [zeros.half_widths for zeros in found])
+    assert 0.88 < inside <= 1.0
+    assert np.all(np.abs(errors.mean(axis=0)) < 1e-4)
+
+
+def test_zero_of_mf_off_by_half_a_millimetre_is_corrected():
+    """From 0.07 rad and less than half inside, to about the error of a session that was not re-donned."""
+    estimator = trained()[1]
+    session = as_sweeps(worn_sweeps(12, seed=300, rows=60, zero=np.array([0, 5e-4, 0])))
+    zeros = estimator.zeros(session)
+    before, after = (
+        score("", "", session.angle, *one.predict(session.tension, session.stroke)[:2])
+        for one in (estimator, estimator.corrected(zeros, session))
+    )
+    assert zeros.moved and zeros.shift == pytest.approx([0, 5e-4, 0], abs=2.5e-4)
+    assert before.mean_rmse > 0.06 and np.mean(before.coverage) < 0.6
+    assert after.mean_rmse < 0.03 and np.all(after.coverage > 0.88)
+
+
+def test_all_zeros_and_the_rest_posture_at_once_are_flagged():
+    estimator = trained()[1]
+    for way in ([1, 1, 1], [1, -1, 1], [-1, -1, -1]):
+        donned = worn_sweeps(6, seed=70, rows=60, zero=1e-3 * np.array(way), rest=np.array([0.05, -0.05, 0.05]))
+        assert estimator.zeros(as_sweeps(donned)).moved, way
+
+
+def test_own_and_fresh_sweeps_are_not_flagged_sample_by_sample(healthy):
+    _, estimator, sweeps = trained()
+    assert np.mean(estimator.predict(sweeps.tension, sweeps.stroke)[2]) <= 0.02
+    assert np.mean([estimator.predict(s.tension, s.stroke)[2] for s in healthy]) <= 0.03
+
+
+def test_contact_is_no_shift_of_zeros():
+    """Strokes stop half way while tensions rise, as where an object holds the finger."""
+    estimator, session = trained()[1], as_sweeps(worn_sweeps(6, seed=5, rows=60))
+    stopped = np.minimum(session.stroke, np.quantile(session.stroke, 0.5, axis=0))
+    found = estimator.zeros(replace(session, inputs=np.hstack([session.tension, stopped])))
+    assert found.unlike and not found.moved
+
+
+def test_constant_is_generalised_least_squares():
+    """Against scipy's least squares of the whitened residuals."""
+    model, session = trained()[1].strokes, as_sweeps(worn_sweeps(2, seed=9, rows=60))
+    rows, prior = stroke_rows(session), model.prior
+    rows = replace(rows, sweep=rows.sweep + model.rows.sweep.max() + 1)
+    known, new = prior.rows(model.rows), prior.rows(rows)
+    cross = prior.kernel(new, known)
+    residual = prior.targets(rows) - cross @ model.inverse @ prior.targets(model.rows)
+    factor = np.linalg.cholesky(prior.kernel(new) - cross @ model.inverse @ cross.T)
+    white = np.linalg.solve(factor, np.c_[np.ones(len(rows)), residual])
+    wanted = prior.gain * lstsq(white[:, :1], white[:, 1:])[0][0]
+    np.testing.assert_allclose(model.zeros(session).shift, wanted, rtol=1e-4, atol=1e-8)
+
+
+def test_hotelling_quantile_tends_to_chi_square():
+    assert hotelling(3, 10**6) == pytest.approx(11.345, abs=0.01)  # tables: chi-square, 3 degrees of freedom, 1 %
+    assert hotelling(3, 24) > hotelling(3, 48) > 11.345
+
+
+def test_shift_below_the_tolerance_is_left_alone(healthy):
+    assert not trained()[1].zeros(shifted(healthy[0], np.full(3, TOLERANCE / 2))).moved
+
+
+def test_estimate_of_a_log_corrects_unless_asked_not_to():
+    estimator = trained()[1]
+    log = as_log(worn_sweeps(3, seed=11, rows=60, zero=np.array([0, 1e-3, 0])))
+    corrected, kept = estimate(estimator, log), estimate(estimator, log, correct=False)
+    assert corrected.zeros.moved and corrected.score.mean_rmse < kept.score.mean_rmse / 3
+    without = estimate(replace(estimator, strokes=None), log)
+    assert without.zeros is None and without.score.mean_rmse == kept.score.mean_rmse
+
+
+def test_conditioning_alone_learns_no_strokes():
+    prior, _, sweeps = trained()
+    with pytest.raises(InputError, match="train it again"):
+        condition(prior, sweeps, 60).zeros(sweeps)
