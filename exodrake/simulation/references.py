@@ -11,6 +11,7 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
+from exodrake.core.units import quantity
 from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -28,20 +29,22 @@ PROTOCOLS: dict[str, Callable[..., Reference]] = {
 }
 
 
-def split_options(text: str) -> tuple[str, dict[str, float]]:
-    """`name:a=1,b=2` as the name and its numbers; InputError naming what is no number."""
+# SI unit of the options of protocols; those without one are shares and counts
+UNITS = {
+    **dict.fromkeys(("rest", "approach", "hold", "release", "period", "span", "dwell", "duration"), "s"),
+    **dict.fromkeys(("low", "high", "fastest"), "Hz"),
+}
+
+
+def split_options(text: str) -> tuple[str, dict[str, str]]:
+    """`name:a=1,b=2 mm` as the name and its values; InputError naming what is none."""
     name, _, tail = text.partition(":")
     found = {}
     for item in filter(None, tail.split(",")):
-        key, equals, value = item.partition("=")
-        try:
-            if not equals:
-                raise ValueError
-            found[key.strip()] = float(value)
-        except ValueError:
-            raise InputError(f"{name}: {item!r} is not of the form name=number") from None
-        if found[key.strip()] != found[key.strip()]:
-            raise InputError(f"{name}: {key.strip()} is not a number (NaN)")
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals:
+            raise InputError(f"{name}: {item!r} is not of the form name=number")
+        found[key] = value
     return name.strip(), found
 
 
@@ -51,7 +54,7 @@ def options_of(function: Callable[..., Reference]) -> dict[str, float]:
 
 
 def protocol(text: str, robot: Robot | None = None) -> Reference:
-    """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5`.
+    """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5 s`.
 
     InputError with the nearest names for an unknown name or option.
     """
@@ -65,9 +68,8 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
     for key in given:
         if key not in options:
             raise InputError(f"{name} has no option {key!r}{nearest(key, list(options))}; it has {', '.join(options)}")
-    if name in PROTOCOLS:
-        return function(robot, **given)
-    return protocols.grasp(name, robot, None, **given)
+    values = {key: quantity(value, UNITS.get(key, "-"), f"{name}: {key}") for key, value in given.items()}
+    return function(robot, **values) if name in PROTOCOLS else protocols.grasp(name, robot, None, **values)
 
 
 def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
