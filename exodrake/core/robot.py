@@ -69,6 +69,13 @@ class Robot:
             raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(index))}")
         return found
 
+    def to_json(self) -> dict[str, Any]:
+        """Machine, variants, and each parameter with value, unit, range, tolerance and source."""
+        return {
+            "machine": self.machine.name, "source": self.source, "variants": self.machine.variant_names,
+            "parameters": self.parameters(), "limits": self.limits, "grasps": self.grasps,
+        }  # fmt: skip
+
     def with_parameters(self, parameters: Mapping[str, Any], source: str = "") -> Robot:
         """The robot with parameters changed.
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
@@ -268,18 +267,3 @@ class Diagnosis:
             "simulated_seconds": self.simulated_seconds,
         }
         return plain(answer)
-
-
-def plain(value: Any) -> Any:
-    """Data that JSON can hold: numpy numbers as floats, what is not finite as null."""
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
