@@ -70,4 +70,5 @@ def joint_machine(
         noise_std=noise_std,
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
+        reference_limits=("angle_min", "angle_max"),
     )

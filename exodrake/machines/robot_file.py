@@ -29,6 +29,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.robot import Robot, checked, flatten, refuse_negative
 from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
+from exodrake.core.signal import TENDONS
 from exodrake.core.yaml_file import dump_yaml, parse_yaml
 from exodrake.machines.library import machine_named, machine_names, robot_yaml
 
@@ -183,11 +184,12 @@ def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
 
 
 def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
-    """Refuses negative limits, and a lowest reference above the highest one."""
-    unit = machine.signal[machine.references[0].signal].unit if machine.references else ""
+    """Refuses negative limits of a tendon, and a lowest reference above the highest one."""
+    first = machine.signal[machine.references[0].signal] if machine.references else None
+    unit = first.unit if first else ""
     for name, item in limits.items():
         for channel, value in item.items():
-            if checked(f"{name}.{channel}", value, source) < 0:
+            if checked(f"{name}.{channel}", value, source) < 0 and first is not None and first.axis == TENDONS:
                 raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
     lowest, highest = machine.reference_limits or ("", "")
     for channel, low in limits.get(lowest, {}).items():
