@@ -114,7 +114,7 @@ def test_a_protocol_of_any_machine_stays_within_its_limits_and_starts_where_it_s
     low, high = robot.reference_limits()
     rows, width = exo.protocol(name, robot).tension, len(low)
     assert (rows[:, :width] >= low - 1e-12).all() and (rows[:, :width] <= high + 1e-12).all()
-    assert np.ptp(rows[:, :width], axis=0) == pytest.approx(high - low, rel=0.75)
+    assert (np.ptp(rows[:, :width], axis=0) > 0.1 * (high - low)).all()
     assert np.array_equal(rows[:, width : 2 * width], np.tile(rows[0, :width], (len(rows), 1)))
 
 

@@ -82,9 +82,8 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
     robot = robot or load_robot()
     wires = len(robot.reference_limits()[1])
     if wires > MOST_CROSSED:
-        raise InputError(
-            f"sweeps: {wires * len(LEVELS) ** (wires - 1)} sweeps cross {wires} channels; try short-sweeps"
-        )
+        count = wires * len(LEVELS) ** (wires - 1)
+        raise InputError(f"sweeps: {wires} channels would cross in {count} sweeps; try short-sweeps")
     crossed = [
         one_sweep(robot, wire, [*levels[:wire], 0.0, *levels[wire:]], period)
         for wire in range(wires)
