@@ -31,6 +31,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.robot import Robot, flatten, refuse_negative
 from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
+from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
 from exodrake.core.yaml_file import dump_yaml, parse_yaml
 from exodrake.machines.library import machine_named, machine_names, robot_yaml
@@ -205,11 +206,12 @@ def reference_unit(machine: Machine) -> str:
 
 
 def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
-    """Refuses negative limits, and a lowest reference above the highest one."""
+    """Refuses negative limits of a tendon, and a lowest reference above the highest one."""
+    first = machine.signal[machine.references[0].signal] if machine.references else None
     unit = reference_unit(machine)
     for name, item in limits.items():
         for channel, value in item.items():
-            if value < 0:
+            if value < 0 and first is not None and first.axis == TENDONS:
                 raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
     lowest, highest = machine.reference_limits or ("", "")
     for channel, low in limits.get(lowest, {}).items():
