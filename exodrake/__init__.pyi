@@ -4,6 +4,7 @@ from exodrake.analysis.closed_loop import ClosedLoop as ClosedLoop, analyse as a
 from exodrake.compiled.inputs import Reference as Reference
 from exodrake.core.errors import InputError as InputError
 from exodrake.core.machine import Machine as Machine
+from exodrake.core.plain import save as save, to_dict as to_dict
 from exodrake.core.plugins import add_plugin as add_plugin
 from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog

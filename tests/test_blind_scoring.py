@@ -303,6 +303,55 @@ def test_tampered_labels_are_detected(tiny):
         read_committed(labels, folder / "seal.txt")
 
 
+ODD = (None, True, -1, 1e300, "", "x", "\ud800", [], [[]], {}, {"id": 1}, [{"id": None}], {"value": "x"}, [1])
+
+
+def spoilt(value, rng):
+    """Plain data with one part replaced by something odd, or left out."""
+    if isinstance(value, dict | list) and value and rng.random() < 0.85:
+        copy = dict(value) if isinstance(value, dict) else list(value)
+        key = list(value)[rng.integers(len(value))] if isinstance(value, dict) else int(rng.integers(len(value)))
+        if rng.random() < 0.1:
+            copy.pop(key)
+        else:
+            copy[key] = spoilt(value[key], rng)
+        return copy
+    return ODD[rng.integers(len(ODD))]
+
+
+@pytest.mark.parametrize("what", ["answer", "labels"])
+def test_damaged_answers_and_labels_are_scored_or_refused_by_name(tiny, what):
+    """Some spoilt files are whole enough to be scored; none may end in another error."""
+    folder, labels = tiny
+    rng, refused = np.random.default_rng(7), 0
+    cases = read_committed(labels, folder / "seal.txt")
+    page = folder / "case_02" / "diagnosis.json"
+    for _ in range(50):
+        if what == "answer":
+            page.write_text(json.dumps(spoilt(SET["case_02"][2], rng)))
+        else:
+            write_committed(spoilt(cases, rng), labels, folder / "seal.txt")
+        try:
+            as_markdown(score(folder, labels))
+        except InputError as error:
+            refused += 1
+            assert (page.name if what == "answer" else labels.name) in str(error) or "configurations" in str(error)
+    assert refused > 15
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, "\x00", '{"salt": 1, "cases": {}}', "[]", '{"salt": "a"}'])
+def test_files_that_are_no_labels_or_no_answers_are_refused_in_one_line(tiny, text):
+    from exodrake.cli.main import cli
+
+    folder, labels = tiny
+    for path in (folder / "case_03" / "diagnosis.json", labels):
+        whole = path.read_text()
+        path.write_text(text)
+        result = CliRunner().invoke(cli, ["blind", "score", str(folder), "--labels", str(labels)])
+        assert result.exit_code == 2 and path.name in result.stderr and len(result.stderr.splitlines()) == 1
+        path.write_text(whole)
+
+
 def test_interval_is_clopper_pearson():
     assert binomial_interval(0, 10) == pytest.approx((0.0, 0.3085), abs=1e-4)
     assert binomial_interval(8, 10) == pytest.approx((0.4439, 0.9748), abs=1e-4)

@@ -141,8 +141,9 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
     from exodrake.blind.commitment import write_committed
     from exodrake.cli.demo import COMMITMENT, LABELS, reveal
 
-    truth = {"id": "tendon.capstan_friction", "wires": ["AF"], "joints": [], "parameters": {"mu_phi": 0.3}}
-    write_committed({"case": {"effects": [truth]}}, tmp_path / LABELS, tmp_path / COMMITMENT)
+    truth = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": [], "exact": False}
+    truth |= {"parameters": {"mu_phi": 0.3}, "gap": 5.0}
+    write_committed({"case": {"kind": "single", "effects": [truth]}}, tmp_path / LABELS, tmp_path / COMMITMENT)
     console = Console(file=StringIO(), record=True, width=120)
     reveal(console, tmp_path, diagnosis(verdict))
     text = console.export_text()

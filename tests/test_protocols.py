@@ -1,5 +1,7 @@
 """Protocols: those of the reference data to the last printed digit, limits, names and messages."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,22 @@ def test_a_log_lends_its_references(tmp_path):
     exo.write_log(exo.Log(0.01 * np.arange(len(log)), columns), tmp_path / "fast.csv")
     with pytest.raises(exo.InputError, match=r"0\.02 s apart"):
         exo.from_log(tmp_path / "fast.csv")
+
+
+@pytest.mark.parametrize("machine", ["emps", "so101", "tendon_sheath"])
+@pytest.mark.parametrize("name", ["chirp", "short-sweeps", "steps", "multisine", "random-motion", "holds"])
+def test_a_protocol_of_any_machine_stays_within_its_limits_and_starts_where_it_says(machine, name):
+    robot = exo.load_robot(machine)
+    low, high = robot.reference_limits()
+    rows, width = exo.protocol(name, robot).tension, len(low)
+    assert (rows[:, :width] >= low - 1e-12).all() and (rows[:, :width] <= high + 1e-12).all()
+    assert (np.ptp(rows[:, :width], axis=0) > 0.1 * (high - low)).all()
+    assert np.array_equal(rows[:, width : 2 * width], np.tile(rows[0, :width], (len(rows), 1)))
+
+
+def test_a_machine_without_limits_follows_logs_only():
+    robot = replace(exo.load_robot("emps"), limits={})
+    with pytest.raises(exo.InputError, match="emps has no limits of position_ref"):
+        exo.protocol("chirp", robot)
+    with pytest.raises(exo.InputError, match="6 channels would cross in 6144 sweeps"):
+        exo.protocol("sweeps", exo.load_robot("so101"))

@@ -52,7 +52,7 @@ def test_a_number_with_a_bare_exponent_is_a_number(tmp_path):
         ({"base": "exo_index", "parameters": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),
         ({"base": "exo_index", "parameters": {"tendon": {"k": 10**400}}}, ["tendon.k", "too large"]),
         ({"base": "exo_index", "parameters": {"tendon": {"q": 1}}}, ["tendon.q", "tendon.k"]),
-        ({"base": "exo_index", "parameters": {"tendon": {"k": {"value": 1, "unit": "N"}}}}, ["'N'", "'N/m'"]),
+        ({"base": "exo_index", "parameters": {"tendon": {"k": {"value": 1, "unit": "N"}}}}, ["[N]", "[N/m]"]),
         ({"base": "exo_index", "parameters": {"tendon": {"k": {"value": 1, "range": 3}}}}, ["tendon.k.range", "3"]),
         ({"base": "exo_index", "effects": {"tendon.slack": 0.1}}, ["tendon.slack", "0.1"]),
         ({"base": "exo_index", "effects": {"tendon.slick": {}}}, ["tendon.slick", "tendon.slack"]),
@@ -78,3 +78,20 @@ def test_a_ring_of_bases(tmp_path):
 
 def test_a_name_too_long_is_no_file():
     assert not is_file("x" * 5000)
+
+
+def test_units_may_stand_with_the_number_or_beside_it(tmp_path):
+    """2.5 N/mm is 2500 N/m and 42 mm are 0.042 m in every form."""
+    path = tmp_path / "robot.yaml"
+    for k in ("2.5 N/mm", {"value": 2.5, "unit": "N/mm", "range": [1, 14], "source": "tensile test"}):
+        path.write_text(
+            yaml.safe_dump({"base": "exo_index", "parameters": {"tendon.k": k, "finger.length.MCP": "42mm"}})
+        )
+        robot = exo.load_robot(path)
+        np.testing.assert_array_equal(robot["tendon.k"], 2500.0)
+        assert robot["finger.length.MCP"] == pytest.approx(0.042)
+    stated = robot.parameters()["tendon.k.MF"]
+    assert (stated.low, stated.high, stated.unit, stated.source) == (1000.0, 14000.0, "N/m", "tensile test")
+    path.write_text("base: exo_index\nlimits: {F_max: {value: {AF: 2, MF: 1, AE: 1}, unit: kgf}}\n")
+    assert exo.load_robot(path).reference_limits()[1] == pytest.approx([19.6133, 9.80665, 9.80665])
+    assert "F_max.AF is in [N], not in [m]" in refusal(path, {"base": "exo_index", "limits": {"F_max": {"AF": "2 m"}}})

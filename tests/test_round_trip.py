@@ -5,12 +5,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import KINDS, UNITS
+from exodrake.core.units import COMMON, KINDS, UNITS, si_unit
 from exodrake.data.formats import formats
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
 
-SI = sorted({unit for unit, *_ in UNITS.values()})
+SI = sorted({si_unit(unit) for unit in (*UNITS, *COMMON)})
 TENDONS = st.sampled_from(["AF", "MF", "ref_AF", "a_b", "0", "MCP", ""])
 COLUMN = st.one_of(
     st.builds(lambda kind, wire: f"{kind}_{wire}".rstrip("_"), st.sampled_from(sorted(set(KINDS) - {"time"})), TENDONS),

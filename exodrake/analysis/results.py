@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from io import BytesIO
 from typing import Any
 
@@ -13,23 +12,7 @@ from exodrake.analysis.frequency import FrequencyResponse
 from exodrake.analysis.linear import Pole
 from exodrake.analysis.margins import Margins
 from exodrake.analysis.steps import StepResponse
-
-
-def plain(value: Any) -> Any:
-    """Arrays as lists, complex numbers as [real, imaginary], infinities and nan as None."""
-    if isinstance(value, np.ndarray):
-        return [plain(v) for v in value]
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, complex | np.complexfloating):
-        return [float(value.real), float(value.imag)]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
+from exodrake.core.plain import plain
 
 
 def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:

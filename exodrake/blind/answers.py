@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,28 @@ from exodrake.blind.commitment import COMMITMENT, read_committed
 from exodrake.blind.matching import Diagnosis, Truth
 from exodrake.blind.run import ANSWER, FAILED, cases_of
 from exodrake.core.errors import InputError
+from exodrake.core.json_file import read_json
+from exodrake.core.schema import having, listing, names, number, optional, text
 
+KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
+BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))
+EFFECT = having({"id": text(), "parameters": optional(BOUNDS), "channels": optional(names(BOUNDS))}, required=("id",))
+STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
+ANSWERED = having(
+    {
+        "verdict": text(),
+        "where": optional(having({"block": optional(text()), "wires": NAMES, "joints": NAMES})),
+        "effects": optional(listing(EFFECT)),
+        "equivalents": NAMES,
+        "closure": optional(having({"overall": STEP, "retune": STEP, "effect": STEP})),
+        "candidates": optional(listing(having({"id": text()}, required=("id",)))),
+        "baselines": optional(names(optional(text()))),
+        "configuration": optional(names(text())),
+        "simulated_seconds": KNOWN,
+        "seconds": KNOWN,
+    },
+    required=("verdict",),
+)
 FAILURE = "FAILED"  # in place of a verdict; wrong wherever it counts
 
 
@@ -86,12 +106,8 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
 
 
 def read_diagnosis(path: Path) -> Diagnosis:
-    """Read one diagnosis; InputError if it has no verdict."""
-    try:
-        diagnosis = json.loads(path.read_text())
-        return diagnosis | {"verdict": diagnosis["verdict"]}
-    except (ValueError, KeyError, TypeError):
-        raise InputError(f"{path}: not a diagnosis (JSON with key 'verdict')") from None
+    """Read one diagnosis. InputError naming file and key if it is none."""
+    return ANSWERED(read_json(path), str(path))
 
 
 def check_configurations(answered: list[Answered], folder: Path) -> None:

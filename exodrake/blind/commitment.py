@@ -10,14 +10,26 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
+from exodrake.core.json_file import read_json
+from exodrake.core.schema import anything, flag, having, listing, names, number, text
 
 COMMITMENT = "seal.txt"  # in the folder of a set
+
+SEATS = listing(text())
+EFFECT = having(
+    {"id": text(), "block": text(), "blocks": SEATS, "wires": SEATS, "joints": SEATS, "parameters": names(number()),
+     "exact": flag, "gap": number()},
+    required=("id", "block", "wires", "joints", "parameters", "exact", "gap"),
+)  # fmt: skip
+LABEL = having({"kind": text(), "mix": text(), "effects": listing(EFFECT)}, required=("kind", "effects"))
+LABELS = having({"salt": text(), "cases": anything}, required=("salt", "cases"))
 
 
 def digest(cases: dict[str, Any], salt: str) -> str:
     """Commitment: SHA-256 over salt and canonical JSON."""
     canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256((salt + canonical).encode()).hexdigest()
+    return hashlib.sha256((salt + canonical).encode(errors="surrogatepass")).hexdigest()
 
 
 def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> None:
@@ -35,11 +47,8 @@ def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]
     for path in (labels, commitment):
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-    try:
-        stored = json.loads(labels.read_text())
-        cases, salt = stored["cases"], stored["salt"]
-    except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError):
-        raise InputError(f"{labels}: not a labels file (JSON with keys 'salt' and 'cases')") from None
-    if digest(cases, salt) != commitment.read_text().strip():
+    stored = LABELS(read_json(labels), str(labels))
+    cases, salt = stored["cases"], stored["salt"]
+    if digest(cases, salt).encode() != read_bytes(commitment).strip():
         raise InputError(f"{labels}: the labels are not those committed in {commitment}")
-    return cases
+    return names(LABEL)(cases, str(labels))

@@ -43,13 +43,11 @@ def command(
     into --out: FOLDER/CASE/diagnosis.json as soon as it is there; the same command goes on where it was interrupted.
     """
     if len(cases) != 1 or out is not None:
-        if allow_outside:
-            raise click.UsageError("--allow-outside is for one case")
         from exodrake.cli.diagnose_many import diagnose_many
 
         refuse_files(json_file, report, out_robot)
         tried = tried_of(robot, only, without)
-        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried)
+        return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
     diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside, profile)

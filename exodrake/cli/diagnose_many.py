@@ -12,7 +12,7 @@ from exodrake.core.errors import InputError
 
 def diagnose_many(
     cases: tuple[str, ...], out: Path | None, robot: str, jobs: int, cluster: str | None, redo: bool,
-    tried: frozenset[str] | None,
+    tried: frozenset[str] | None, allow_outside: bool = False,
 ) -> None:  # fmt: skip
     """Diagnose cases in parallel. Exit status 1 if some fail; UsageError or InputError before the work starts."""
     from rich.console import Console
@@ -24,7 +24,7 @@ def diagnose_many(
         raise click.UsageError("several cases need --out FOLDER")
     places = places_of(cases, out)
     with counted("diagnosing") as count:
-        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried)
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
     Console().print(verdicts({place.name: stored(place) for place in places.values()}))
     for name, reason in failed.items():
         click.echo(f"{name}: {reason}", err=True)

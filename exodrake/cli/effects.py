@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from exodrake.cli.options import DEFAULT, robot_option
+
 if TYPE_CHECKING:
     from exodrake.core.effect import Effect, EffectParameter
     from exodrake.core.machine import Machine
@@ -16,9 +18,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("identity", required=False, default="", metavar="[ID]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-@click.option(
-    "--robot", default="exo_index", metavar="FILE", help="Whose effect library: a robot file or built-in robot."
-)
+@robot_option()
 def command(identity: str, as_json: bool, robot: str) -> None:
     """List the effect library: id, what it is, parameters with unit and plausible range; with ID, all about one."""
     from exodrake.machines.robot_file import load_robot
@@ -61,7 +61,8 @@ def example(machine: Machine, effect: Effect) -> str:
     parameter = effect.parameters[0]
     channel = machine.axes.of(effect.axis)[0]
     at = f"@{channel}" if channel else ""
-    return f"exodrake simulate caging --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
+    what = "caging" if machine.name == DEFAULT else f"chirp --robot {machine.name}"
+    return f"exodrake simulate {what} --effect {effect.id}:{parameter.name}={parameter.initial:.3g}{at}"
 
 
 def plausible(parameter: EffectParameter) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,18 +69,13 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
 
 def parse_size(text: str) -> float:
     """`60mm` or `6 cm` as metres; InputError for no number, no unit or no length."""
-    import numpy as np
-
     from exodrake.core.errors import InputError
-    from exodrake.core.units import si_unit, to_si
+    from exodrake.core.units import quantity
 
-    found = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*?)\s*", text)
-    if not found:
+    size = quantity(text, "m", "--size")
+    if text.strip()[-1].isdigit():
         raise InputError(f"--size is {text!r}, wanted a number with a unit, such as 60mm or 6cm")
-    number, unit = found.groups()
-    if si_unit(unit, "--size") != "m":
-        raise InputError(f"--size is in [{unit}], wanted a length, such as 60mm")
-    return float(to_si(np.array([float(number)]), unit)[0])
+    return size
 
 
 def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> dict[str, bytes]:

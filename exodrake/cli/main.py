@@ -13,7 +13,7 @@ from typing import IO, Any
 import click
 
 from exodrake import __version__
-from exodrake.cli.options import ARGUMENTS, plugin_added
+from exodrake.cli.options import ARGUMENTS, plugin_added, without_machine
 from exodrake.core.errors import InputError, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
@@ -23,6 +23,7 @@ COMMANDS = {
     "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
     "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
     "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis and numbers of its tests."),
+    "new-machine": ("exodrake.cli.new_machine", "A folder with a machine of your own, which runs at once."),
     "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
     "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, stability map."),
@@ -35,6 +36,7 @@ COMMANDS = {
     "import": ("exodrake.cli.import_", "Turn a foreign recording into a log, by a mapping file."),
     "export": ("exodrake.cli.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
     "watch": ("exodrake.cli.watch", "Follow a growing log: the gap per block, and an alarm."),
+    "alarm-limits": ("exodrake.cli.alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
     "show": ("exodrake.cli.show", "Write a log as a page with the moving finger."),
     "warm-up": ("exodrake.cli.warm_up", "Compile the kernels now, not at first use."),
 }
@@ -97,7 +99,7 @@ class LazyGroup(OneLineErrors, click.Group):
         """The command, its module imported; None if there is none such."""
         if cmd_name not in COMMANDS or not _exists(cmd_name):
             return None
-        return import_module(COMMANDS[cmd_name][0]).command
+        return without_machine(cmd_name, import_module(COMMANDS[cmd_name][0]).command)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; the arguments are kept as they were typed, for `command_line`."""

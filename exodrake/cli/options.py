@@ -9,8 +9,26 @@ from typing import Any
 
 import click
 
+from exodrake.core.errors import InputError
+
+DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
 ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
+# why a command does not take a machine of the user's own
+OTHERS: dict[str, str] = {
+    "demo": "its hidden fault comes from the reference simulator of the Exo-Index; the test of `exodrake new-machine` "
+    "plants one in yours",
+    "identify": "it finds the axes of the Exo-Index's finger in marker recordings",
+    "workspace": "it solves the statics of the Exo-Index's finger",
+    "train": "its estimator maps stroke and tension of the Exo-Index's tendons to joint angles",
+    "estimate": "its estimator maps stroke and tension of the Exo-Index's tendons to joint angles",
+    "grasp": "it plans grasps of the Exo-Index's finger",
+    "blind": "its reference simulator is a second model of the Exo-Index; `exodrake calibrate` counts the errors of "
+    "another machine's diagnosis",
+    "warm-up": "it compiles the Exo-Index; another machine is compiled at its first use",
+    "export": "it takes a log of any machine",
+    "new-machine": "it makes one",
+}
 
 
 def command_line() -> str:
@@ -25,7 +43,7 @@ def without_folder(argument: str) -> str:
     return f"{option}{equals}{os.path.basename(os.path.normpath(path))}" if os.path.isabs(path) else argument
 
 
-def robot_option(name: str = "robot", default: str = "exo_index") -> Callable[[Callable], Callable]:
+def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Callable], Callable]:
     """Adds --robot, and --machine for the folder of a machine of the user's own, to a command.
 
     Args:
@@ -52,12 +70,27 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     if folder is None:
         return
     from exodrake.core import plugins
-    from exodrake.core.errors import InputError
 
     path = plugins.add_plugin(folder)
     if not (path / plugins.MACHINE).is_file():
         raise InputError(f"{folder}: no {plugins.MACHINE} in it")
     context.meta[MACHINE] = path.name
+
+
+def without_machine(name: str, command: click.Command) -> click.Command:
+    """The command, and its subcommands, with a --machine that says why there is none, unless they take one."""
+    if isinstance(command, click.Group):
+        for one in command.commands.values():
+            without_machine(name, one)
+    if name in OTHERS and all("--machine" not in parameter.opts for parameter in command.params):
+
+        def refuse(context: click.Context, parameter: click.Parameter, folder: str | None) -> None:
+            if folder is not None:
+                raise InputError(f"{name} takes no --machine: {OTHERS[name]}")
+
+        option = click.Option(["--machine"], hidden=True, expose_value=False, is_eager=True, callback=refuse)
+        command.params.append(option)
+    return command
 
 
 def robot_named(context: click.Context, parameter: click.Parameter, value: Any) -> Any:

@@ -13,6 +13,8 @@ import click
 from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
     from exodrake.simulation.scenario import Scenario
@@ -22,7 +24,7 @@ MANY = {"multiple": True, "metavar": "TEXT"}
 
 @click.command()
 @click.argument("protocol", required=False, default="")
-@click.option("--reference", default="", metavar="LOG", help="Follow the tension references of this log.")
+@click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
 @robot_option(default="")
 @click.option("--set", "parameters", **MANY, help="finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
@@ -142,9 +144,20 @@ def check_folder(folder: Path) -> None:
 
 
 def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
-    """Prints how well the tendons followed, where the joints went, and the files."""
+    """Prints how well the references were followed, where the joints went, and the files."""
     from rich.console import Console
     from rich.markup import escape
+
+    console = Console()
+    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
+    for identity in robot.effects():
+        console.print(f"with {identity}")
+    console.print(tendon_table(robot, log) if log.has("tension_ref") else channel_table(robot, log))
+    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+
+
+def tendon_table(robot: Robot, log: Log) -> Table:
+    """Tensions wanted and reached, and where the joints went."""
     from rich.table import Table
 
     axes = robot.machine.axes
@@ -170,12 +183,26 @@ def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
             tendon = (axes.tendons[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
         joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
         table.add_row(*tendon, "  ", *joint)
-    console = Console()
-    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
-    for identity in robot.effects():
-        console.print(f"with {identity}")
-    console.print(table)
-    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
+    return table
+
+
+def channel_table(robot: Robot, log: Log) -> Table:
+    """Range of each measured channel, and how far it was from its reference."""
+    from exodrake.core.display import display_of
+    from exodrake.report.terminal import table
+
+    machine, rows = robot.machine, []
+    for column in machine.columns:
+        if column in machine.references:
+            continue
+        shown = display_of(column.kind, machine)
+        for channel in machine.axes.of(machine.signal[column.signal].axis):
+            values, reference = log[f"{column.kind}_{channel}"], f"{column.kind}_ref_{channel}"
+            error = (values - log[reference]) if log.has(reference) else None
+            cells = [values.min(), values.max(), values[-1], *([] if error is None else [(error**2).mean() ** 0.5])]
+            texts = [f"{shown.factor * float(cell):.3g} {shown.unit}" for cell in cells]
+            rows.append((shown.label, channel, *texts, *[""] * (4 - len(texts))))
+    return table(("signal", "channel", ">lowest", ">highest", ">in the end", ">RMS error"), rows)
 
 
 def warn(robot: Robot) -> None:

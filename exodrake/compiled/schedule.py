@@ -54,7 +54,7 @@ def tick(machine: Machine) -> list[str]:
     """The plant's tick: every update sees the signals before it; then the outputs follow."""
     plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
     lines = [call(b, t.function, ["dt", *t.reads]) for b, t in plant]
-    return lines + outputs(machine, {b.name for b, _ in plant})
+    return lines + outputs(machine, {b.name for b, _ in plant}) if plant else ["pass"]
 
 
 def task_lines(machine: Machine, slot: int, channel: str = "") -> list[str]:

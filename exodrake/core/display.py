@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from exodrake.core.machine import Machine
-from exodrake.core.units import KINDS, UNITS
+from exodrake.core.units import KINDS, conversion
 
 # SI unit -> unit shown, unless the machine's column names another
 SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}
@@ -30,10 +30,8 @@ class Display(NamedTuple):
 def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
     """The unit in which a quantity is shown, and its factor from SI: "rad" -> ("deg", 57.3)."""
     name = unit or SHOWN.get(si, si)
-    if name == si or name not in UNITS:
-        return si, 1.0
-    _, numerator, denominator = UNITS[name]
-    return name, float(denominator / numerator)
+    found = conversion(name)
+    return (si, 1.0) if name == si or found is None else (name, float(found.denominator / found.numerator))
 
 
 def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:

@@ -87,6 +87,14 @@ class Machine:
         parts = ", ".join(part.name for part in self.parts)
         return f"Machine({self.name}: {parts}; {len(self.signals)} signals, {len(self.effects)} effects)"
 
+    def to_json(self) -> dict[str, object]:
+        """Names of its parts, channels and effects, and its signals with their units."""
+        return {
+            "name": self.name, "frame": self.frame, "tendons": self.axes.tendons, "joints": self.axes.joints,
+            "parts": [part.name for part in self.parts], "signals": {s.name: s.unit for s in self.signals},
+            "effects": [effect.id for effect in self.effects], "variants": self.variant_names,
+        }  # fmt: skip
+
     @property
     def slot(self) -> float:
         """Length of a slot [s]."""

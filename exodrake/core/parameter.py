@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exodrake.core.signal import Axes
+
 
 @dataclass(frozen=True)
 class ParameterInfo:
@@ -31,3 +33,18 @@ class Tolerance:
     transform: str
     prior_std: float
     max_deviation: float
+
+    def in_words(self, unit: str = "") -> str:
+        """Standard deviation and largest deviation as text; unit: of the parameter, after a blank."""
+        std, most = self.prior_std, self.max_deviation
+        if self.transform == "relative":
+            return f"±{100 * std:g} %, at most {100 * most:g} %"
+        return f"±{std:g}{unit}, at most {most:g}" if self.transform == "additive" else f"factor e^±{std:g}"
+
+
+def expanded(pattern: str, axes: Axes) -> list[str]:
+    """The pattern for each tendon {w} or joint {j} that it names."""
+    for mark, channels in (("{w}", axes.tendons), ("{j}", axes.joints)):
+        if mark in pattern:
+            return [pattern.replace(mark, channel) for channel in channels]
+    return [pattern]

@@ -16,9 +16,11 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import MutableSequence
+from collections.abc import Iterator, MutableSequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from traceback import extract_tb
 from types import ModuleType
 
 from exodrake.core.errors import InputError
@@ -88,6 +90,32 @@ def extend(search_path: MutableSequence[str], part: str) -> None:
         if not any(Path(place, name, MACHINE).is_file() for place in search_path):
             package = sys.modules.setdefault(f"exodrake.machines.{name}", ModuleType(f"exodrake.machines.{name}"))
             package.__path__ = [str(folder)]
+
+
+@contextmanager
+def shown_errors() -> Iterator[None]:
+    """Turns an error of a plugin's code into an InputError that names file, line and error; others pass."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        place = place_of(error)
+        if place is None:
+            raise
+        raise InputError(f"{place}: {type(error).__name__}: {getattr(error, 'msg', None) or error}") from error
+
+
+def place_of(error: Exception) -> str | None:
+    """File and line of the last frame of an error that lies in a plugin folder; None if there is none."""
+    frames = [(frame.filename, frame.lineno) for frame in extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError) and error.filename:
+        frames.append((error.filename, error.lineno))
+    for file, line in reversed(frames):
+        for folder in folders():
+            if Path(file).is_relative_to(folder):
+                return f"{folder.name}/{Path(file).relative_to(folder)}, line {line}"
+    return None
 
 
 def module_names(search_path: MutableSequence[str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,6 +12,8 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
+from exodrake.core.stated import StatedParameter, stated_parameters
+from exodrake.core.units import quantity
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,9 +42,17 @@ class Robot:
         there = ", ".join([*self.effects(), *self.machine.variant_names]) or "no effects"
         return f"Robot({self.machine.name} from {self.source or 'Python'}: {len(self.values)} parameters; {there})"
 
-    def __getitem__(self, name: str) -> float:
-        """A parameter by its full name, `part.name` or `part.name.channel`; InputError with the nearest names."""
-        return float(self.values[self.indices(name)[0]])
+    def __getitem__(self, name: str) -> Any:
+        """A parameter [SI] by its full name, `part.name` or `part.name.channel`; InputError with the nearest names.
+
+        A name without its channel gives all channels: (channels,) array.
+        """
+        found = self.values[self.indices(name)]
+        return float(found[0]) if name in self.machine.index else found
+
+    def parameters(self) -> dict[str, StatedParameter]:
+        """Value, unit, plausible range, tolerance and source of each parameter, and of the effects present, by name."""
+        return stated_parameters(self)
 
     def channels(self, name: str) -> np.ndarray:
         """A parameter of all channels by its name without channel: (channels,) array [SI]."""
@@ -60,19 +69,28 @@ class Robot:
             raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(index))}")
         return found
 
+    def to_json(self) -> dict[str, Any]:
+        """Machine, variants, and each parameter with value, unit, range, tolerance and source."""
+        return {
+            "machine": self.machine.name, "source": self.source, "variants": self.machine.variant_names,
+            "parameters": self.parameters(), "limits": self.limits, "grasps": self.grasps,
+        }  # fmt: skip
+
     def with_parameters(self, parameters: Mapping[str, Any], source: str = "") -> Robot:
         """The robot with parameters changed.
 
         Args:
-            parameters: values [SI] by dotted or nested names; a name without channel sets all channels.
+            parameters: values by dotted or nested names, numbers [SI] or text with a unit such as "2.5 N/mm"; a name
+                without channel sets all channels.
             source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
-        for name, value in flatten(parameters):
+        for name, value, unit in flatten(parameters):
             for i in self.indices(name):
-                values[i] = checked(name, value, source)
+                info = self.machine.parameters[i]
+                values[i] = quantity(value, info.unit, f"{source or 'parameters'}: {name}", unit)
                 if source:
-                    sources[self.machine.parameters[i].name] = source
+                    sources[info.name] = source
         return refuse_negative(replace(self, values=values, sources=sources))
 
     def splice(self, identity: str, parameters: Mapping[str, Any] | None = None, channels: Iterable[str] = ()) -> Robot:
@@ -80,7 +98,8 @@ class Robot:
 
         Args:
             identity: the effect's id.
-            parameters: the effect's parameters [SI], each one value or one per channel; initial values where left out.
+            parameters: the effect's parameters, each one value or one per channel, numbers [SI] or text with a unit;
+                initial values where left out.
             channels: channels it sits on; all if empty.
         """
         effect = self.machine.effect(identity)
@@ -93,24 +112,31 @@ class Robot:
         wanted = check_channels(self.machine, effect, channels)
         for parameter in effect.parameters:
             value = given.get(parameter.name, parameter.initial)
+            if isinstance(value, Mapping):
+                check_channels(self.machine, effect, (channel for channel in value if channel))
             for channel in wanted:
                 one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
                 names = (identity, parameter.name, channel if parameter.axis else "")
                 full = ".".join(part for part in names if part)
-                values[self.machine.index[full]] = checked(full, one, "effect")
+                values[self.machine.index[full]] = quantity(one, parameter.unit, full)
         return replace(self, values=values)
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
-        present: dict[str, dict[str, dict[str, float]]] = {}
-        for effect in self.machine.effects:
-            first = effect.parameters[0]
-            if any(self.values[i] != first.null for _, i in self.channel_indices(effect.id, first.name, first.axis)):
-                present[effect.id] = {
-                    p.name: {c: float(self.values[i]) for c, i in self.channel_indices(effect.id, p.name, p.axis)}
-                    for p in effect.parameters
-                }
-        return present
+        found = {effect.id: self.effect_values(effect) for effect in self.machine.effects}
+        first = {effect.id: effect.parameters[0] for effect in self.machine.effects}
+        return {
+            identity: values
+            for identity, values in found.items()
+            if any(value != first[identity].null for value in values[first[identity].name].values())
+        }
+
+    def effect_values(self, effect: Effect) -> dict[str, dict[str, float]]:
+        """Parameters of an effect, present or not: parameter -> channel -> value [SI]."""
+        return {
+            p.name: {c: float(self.values[i]) for c, i in self.channel_indices(effect.id, p.name, p.axis)}
+            for p in effect.parameters
+        }
 
     def channel_indices(self, group: str, name: str, axis: str) -> list[tuple[str, int]]:
         """Channel names and indices of a parameter."""
@@ -142,34 +168,15 @@ def refuse_negative(robot: Robot) -> Robot:
     return robot
 
 
-def flatten(parameters: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Nested mappings as dotted names; a mapping with a `value` key counts as that value."""
+def flatten(parameters: Mapping[str, Any], prefix: str = "", unit: str = "") -> list[tuple[str, Any, str]]:
+    """Nested mappings as dotted names, values and units ("" for SI); one with a `value` key counts as that value."""
     found = []
     for key, value in parameters.items():
-        name = f"{prefix}.{key}" if prefix else str(key)
+        name, inner = f"{prefix}.{key}" if prefix else str(key), unit
         if isinstance(value, Mapping) and "value" in value:
-            value = value["value"]
-        found += flatten(value, name) if isinstance(value, Mapping) else [(name, value)]
+            value, inner = value["value"], value.get("unit", unit)
+        found += flatten(value, name, inner) if isinstance(value, Mapping) else [(name, value, inner)]
     return found
-
-
-def checked(name: str, value: Any, source: str) -> float:
-    """A finite number, or infinity where a stiffness is absent; InputError naming it otherwise.
-
-    Text that is a number counts: YAML 1.1 reads 1e-3 as text.
-    """
-    if isinstance(value, str):
-        with contextlib.suppress(ValueError):
-            value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise InputError(f"{source or 'parameters'}: {name} is {value!r}, wanted a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        raise InputError(f"{source or 'parameters'}: {name} is too large a number") from None
-    if math.isnan(number):
-        raise InputError(f"{source or 'parameters'}: {name} is not a number (NaN)")
-    return number
 
 
 def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) -> tuple[str, ...]:

@@ -122,6 +122,17 @@ def names(item: Schema, least: int = 0) -> Schema:
     return check
 
 
+def having(known: Mapping[str, Schema], required: Sequence[str] = ()) -> Schema:
+    """A mapping whose known keys are checked; others pass as they are."""
+
+    def check(value: Any, where: str) -> dict[str, Any]:
+        found = value if isinstance(value, Mapping) else {}
+        kept = mapping(known, required)({k: v for k, v in found.items() if k in known} if found else value, where)
+        return {**found, **kept}
+
+    return check
+
+
 def mapping(known: Mapping[str, Schema], required: Sequence[str] = ()) -> Schema:
     """A mapping with known keys."""
 

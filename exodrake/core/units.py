@@ -1,44 +1,39 @@
-"""Units at the door: one table from every unit a file may carry to SI, and the kinds of signal a log may hold.
+"""Units at the door: every unit that a file, an option or a call may carry to SI, and the kinds of signal in a log.
 
 A column is headed `kind_name [unit]`, for instance `tension_AF [N]`. Names of tendons and joints are free; a known kind
-fixes the SI unit its column must have, an unknown kind may carry any known unit.
+fixes the SI unit its column must have, an unknown kind may carry any known unit. `"2.5 N/mm"` is a quantity.
 """
 
+import math
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from exodrake.core.errors import InputError
 
-# unit: (SI unit, numerator, denominator); SI value = value * numerator / denominator, so decimal prefixes round
-# correctly
+# symbol: (SI unit, numerator, denominator); SI value = value * numerator / denominator, so decimal prefixes round
+# correctly. Products, quotients and powers of symbols need no row: `N/mm`, `mN m/rad`, `g cm2`, `m/(s N)`.
 UNITS: Mapping[str, tuple[str, float, float]] = {
     "-": ("-", 1, 1), "1": ("-", 1, 1), "%": ("-", 1, 100), "frames": ("-", 1, 1), "count": ("-", 1, 1),
     "s": ("s", 1, 1), "ms": ("s", 1, 1000), "us": ("s", 1, 1_000_000), "ns": ("s", 1, 1_000_000_000),
-    "min": ("s", 60, 1),
+    "min": ("s", 60, 1), "Hz": ("Hz", 1, 1), "kHz": ("Hz", 1000, 1),
     "m": ("m", 1, 1), "cm": ("m", 1, 100), "mm": ("m", 1, 1000), "um": ("m", 1, 1_000_000),
     "rad": ("rad", 1, 1), "mrad": ("rad", 1, 1000), "deg": ("rad", np.pi, 180), "rev": ("rad", 2 * np.pi, 1),
-    "m/s": ("m/s", 1, 1), "cm/s": ("m/s", 1, 100), "mm/s": ("m/s", 1, 1000),
-    "rad/s": ("rad/s", 1, 1), "mrad/s": ("rad/s", 1, 1000), "deg/s": ("rad/s", np.pi, 180), "rpm": ("rad/s", np.pi, 30),
-    "m/s2": ("m/s2", 1, 1), "mm/s2": ("m/s2", 1, 1000), "rad/s2": ("rad/s2", 1, 1), "deg/s2": ("rad/s2", np.pi, 180),
+    "rpm": ("rad/s", np.pi, 30),
     "N": ("N", 1, 1), "mN": ("N", 1, 1000), "kN": ("N", 1000, 1), "gf": ("N", 9.80665, 1000), "kgf": ("N", 9.80665, 1),
-    "N/s": ("N/s", 1, 1), "N/m": ("N/m", 1, 1), "N/mm": ("N/m", 1000, 1), "N s/m": ("N s/m", 1, 1),
-    "N m": ("N m", 1, 1), "mN m": ("N m", 1, 1000), "N cm": ("N m", 1, 100), "N mm": ("N m", 1, 1000),
-    "N m/rad": ("N m/rad", 1, 1), "N m s/rad": ("N m s/rad", 1, 1),
     "A": ("A", 1, 1), "mA": ("A", 1, 1000), "V": ("V", 1, 1), "mV": ("V", 1, 1000),
-    "W": ("W", 1, 1), "mW": ("W", 1, 1000),
-    "kg": ("kg", 1, 1), "g": ("kg", 1, 1000), "Hz": ("Hz", 1, 1), "kHz": ("Hz", 1000, 1), "K": ("K", 1, 1),
-    "Pa": ("Pa", 1, 1),
-    "kPa": ("Pa", 1000, 1), "1/s": ("1/s", 1, 1), "1/m": ("1/m", 1, 1),
+    "W": ("W", 1, 1), "mW": ("W", 1, 1000), "kg": ("kg", 1, 1), "g": ("kg", 1, 1000), "K": ("K", 1, 1),
+    "Pa": ("Pa", 1, 1), "kPa": ("Pa", 1000, 1),
 }  # fmt: skip
-
 SPELLINGS = {
-    "nm": "N m", "Nm": "N m", "mNm": "mN m", "Ncm": "N cm", "Nmm": "N mm", "Nm/rad": "N m/rad", "Nms/rad": "N m s/rad",
-    "Ns/m": "N s/m", "sec": "s", "usec": "us", "msec": "ms", "°": "deg", "°/s": "deg/s",
-    "degrees": "deg", "radians": "rad",
-    "rev/min": "rpm", "": "-",
+    "nm": "N m", "Nm": "N m", "mNm": "mN m", "Ncm": "N cm", "Nmm": "N mm", "Nms": "N m s", "Ns": "N s", "sec": "s",
+    "usec": "us", "msec": "ms", "°": "deg", "degrees": "deg", "radians": "rad",
 }  # fmt: skip
+COMMON = ("m/s", "mm/s", "m/s2", "rad/s", "deg/s", "N/m", "N/mm", "N s/m", "N m", "N mm", "mN m", "N m/rad", "1/s")
 
 # kind: SI units it may have; the first is the one a simulated log gets
 KINDS: Mapping[str, tuple[str, ...]] = {
@@ -57,30 +52,102 @@ KINDS: Mapping[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
+class Conversion(NamedTuple):
+    """From a unit to SI: value * numerator / denominator. `powers`: exponent of each SI symbol in it."""
+
+    si: str
+    numerator: float
+    denominator: float
+    powers: dict[str, int]
+
+
 def tidy(unit: str) -> str:
-    """The table's spelling of a unit: `N*m`, `N.m`, `µm`, `m/s^2` and the like become `N m`, `um`, `m/s2`."""
+    """The table's spelling of a unit: `N*m`, `Nm`, `µm`, `m/s^2` and the like become `N m`, `um`, `m/s2`."""
     text = unit.strip().replace("µ", "u").replace("μ", "u").replace("^", "").replace("²", "2")
     text = " ".join(text.replace("·", " ").replace("*", " ").replace(".", " ").split())
-    return SPELLINGS.get(text, text)
+    text = re.sub(r" ?/ ?", "/", text)
+    words = (SPELLINGS.get(word, word) for word in re.split(r"([ /()])", text))
+    return {"": "-", "rev/min": "rpm"}.get(text) or "".join(words)
+
+
+@cache
+def conversion(unit: str) -> Conversion | None:
+    """How a unit converts to SI; None for one that cannot be read, such as `N/m s`, which may mean two things."""
+    text, symbol = tidy(unit), r"([A-Za-z]+)([2-9]?)"
+    if text in UNITS:
+        si, numerator, denominator = UNITS[text]
+        powers = {"rad/s": {"rad": 1, "s": -1}, "-": {}}.get(si, {si: 1})
+        return Conversion(si, numerator, denominator, powers)
+    parts = re.fullmatch(r"([^/()]+)((?:/(?:[^ /()]+|\([^/()]+\)))*)", text)
+    if parts is None:
+        return None
+    ratio, powers = [1.0, 1.0], dict[str, int]()
+    for place, words in enumerate((parts[1].removeprefix("1/").split(), re.split(r"[ /()]+", parts[2])[1:])):
+        for word in filter(None, words):
+            found = re.fullmatch(symbol, word)
+            si, *factors = UNITS.get(found[1], ("-", 1, 1)) if found else ("-", 1, 1)
+            if found is None or not si.isalpha():
+                if word == "1" and not place:
+                    continue
+                return None
+            power = int(found[2] or 1)
+            ratio[place] *= factors[0] ** power
+            ratio[1 - place] *= factors[1] ** power
+            powers[si] = powers.get(si, 0) + (-power if place else power)
+    si = re.sub(symbol, lambda found: UNITS[found[1]][0] + found[2], text)
+    return Conversion(si, ratio[0], ratio[1], {name: power for name, power in powers.items() if power})
+
+
+def known(unit: str, where: str = "") -> Conversion:
+    """How a unit converts to SI. InputError, saying where, for a unit that cannot be read."""
+    found = conversion(unit)
+    if found is None:
+        near = get_close_matches(tidy(unit), [*UNITS, *COMMON], n=3, cutoff=0.5)
+        hint = f"; did you mean {' or '.join(f'[{u}]' for u in near)}?" if near else ""
+        raise InputError(f"{where + ': ' if where else ''}unknown unit [{unit}]{hint}")
+    return found
 
 
 def si_unit(unit: str, where: str = "") -> str:
-    """The SI unit a unit converts to. InputError, saying where, for a unit the table lacks."""
-    known = UNITS.get(tidy(unit))
-    if known is None:
-        near = get_close_matches(tidy(unit), UNITS, n=3, cutoff=0.5)
-        hint = f"; did you mean {' or '.join(f'[{u}]' for u in near)}?" if near else ""
-        raise InputError(f"{where + ': ' if where else ''}unknown unit [{unit}]{hint}")
-    return known[0]
+    """The SI unit a unit converts to. InputError, saying where, for a unit that cannot be read."""
+    return known(unit, where).si
 
 
-def to_si(values: np.ndarray, unit: str, where: str = "") -> np.ndarray:
+def to_si[T: (float, np.ndarray)](values: T, unit: str, where: str = "") -> T:
     """Values in SI, same shape; bit-equal to the input when the unit is SI already. InputError for an unknown unit."""
-    si_unit(unit, where)
-    _, numerator, denominator = UNITS[tidy(unit)]
+    _, numerator, denominator, _ = known(unit, where)
     if numerator == denominator:
         return values
     return values * numerator / denominator
+
+
+def quantity(value: Any, unit: str, where: str, given: str = "") -> float:
+    """A quantity in SI: 2500 of the number 2500, and of the text "2.5 N/mm" or "2500".
+
+    Args:
+        value: number, or text that begins with one.
+        unit: SI unit wanted.
+        where: what the quantity is, for messages.
+        given: unit of a value that is a bare number; SI if empty.
+
+    Raises:
+        InputError: for no number, NaN, and a unit of something else.
+    """
+    number, written = value, given
+    if isinstance(value, str):
+        found = re.fullmatch(r"\s*([-+]?(?:inf|nan|(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?))\s*(\D.*)?", value, re.I)
+        number, written = (float(found[1]), found[2] or given) if found else (None, "")
+    if isinstance(number, bool) or not isinstance(number, int | float | np.floating | np.integer):
+        raise InputError(f"{where} is {value!r}, wanted a number, with its unit if that is not {unit}")
+    if written and known(written, where).powers != known(unit, where).powers:
+        raise InputError(f"{where} is in [{unit}], not in [{written.strip()}]")
+    try:
+        number = float(number)
+    except OverflowError:
+        raise InputError(f"{where} is too large a number") from None
+    if math.isnan(number):
+        raise InputError(f"{where} is not a number (NaN)")
+    return to_si(number, written, where) if written else number
 
 
 def kind_of(column: str) -> str | None:
@@ -105,9 +172,11 @@ def default_unit(column: str) -> str:
 
 def check_unit(column: str, unit: str, where: str = "") -> str:
     """SI unit of a column headed with `unit`. InputError if unknown, or none of the column's kind (a tension in m)."""
-    found = si_unit(unit, where)
-    kind = kind_of(column)
-    if kind is not None and found not in KINDS[kind]:
-        wanted = " or ".join(f"[{u}]" for u in KINDS[kind])
-        raise InputError(f"{where + ': ' if where else ''}unit [{unit}] is none of a {kind}, which is in {wanted}")
-    return found
+    found, kind = known(unit, where), kind_of(column)
+    if kind is None:
+        return found.si
+    for wanted in KINDS[kind]:
+        if known(wanted).powers == found.powers:
+            return wanted
+    listed = " or ".join(f"[{u}]" for u in KINDS[kind])
+    raise InputError(f"{where + ': ' if where else ''}unit [{unit}] is none of a {kind}, which is in {listed}")

@@ -5,6 +5,7 @@ The file's header says which tendons and joints there are. A missing sample is N
 
     log = read_log("sweeps.csv.gz")
     log.array("tension", ("AF", "MF", "AE"))    # (n, 3) N
+    log["tension"]                              # the same: all columns of the kind
     log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
 """
 
@@ -59,12 +60,17 @@ class Log:
         return len(self.time)
 
     def __getitem__(self, column: str) -> np.ndarray:
-        """One column, (n,). InputError naming the column and the file when the log has none such."""
+        """One column (n,), or all of a kind (n, channels) in file order, such as `log["tension"]` [SI].
+
+        InputError naming the column and the file when the log has none such.
+        """
         if column == "time":
             return self.time
-        if column not in self.signals:
-            raise InputError(f"{self.label}: no column {column!r} (it has {', '.join(self.signals) or 'none'})")
-        return self.signals[column]
+        if column in self.signals:
+            return self.signals[column]
+        if self.names(column):
+            return self.array(column)
+        raise InputError(f"{self.label}: no column {column!r} (it has {', '.join(self.signals) or 'none'})")
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
@@ -149,6 +155,29 @@ class Log:
             and np.array_equal(self.time, other.time)
             and all(np.array_equal(self[name], other[name], equal_nan=True) for name in self.columns)
         )
+
+    def to_pandas(self) -> Any:
+        """The log as a DataFrame indexed by time [s]; `attrs` hold units and source. InputError without pandas."""
+        from exodrake.data.pandas_frame import frame_of
+
+        return frame_of(self)
+
+    @staticmethod
+    def from_pandas(frame: Any, units: Mapping[str, str] | None = None, source: str = "") -> "Log":
+        """A log from a DataFrame.
+
+        Args:
+            frame: a column a signal, named `tension_AF` or `tension_AF [N]`; time [s] in a column `time`, or as index.
+            units: of columns without one, such as `mm`; else those of `frame.attrs`, else SI by the kind.
+            source: name for messages; else that of `frame.attrs`.
+        """
+        from exodrake.data.pandas_frame import columns_of
+
+        source = source or str(frame.attrs.get("source", "")) or "frame"
+        signals, known = columns_of(frame, {**frame.attrs.get("units", {}), **(units or {})}, source)
+        log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
+        check_clock(log)
+        return log
 
     def plot(self, *args: Any, **options: Any) -> Any:
         """Draw the log, a panel a kind: `exodrake.data.plot.plot_log`."""

@@ -67,7 +67,7 @@ def calibration_of(machine: Machine) -> Calibration:
 def tolerances(machine: Machine) -> int:
     """Number of nominal parameters with a tolerance."""
     names = (name for group in machine.tolerances for name in group.parameters)
-    return sum(len(expanded(machine, name)) for name in names)
+    return sum(len(expanded(name, machine.axes)) for name in names)
 
 
 def spread(count: int) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from exodrake.diagnosis.calibration import Calibration
-from exodrake.diagnosis.isolate import Tested
+from exodrake.diagnosis.isolation import Tested
 from exodrake.diagnosis.levels import ALPHA, LOCAL
 from exodrake.diagnosis.result import LevelTest
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
+from exodrake.core.json_file import read_json
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described
@@ -29,10 +30,10 @@ ANSWER, FAILED = "diagnosis.json", "failed.json"
 def stored(folder: Path) -> dict[str, Any] | None:
     """Read the answer in a folder; None if there is none that can be read."""
     try:
-        answer = json.loads((folder / ANSWER).read_text())
-        return answer if "verdict" in answer else None
-    except (OSError, ValueError, TypeError):
+        answer = read_json(folder / ANSWER)
+    except InputError:
         return None
+    return answer if isinstance(answer, dict) and "verdict" in answer else None
 
 
 def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:
@@ -105,6 +106,7 @@ def diagnose_all(
     redo: bool = False,
     robot: str = "",
     tried: frozenset[str] | None = None,
+    allow_outside: bool = False,
 ) -> dict[str, str]:
     """Diagnose the unfinished of many cases; an interruption loses no answer.
 
@@ -116,6 +118,7 @@ def diagnose_all(
         redo: Answer anew the cases of another configuration.
         robot: Nominal robot, a name or a file that each worker reads itself; the built-in robot if empty.
         tried: Ids of the effects to try; None for the default ones.
+        allow_outside: Read logs that lie outside the folder of their case, too.
 
     Returns:
         {name of the answer's folder: reason} of the cases that failed; they stay unfinished.
@@ -126,21 +129,23 @@ def diagnose_all(
     wanted = configured(robot, tried)
     waiting = unanswered(places, wanted, redo)
     store, sent = ResultStore(places, waiting, progress), []
-    tasks = ((case, robot, wanted, tried) for case in readable(waiting, robot, store, sent))
+    tasks = ((case, robot, wanted, tried) for case in readable(waiting, robot, store, sent, allow_outside))
     with closing(each(diagnose_one, tasks, jobs, cluster)) as outcomes:
         for outcome in outcomes:
             store.add(sent[outcome.number], outcome)
     return store.failed
 
 
-def readable(waiting: list[Path], robot: str, store: ResultStore, sent: list[Path]) -> Iterator[Case]:
+def readable(
+    waiting: list[Path], robot: str, store: ResultStore, sent: list[Path], allow_outside: bool = False
+) -> Iterator[Case]:
     """Read cases one by one; a case that cannot be read goes into the store as failed, the others into `sent`."""
     from exodrake.diagnosis.problem import required_of
 
     machine = (load_robot(robot) if robot else load_robot()).machine
     for path in waiting:
         try:
-            case = read_case(path, required_of(machine), machine.frame)
+            case = read_case(path, required_of(machine), machine.frame, allow_outside)
         except Exception as error:  # as a diagnosis that fails
             store.add(path, Outcome(-1, reason=f"{type(error).__name__}: {error}"))
             continue

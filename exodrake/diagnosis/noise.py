@@ -15,11 +15,10 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.data.log import Log
 from exodrake.diagnosis.filters import Bands, filled, without
+from exodrake.simulation.references import reference_rows
 from exodrake.simulation.simulate import simulate
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
@@ -42,13 +41,6 @@ def repeat_noise_std(case: Case, column: str, notched: Bands, period: float) -> 
             difference = without(notched, difference[:, None], period)[:, 0]
             spreads.append(ROBUST * np.median(np.abs(difference - np.median(difference))) / np.sqrt(2.0))
     return float(np.median(spreads)) if spreads else None
-
-
-def reference_rows(machine: Machine, log: Log) -> np.ndarray:
-    """What a log's machine was asked to do (n, references) [SI]."""
-    return np.column_stack(
-        [log.array(c.kind, machine.axes.of(machine.signal[c.signal].axis)) for c in machine.references]
-    )
 
 
 def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:

@@ -18,6 +18,7 @@ import numpy as np
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
+from exodrake.core.parameter import expanded
 from exodrake.core.robot import Robot
 
 RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor: assumed
@@ -90,19 +91,11 @@ def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """One parameter for each tolerance of the robot file. Raises InputError for an unknown name."""
     machine, found = robot.machine, []
     for group in machine.tolerances:
-        for name in (name for pattern in group.parameters for name in expanded(machine, pattern)):
+        for name in (name for pattern in group.parameters for name in expanded(pattern, machine.axes)):
             index = tuple(position(machine, part) for part in name.split())
             limit, base = group.max_deviation, float(robot.values[index[0]])
             found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
     return tuple(found)
-
-
-def expanded(machine: Machine, pattern: str) -> list[str]:
-    """The pattern for each tendon {w} or joint {j} that it names."""
-    for mark, channels in (("{w}", machine.axes.tendons), ("{j}", machine.axes.joints)):
-        if mark in pattern:
-            return [pattern.replace(mark, channel) for channel in channels]
-    return [pattern]
 
 
 def position(machine: Machine, name: str) -> int:

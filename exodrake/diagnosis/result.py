@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
@@ -214,20 +215,3 @@ class Diagnosis:
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
         return plain(answer | {"closure": closure, "simulated_seconds": self.simulated_seconds})
-
-
-def plain(value: Any) -> Any:
-    """Data that JSON can hold: results by field, numpy numbers as floats, what is not finite as null."""
-    if is_dataclass(value):
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
-    if isinstance(value, dict):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value

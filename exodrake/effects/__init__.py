@@ -29,7 +29,9 @@ def discover(package: str) -> tuple[Effect, ...]:
     """
     found: dict[str, tuple[Effect, str]] = {}
     for info in walk_packages(import_module(package).__path__, f"{package}."):
-        for value in vars(import_module(info.name)).values():
+        with plugins.shown_errors():
+            module = import_module(info.name)
+        for value in vars(module).values():
             if not isinstance(value, Effect):
                 continue
             other, home = found.setdefault(value.id, (value, info.name))

@@ -51,8 +51,9 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     """
     if name not in machine_folders():
         raise InputError(f"unknown machine {name!r}{nearest(name, list(machine_names()))}; known: {joined()}")
-    made = getattr(module_of(name, "machine"), "machine", None)
-    found = made() if callable(made) else made
+    with plugins.shown_errors():
+        made = getattr(module_of(name, "machine"), "machine", None)
+        found = made() if callable(made) else made
     if not isinstance(found, Machine):
         raise InputError(f"{machine_folders()[name]}: machine.py defines no function machine() that returns a Machine")
     if found.name != name:

@@ -9,8 +9,10 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, Axes, Signal
+from exodrake.effects import LIBRARY
 from exodrake.systems import angle_reading, joint, joint_command
 
+FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
 REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
 BEND = Signal("bend", "rad", JOINTS)
 REST = (
@@ -70,4 +72,5 @@ def joint_machine(
         noise_std=noise_std,
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
+        reference_limits=("angle_min", "angle_max"),
     )

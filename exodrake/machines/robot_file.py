@@ -3,11 +3,13 @@
 A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
 
     base: exo_index
-    parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2500}}          # or dotted keys: finger.kappa.MCP: 0.09
+    parameters: {finger: {kappa: {MCP: 0.09}}, tendon: {k: 2.5 N/mm}}      # or dotted keys: finger.kappa.MCP: 0.09
     effects: {tendon.capstan_friction: {mu_phi: {AF: 0.3, MF: 0.3, AE: 0.3}}}
     parts: [controller_as_printed]                                       # variants of parts
     tolerances:                                                          # what differs from one such robot to the next
       - {parameters: ["tendon.k.{w}"], transform: relative, prior_std: 0.03, max_deviation: 0.10}
+
+Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
 
 `machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code.
 """
@@ -27,8 +29,10 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, read_bytes, write_text
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
-from exodrake.core.robot import Robot, checked, flatten, refuse_negative
+from exodrake.core.robot import Robot, flatten, refuse_negative
 from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
+from exodrake.core.signal import TENDONS
+from exodrake.core.units import quantity
 from exodrake.core.yaml_file import dump_yaml, parse_yaml
 from exodrake.machines.library import machine_named, machine_names, robot_yaml
 
@@ -45,18 +49,23 @@ def limit(value: Any, where: str) -> Any:
     return (STATED_LIMIT if isinstance(value, Mapping) and "value" in value else VALUES)(value, where)
 
 
-VALUES = names(number())
-PARAMETERS = names(either(stated_or_nested, number()))
+def amount(value: Any, where: str) -> Any:
+    """A number, or text that `quantity` reads later, when the unit wanted is known."""
+    return value if isinstance(value, str) else number()(value, where)
+
+
+VALUES = names(amount)
+PARAMETERS = names(either(stated_or_nested, amount))
 STATED = mapping(
     {
-        "value": either(VALUES, number()),
+        "value": either(VALUES, amount),
         "unit": text(),
-        "range": listing(number(), length=2, wanted="[low, high]"),
+        "range": listing(amount, length=2, wanted="[low, high]"),
         "source": anything,
     }
 )
 STATED_LIMIT = mapping({"value": VALUES, "unit": text(), "range": anything, "source": anything})
-EFFECTS = names(names(either(VALUES, number())))
+EFFECTS = names(names(either(VALUES, amount)))
 VARIANTS = listing(text(), wanted="a list of names")
 TOLERANCE = mapping(
     {
@@ -98,9 +107,8 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     else:
         file = Path(path)
         if not is_file(file):
-            raise InputError(
-                f"no robot file {str(path)!r}, nor a machine of that name{nearest(str(path), list(machine_names()))}"
-            )
+            near, there = nearest(str(path), list(machine_names())), ", ".join(machine_names())
+            raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
     return build(parse_yaml(data, source), source, above or (str(path),))
 
@@ -126,8 +134,10 @@ def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
     for identity, given in (content.get("effects") or {}).items():
         channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
         robot = robot.splice(identity, given, [channel for channel in channels if channel])
-    limits = check_limits(robot.machine, {**robot.limits, **table(content.get("limits") or {})}, robot.source)
-    return replace(robot, limits=limits, grasps={**robot.grasps, **(content.get("grasps") or {})})
+    unit, there = reference_unit(robot.machine), f"{robot.source}: "
+    limits = {**robot.limits, **table(content.get("limits") or {}, unit, f"{there}limits.")}
+    grasps = {**robot.grasps, **table(content.get("grasps") or {}, unit, f"{there}grasps.")}
+    return replace(robot, limits=check_limits(robot.machine, limits, robot.source), grasps=grasps)
 
 
 @contextlib.contextmanager
@@ -143,7 +153,7 @@ def blank(content: Mapping[str, Any], source: str) -> Robot:
     """A machine with effects at their null values and its own parameters unset; InputError if some are not stated."""
     with named(source):
         machine = machine_named(str(content.get("machine")), tolerances_of(content.get("tolerances") or ()))
-    given = {n for n, _ in flatten(content.get("parameters") or {})}
+    given = {n for n, *_ in flatten(content.get("parameters") or {})}
     for parameter in machine.parameters:
         if parameter.null is None and parameter.name not in given and parameter.name.rsplit(".", 1)[0] not in given:
             raise InputError(f"{source}: parameter {parameter.name} is missing")
@@ -159,35 +169,49 @@ def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, .
 
 
 def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
-    """Sources and ranges that a file states beside its values; checks that a value lies in its range."""
+    """Sources and ranges that a file states beside its values."""
     sources, ranges = dict(robot.sources), dict(robot.ranges)
-    for group, fields in parameters.items():
-        for name, item in fields.items() if isinstance(fields, Mapping) else ():
-            if not (isinstance(item, Mapping) and "value" in item):
-                continue
-            for i in robot.indices(f"{group}.{name}"):
-                parameter = robot.machine.parameters[i]
-                if item.get("unit", parameter.unit) != parameter.unit:
-                    raise InputError(
-                        f"{robot.source}: {parameter.name} has unit {item['unit']!r}, wanted {parameter.unit!r}"
-                    )
-                sources[parameter.name] = str(item.get("source", ""))
-                if "range" in item:
-                    ranges[parameter.name] = (float(item["range"][0]), float(item["range"][1]))
+    for name, item in statements(parameters):
+        for i in robot.indices(name):
+            parameter = robot.machine.parameters[i]
+            sources[parameter.name] = str(item.get("source", ""))
+            if "range" in item:
+                where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
+                low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
+                ranges[parameter.name] = (low, high)
     return {"sources": sources, "ranges": ranges}
 
 
-def table(limits: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Limits as plain values per channel."""
-    return {name: {c: float(v) for c, v in item.get("value", item).items()} for name, item in limits.items()}
+def statements(parameters: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Dotted name and content of each parameter that is stated with a `value` key."""
+    for key, item in parameters.items():
+        name = f"{prefix}.{key}" if prefix else str(key)
+        if isinstance(item, Mapping):
+            yield from [(name, item)] if "value" in item else statements(item, name)
+
+
+def table(values: Mapping[str, Any], unit: str, where: str) -> dict[str, dict[str, float]]:
+    """Limits or grasps as plain values [SI] per channel; unit: SI unit of the references."""
+    return {
+        name: {
+            c: quantity(v, unit, f"{where}{name}.{c}", item.get("unit", "")) for c, v in item.get("value", item).items()
+        }
+        for name, item in values.items()
+    }
+
+
+def reference_unit(machine: Machine) -> str:
+    """Unit of the references; "-" without any."""
+    return machine.signal[machine.references[0].signal].unit if machine.references else "-"
 
 
 def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: str) -> dict[str, dict[str, float]]:
-    """Refuses negative limits, and a lowest reference above the highest one."""
-    unit = machine.signal[machine.references[0].signal].unit if machine.references else ""
+    """Refuses negative limits of a tendon, and a lowest reference above the highest one."""
+    first = machine.signal[machine.references[0].signal] if machine.references else None
+    unit = reference_unit(machine)
     for name, item in limits.items():
         for channel, value in item.items():
-            if checked(f"{name}.{channel}", value, source) < 0:
+            if value < 0 and first is not None and first.axis == TENDONS:
                 raise InputError(f"{source}: limit {name}.{channel} is {value} {unit}, below 0")
     lowest, highest = machine.reference_limits or ("", "")
     for channel, low in limits.get(lowest, {}).items():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 
 from exodrake.core.machine import Machine
+from exodrake.core.yaml_file import read_yaml
+from exodrake.machines.library import machine_folders
 from exodrake.monitor.channels import LOOP, Channel, channels
 from exodrake.monitor.gap import Reading
 
@@ -37,11 +38,9 @@ class Alarm:
 
 @cache
 def calibration(name: str) -> dict[str, Any] | None:
-    """The machine's file of limits; None of a machine that has none."""
-    import yaml
-
-    file = files("exodrake.machines") / name / LIMITS
-    return yaml.safe_load(file.read_text()) if file.is_file() else None
+    """The file of limits in the machine's folder; None of a machine that has none."""
+    folder = machine_folders().get(name)
+    return read_yaml(folder / LIMITS) if folder is not None and (folder / LIMITS).is_file() else None
 
 
 def limits(machine: Machine) -> np.ndarray | None:

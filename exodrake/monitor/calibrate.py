@@ -1,6 +1,6 @@
 """Alarm limits from simulated healthy robots at work: parameters drawn within their tolerances, no effect.
 
-    python -m exodrake.monitor.calibrate --seed 21 --robots 100 --minutes 20 --write alarm_limits.yaml
+    exodrake alarm-limits --seed 21 --robots 100 --minutes 20 --write alarm_limits.yaml
 
 The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
 other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. So,
@@ -11,21 +11,18 @@ be expected. `monitor.check` tries the limits on other robots.
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import click
 import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
-from exodrake.core.progress import counted, where_to_run
+from exodrake.core.progress import counted
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
 from exodrake.monitor.channels import channels
-from exodrake.monitor.gap import Gap, Reading, measured_columns, noise_std
+from exodrake.monitor.gap import Gap, Reading, measured_columns
 from exodrake.monitor.online_replay import OnlineReplay
-from exodrake.monitor.work import has_work, work
+from exodrake.monitor.work import work
 from exodrake.simulation.simulate import simulate
 
 MINUTE = 60.0  # s
@@ -84,9 +81,10 @@ def limits_text(robot: Robot, limits: np.ndarray, seed: int, robots: int, durati
     listed: dict[str, dict[str, float]] = {}
     for channel, limit in zip(channels(robot.machine), limits):
         listed.setdefault(channel.segment, {})[channel.column] = float(f"{limit:.4g}")
+    options = f"--robot {robot.machine.name} --seed {seed} --robots {robots} --minutes {duration / MINUTE:g}"
     head = (
         f"# gaps over 10 s [noise standard deviations] above which the alarm is raised; made by\n"
-        f"#   python -m exodrake.monitor.calibrate --seed {seed} --robots {robots} --minutes {duration / MINUTE:g}\n"
+        f"#   exodrake alarm-limits {options}\n"
     )
     return head + yaml.safe_dump({"robots": robots, "minutes": duration / MINUTE, "limits": listed}, sort_keys=False)
 
@@ -98,39 +96,7 @@ def peaks_of(robot: str, noise: np.ndarray, seed: int, robots: int, duration: fl
     with counted("robots at work", "none of it is kept") as count:
         for item in each(largest, tasks, **where):  # pyright: ignore[reportArgumentType]
             if item.value is None:
-                raise click.ClickException(f"robot {item.number}: {item.reason}")
+                raise InputError(f"robot {item.number}: {item.reason}")
             found[item.number] = item.value
             count(len(found), 0, robots)
     return np.array([found[k] for k in range(robots)])
-
-
-@click.command()
-@click.option("--seed", default=21, show_default=True)
-@click.option("--robots", default=100, show_default=True, type=click.IntRange(min=2))
-@click.option("--minutes", default=20.0, show_default=True, help="Work of each robot.")
-@click.option("--robot", default="exo_index", show_default=True, help="Nominal robot: file or built-in name.")
-@click.option("--write", type=click.Path(path_type=Path), default=None, help="File for the limits.")
-@where_to_run
-def main(
-    seed: int, robots: int, minutes: float, robot: str, write: Path | None, jobs: int, cluster: str | None
-) -> None:
-    """Find limits that healthy robots stay below."""
-    from exodrake.core.files import write_text
-
-    nominal = load_robot(robot)
-    if not has_work(nominal):
-        raise InputError(f"{nominal.source}: no work can be drawn, since the robot file has no table of grasps")
-    peaks = peaks_of(robot, noise_std(nominal), seed, robots, minutes * MINUTE, jobs=jobs, cluster=cluster)
-    limits = limits_of(peaks)
-    for channel, limit, column in zip(channels(nominal.machine), limits, peaks.T):
-        name = f"{channel.segment} {channel.column}"
-        click.echo(f"{name:28s} median {np.median(column):7.2f}  largest {column.max():7.2f}  limit {limit:7.2f}")
-    click.echo(
-        f"at most {share_at_most(robots):.1%} of healthy robots raise an alarm in {minutes:g} min (95 % confidence)"
-    )
-    if write:
-        write_text(write, limits_text(nominal, limits, seed, robots, minutes * MINUTE))
-
-
-if __name__ == "__main__":
-    main()

@@ -7,22 +7,24 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.simulation import protocols
+from exodrake.simulation.references import on_machine
 
-TASKS = ("grasp", "grasp", "random", "holds", "rest")  # grasps are what the robot is for
+TASKS = ("random", "holds", "rest")
+GRASPS = ("grasp", "grasp")  # drawn as often as two others, where the robot file has grasps
 
 
 def has_work(robot: Robot) -> bool:
-    """Whether work can be drawn: the robot file has a table of grasps."""
-    return bool(robot.grasps)
+    """Whether work can be drawn: the robot file states limits of the reference."""
+    return bool(robot.machine.reference_limits) and all(robot.limits.get(n) for n in robot.machine.reference_limits)
 
 
 def work(robot: Robot, seed: int, duration: float) -> Reference:
     """References of `duration` [s]; kind, pace and levels of each task are drawn anew."""
     rng = np.random.default_rng(seed)
-    frames = round(duration / robot.machine.frame)
+    frames, tasks = round(duration / robot.machine.frame), (*(GRASPS if robot.grasps else ()), *TASKS)
     parts: list[np.ndarray] = []
     while sum(map(len, parts)) < frames:
-        parts.append(task(robot, str(rng.choice(TASKS)), rng))
+        parts.append(task(robot, str(rng.choice(tasks)), rng))
     return Reference(np.concatenate(parts)[:frames], "work")
 
 
@@ -36,10 +38,13 @@ def task(robot: Robot, kind: str, rng: np.random.Generator) -> np.ndarray:
         return protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace).tension
     seed = int(rng.integers(1 << 31))
     if kind == "random":
-        return protocols.random_motion(
-            robot, seed=seed, duration=rng.uniform(15.0, 40.0), fastest=rng.uniform(0.2, 1.2)
-        ).tension
+        options = {"duration": rng.uniform(15.0, 40.0), "fastest": rng.uniform(0.2, 1.2)}
+        return on_machine(protocols.random_motion, robot, seed=seed, **options).tension
     if kind == "holds":
-        return protocols.holds(robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).tension
-    lowest = [robot.limits["F_min"][channel] for channel in robot.machine.axes.tendons]
-    return np.tile(lowest, (round(rng.uniform(5.0, 15.0) / robot.machine.frame), 1))
+        return on_machine(protocols.holds, robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).tension
+    return on_machine(rest, robot, duration=rng.uniform(5.0, 15.0)).tension
+
+
+def rest(robot: Robot, *, duration: float) -> Reference:
+    """The lowest references for `duration` [s]."""
+    return Reference(np.tile(robot.reference_limits()[0], (round(duration / robot.machine.frame), 1)), "rest")

@@ -1,4 +1,4 @@
-"""Protocols: what the robot is asked to do, as tension references (frames, wires) [N] of one row per 20 ms frame.
+"""Protocols: what the robot is asked to do, as tension references (frames, wires) [N] of one row per frame.
 
     exo.simulate(robot, exo.grasp("caging"))        exo.sweeps()        exo.protocol("chirp:high=1.5", robot)
 
@@ -20,6 +20,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.tensions import above_floor, check_range, clock, generator, smooth
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
+MOST_CROSSED = 4  # channels: 256 sweeps, 21 min; assumed to be as long as anybody waits
 
 
 def targets_of(mode: str, robot: Robot, targets: Mapping[str, float] | None) -> np.ndarray:
@@ -79,7 +80,10 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
     period: of one sweep up and down [s]; 48 of them take 240 s.
     """
     robot = robot or load_robot()
-    wires = len(robot.machine.axes.tendons)
+    wires = len(robot.reference_limits()[1])
+    if wires > MOST_CROSSED:
+        count = wires * len(LEVELS) ** (wires - 1)
+        raise InputError(f"sweeps: {wires} channels would cross in {count} sweeps; try short-sweeps")
     crossed = [
         one_sweep(robot, wire, [*levels[:wire], 0.0, *levels[wire:]], period)
         for wire in range(wires)
@@ -94,11 +98,12 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
     The first wire sweeps against the second, all later ones against the first. period: of one sweep [s].
     """
     robot = robot or load_robot()
-    wires = len(robot.machine.axes.tendons)
+    wires = len(robot.reference_limits()[1])
     chosen = []
     for wire, level in product(range(wires), LEVELS):
         levels = np.zeros(wires)
-        levels[1 if wire == 0 else 0] = level
+        if wires > 1:
+            levels[1 if wire == 0 else 0] = level
         chosen.append(one_sweep(robot, wire, list(levels), period))
     return above_floor(robot, np.concatenate(chosen), "short-sweeps")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 
@@ -10,7 +11,11 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
+from exodrake.core.signal import TENDONS
+from exodrake.core.units import quantity
+from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -28,20 +33,22 @@ PROTOCOLS: dict[str, Callable[..., Reference]] = {
 }
 
 
-def split_options(text: str) -> tuple[str, dict[str, float]]:
-    """`name:a=1,b=2` as the name and its numbers; InputError naming what is no number."""
+# SI unit of the options of protocols; those without one are shares and counts
+UNITS = {
+    **dict.fromkeys(("rest", "approach", "hold", "release", "period", "span", "dwell", "duration"), "s"),
+    **dict.fromkeys(("low", "high", "fastest"), "Hz"),
+}
+
+
+def split_options(text: str) -> tuple[str, dict[str, str]]:
+    """`name:a=1,b=2 mm` as the name and its values; InputError naming what is none."""
     name, _, tail = text.partition(":")
     found = {}
     for item in filter(None, tail.split(",")):
-        key, equals, value = item.partition("=")
-        try:
-            if not equals:
-                raise ValueError
-            found[key.strip()] = float(value)
-        except ValueError:
-            raise InputError(f"{name}: {item!r} is not of the form name=number") from None
-        if found[key.strip()] != found[key.strip()]:
-            raise InputError(f"{name}: {key.strip()} is not a number (NaN)")
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not equals:
+            raise InputError(f"{name}: {item!r} is not of the form name=number")
+        found[key] = value
     return name.strip(), found
 
 
@@ -51,7 +58,7 @@ def options_of(function: Callable[..., Reference]) -> dict[str, float]:
 
 
 def protocol(text: str, robot: Robot | None = None) -> Reference:
-    """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5`.
+    """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5 s`.
 
     InputError with the nearest names for an unknown name or option.
     """
@@ -65,23 +72,78 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
     for key in given:
         if key not in options:
             raise InputError(f"{name} has no option {key!r}{nearest(key, list(options))}; it has {', '.join(options)}")
-    if name in PROTOCOLS:
-        return function(robot, **given)
-    return protocols.grasp(name, robot, None, **given)
+    values = {key: quantity(value, UNITS.get(key, "-"), f"{name}: {key}") for key, value in given.items()}
+    return on_machine(function, robot, **values) if name in PROTOCOLS else protocols.grasp(name, robot, None, **values)
+
+
+def on_machine(function: Callable[..., Reference], robot: Robot, **options: float) -> Reference:
+    """A protocol on any machine.
+
+    Tensions are shares of the highest one, never below the lowest. Other references, such as angles, are shares of the
+    span between both; `kind_start` stands where `kind_ref` begins, and further inputs at 0.
+
+    Raises:
+        InputError: if the machine or its robot file states no limits of the reference.
+    """
+    machine = robot.machine
+    first, *others = machine.references
+    limits = machine.reference_limits
+    if not limits or not all(robot.limits.get(name) for name in limits):
+        raise InputError(
+            f"{machine.name} has no limits of {first.kind} (`reference_limits` of machine.py, `limits` of robot.yaml), "
+            "so no protocol fits it; --reference LOG follows a log"
+        )
+    if machine.signal[first.signal].axis == TENDONS and not others:
+        return function(robot, **options)
+    low, high = robot.reference_limits()
+    channels = machine.axes.of(machine.signal[first.signal].axis)
+    unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
+    shares = function(unit, **options)
+    rows = [low + shares.tension * (high - low)]
+    for column in others:
+        start = column.kind == first.kind.removesuffix("_ref") + "_start"
+        held = rows[0][0] if start else np.zeros(machine.width(machine.signal[column.signal].axis))
+        rows.append(np.tile(held, (len(rows[0]), 1)))
+    return Reference(np.hstack(rows), shares.name)
+
+
+def reference_rows(machine: Machine, log: Log) -> np.ndarray:
+    """What a log's machine was asked to do (n, references) [SI], in the order of `machine.references`."""
+    return np.column_stack(
+        [log.array(c.kind, machine.axes.of(machine.signal[c.signal].axis)) for c in machine.references]
+    )
 
 
 def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
-    """The tension references of a log, as they are; InputError for an unknown wire, a missing sample, another clock."""
+    """The references of a log, as they are.
+
+    Raises:
+        InputError: for an unknown channel, a missing sample, a tension below 0, and another clock than the machine's.
+    """
     robot = robot or load_robot()
-    log, wires = read_log(path, required=("tension_ref",)), robot.machine.axes.tendons
-    for wire in log.names("tension_ref"):
-        if wire not in wires:
-            raise InputError(f"{log.label}: tension_ref of an unknown wire {wire!r}; the robot has {', '.join(wires)}")
-    tension = log.array("tension_ref", wires)
-    for row, column in np.argwhere(~(np.isfinite(tension) & (tension >= 0.0)))[:1]:
-        value = tension[row, column]
-        what = "is missing" if np.isnan(value) else f"is {value:g} N"
-        raise InputError(f"{log.label}: tension_ref_{wires[column]} {what} in row {row + 2}, wanted 0 or more")
-    if log.dt and np.abs(np.diff(log.time) - robot.machine.frame).max() > ALIKE:
-        raise InputError(f"{log.label}: rows are not {robot.machine.frame:g} s apart; see exodrake.regularise")
-    return Reference(tension, Path(path).name.split(".")[0])
+    machine = robot.machine
+    log = read_log(path, required=())
+    for column in machine.references:
+        axis = machine.signal[column.signal].axis
+        for channel in log.names(column.kind):
+            if channel not in machine.axes.of(axis):
+                raise InputError(
+                    f"{log.label}: {column.kind} of an unknown channel {channel!r}; {machine.name} has "
+                    f"{', '.join(machine.axes.of(axis))}"
+                )
+        check_samples(log, log.array(column.kind, machine.axes.of(axis)), column.kind, machine)
+    if len(log) > 1 and np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
+        raise InputError(f"{log.label}: rows are not {machine.frame:g} s apart; see exodrake.regularise")
+    return Reference(reference_rows(machine, log), Path(path).name.split(".")[0])
+
+
+def check_samples(log: Log, values: np.ndarray, kind: str, machine: Machine) -> None:
+    """InputError naming column and row of a reference (n, channels) that is missing, or of a tension below 0."""
+    signal = machine.signal[machine.column(kind).signal]
+    low = 0.0 if signal.axis == TENDONS and signal.unit == "N" else -np.inf
+    for row, k in np.argwhere(~(np.isfinite(values) & (values >= low)))[:1]:
+        value, name = values[row, k], f"{kind}_{machine.axes.of(signal.axis)[k]}"
+        what = "is missing" if np.isnan(value) else f"is {value:g} {signal.unit}"
+        raise InputError(
+            f"{log.label}: {name} {what} in row {row + 2}, wanted {'0 or more' if low == 0.0 else 'a number'}"
+        )

@@ -25,7 +25,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.robot import Robot
 from exodrake.core.schema import anything, mapping, optional, text
-from exodrake.core.units import si_unit, to_si
+from exodrake.core.units import quantity
 from exodrake.core.yaml_file import dump_yaml, parse_yaml, read_yaml
 from exodrake.data.log import Log
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
@@ -146,21 +146,9 @@ def embedded(robot: str) -> str | Mapping[str, Any]:
 def parse_number(text: str, robot: Robot) -> tuple[str, float]:
     """`finger.kappa.MCP=0.09` or `tendon.k=2.7 N/mm` as name and value [SI]; InputError naming name, value or unit."""
     name, equals, value = (part.strip() for part in text.partition("="))
-    number, _, unit = value.partition(" ")
-    try:
-        if not equals:
-            raise ValueError
-        found = float(number)
-    except ValueError:
-        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI") from None
-    wanted = robot.machine.parameters[robot.indices(name)[0]].unit
-    if unit:
-        if si_unit(unit, name) != wanted:
-            raise InputError(f"{name} is in [{wanted}], not in [{unit.strip()}]")
-        found = float(to_si(np.array([found]), unit)[0])
-    if found != found:
-        raise InputError(f"{name} is not a number (NaN)")
-    return name, found
+    if not equals:
+        raise InputError(f"{text!r} is not of the form name=number, with a unit if it is not in SI")
+    return name, quantity(value, robot.machine.parameters[robot.indices(name)[0]].unit, name)
 
 
 def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, float] | float]]:
@@ -172,15 +160,9 @@ def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, floa
     identity, given = split_options(head)
     chosen = [channel.strip() for channel in channels.split(",") if channel.strip()]
     if at and not chosen:
-        raise InputError(f"{text!r}: no wire or joint after @")
-    effect = robot.machine.effect(identity)
-    there = robot.splice(identity, given, chosen)
-    return identity, {
-        n.name: one_or_channels(
-            {channel: float(there.values[i]) for channel, i in there.channel_indices(effect.id, n.name, n.axis)}
-        )
-        for n in effect.parameters
-    }
+        raise InputError(f"{text!r}: no channel after @")
+    there = robot.splice(identity, given, chosen).effect_values(robot.machine.effect(identity))
+    return identity, {name: one_or_channels(values) for name, values in there.items()}
 
 
 def one_or_channels(values: dict[str, float]) -> dict[str, float] | float:

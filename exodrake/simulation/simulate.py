@@ -14,6 +14,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
 from exodrake.simulation.delayed_samples import delay_samples
+from exodrake.simulation.references import protocol
 
 
 @short_repr
@@ -35,7 +36,7 @@ class Recording:
 
 def record(
     robot: Robot,
-    reference: Reference,
+    reference: Reference | str,
     seed: int | None = 0,
     quantisation: bool = True,
     engine: str = "compiled",
@@ -45,7 +46,7 @@ def record(
 
     Args:
         robot: the robot.
-        reference: what it follows.
+        reference: what it follows; text names a protocol or grasp mode, as on the command line: "chirp:high=1.5".
         seed: of the noise; None runs without.
         quantisation: whether readings are rounded.
         engine: "compiled" or "drake": the same results to the last bit.
@@ -57,6 +58,7 @@ def record(
     Raises:
         InputError: the reference has another width than the machine, or a parameter divides by zero.
     """
+    reference = protocol(reference, robot) if isinstance(reference, str) else reference
     machine, frames = robot.machine, len(reference.tension)
     if reference.tension.shape[1] != (width := reference_width(machine)):
         raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {width}")
@@ -97,7 +99,7 @@ def log_of(recording: Recording) -> Log:
 
 def simulate(
     robot: Robot,
-    reference: Reference,
+    reference: Reference | str,
     seed: int | None = 0,
     quantisation: bool = True,
     engine: str = "compiled",

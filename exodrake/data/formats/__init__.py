@@ -20,7 +20,8 @@ def formats() -> dict[str, ModuleType]:
     """Format module by ending; where two claim an ending, the one that is first by name has it."""
     found: dict[str, ModuleType] = {}
     for name in plugins.module_names(__path__):
-        module = import_module(f"{__name__}.{name}")
+        with plugins.shown_errors():
+            module = import_module(f"{__name__}.{name}")
         for ending in module.ENDINGS:
             found.setdefault(ending, module)
     return found

@@ -54,4 +54,5 @@ def machine() -> Machine:
         noise_std=noise_std,
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
         max_effects=4,
+        reference_limits=("position_min", "position_max"),
     )

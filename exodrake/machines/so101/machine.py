@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 from exodrake.core.machine import Machine
-from exodrake.core.signal import JOINTS
-from exodrake.effects import LIBRARY, for_machine
-from exodrake.machines.position_servos import joint_machine
+from exodrake.effects import for_machine
+from exodrake.machines.position_servos import FRAMES, joint_machine
 
 JOINT_NAMES = ("Rotation", "Pitch", "Elbow", "WristPitch", "WristRoll", "Jaw")
-FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)
 EFFECTS = (
     for_machine("timing.command_latency", "servo.latency", {"bus.sent": "joint_command.sent"}, frames=FRAMES),
     for_machine("joint.gain", "servo.gain"),

@@ -1,0 +1,102 @@
+"""Results as plain data, and their files: JSON, or NPZ with every array in full; neither holds a pickle.
+
+exo.save(exo.diagnose("my_case"), "answer.json")
+exo.save(exo.record(robot, exo.grasp("caging")), "run.npz")     # np.load("run.npz")["signals.tension"]
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.files import write_bytes
+
+REST = "json"  # entry of an NPZ file that holds all that is no array
+
+
+def plain(value: Any) -> Any:
+    """A result as data that JSON can hold.
+
+    Dataclasses become mappings, arrays lists, complex numbers [real, imaginary], and what is not finite null;
+    functions are left out. A class with a method `to_json` says itself what it is.
+    """
+    return _plain(value, listed, "")
+
+
+def listed(array: np.ndarray, _: str = "") -> list[Any]:
+    """An array (n, ...) [any unit] as lists, null where it is not finite."""
+    return array.tolist() if np.isfinite(array).all() else [_plain(one, listed, "") for one in array]
+
+
+def to_dict(result: Any) -> dict[str, Any]:
+    """A result as a mapping of plain data, as in its JSON file."""
+    found = plain(result)
+    return found if isinstance(found, dict) else {"value": found}
+
+
+def save(result: Any, path: str | PurePath) -> None:
+    """Write a result, whole or not at all.
+
+    Args:
+        result: any result of this package, or mappings and lists of them.
+        path: `.json` (what is not finite as null), or `.npz` (arrays to the last bit by dotted name, for `np.load`
+            without pickles; the rest as JSON text in the entry `json`).
+
+    Raises:
+        InputError: for another ending, and where the file cannot be written.
+    """
+    ending = PurePath(path).suffix.lower()
+    if ending == ".json":
+        write_bytes(path, (json.dumps(to_dict(result), indent=1, allow_nan=False) + "\n").encode())  # pyright: ignore
+        return
+    if ending != ".npz":
+        raise InputError(f"{path}: results are saved as .json or .npz")
+    arrays: dict[str, np.ndarray] = {}
+    rest = _plain(result, lambda array, name: arrays.setdefault(name, array) is None, "")
+    stream = io.BytesIO()
+    np.savez_compressed(stream, allow_pickle=False, **arrays, **{REST: np.array(json.dumps(rest, allow_nan=False))})
+    write_bytes(path, stream.getvalue())  # pyright: ignore
+
+
+def _plain(value: Any, array: Any, name: str) -> Any:
+    """Plain data of a value; array: makes plain data of a numeric array (n, ...) and its dotted name."""
+    parts = parts_of(value)
+    if isinstance(parts, Mapping):
+        kept = {str(k): v for k, v in parts.items() if not callable(v)}
+        return {k: _plain(v, array, f"{name}.{k}" if name else k) for k, v in kept.items()}
+    if isinstance(parts, np.ndarray) and parts.dtype.kind in "biuf" and parts.ndim:
+        return array(parts, name or "value")
+    if isinstance(parts, str | bytes) or not isinstance(parts, Iterable) or not getattr(parts, "shape", True):
+        return _leaf(parts)
+    return [_plain(v, array, f"{name}.{i}" if name else str(i)) for i, v in enumerate(parts)]
+
+
+def parts_of(value: Any) -> Any:
+    """A result as a mapping of its fields; any other value as it is."""
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    fields_of_tuple = getattr(value, "_asdict", None)
+    return fields_of_tuple() if fields_of_tuple else value
+
+
+def _leaf(value: Any) -> Any:
+    """A value without parts."""
+    value = value.item() if isinstance(value, np.generic | np.ndarray) else value
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Enum):
+        return value.name
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
