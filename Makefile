@@ -4,7 +4,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
-EXTRAS := parquet,mcap,cluster,control,pandas
+EXTRAS := parquet,mcap,hdf5,cluster,control,pandas
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # installs the package with some extras and groups; pip checks the files of other packages by their hashes
 INSTALL = $(BIN)/python .ci/requirements.py $(1) >$(VENV)/requirements.txt && \

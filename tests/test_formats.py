@@ -256,8 +256,11 @@ def test_import_command(tmp_path):
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
 
 
+NAMES = [f"d.{e}" for e in "csv mat npy npz parquet mcap csv.gz json jsonl h5 db3".split()]
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data(), name=st.sampled_from(["d.csv", "d.mat", "d.npy", "d.npz", "d.parquet", "d.mcap", "d.csv.gz"]))
+@given(data=st.data(), name=st.sampled_from(NAMES))
 def test_damaged_recordings_are_refused_or_read(tmp_path, data, name):
     whole = {"d.csv": TABLE.encode(), "d.mcap": BAG}.get(name) or data.draw(st.binary(max_size=60))
     cut = data.draw(st.integers(0, len(whole)))

@@ -1,57 +1,163 @@
-"""`exodrake import`: a foreign recording as a log, or a known set of recordings as a case."""
+"""`exodrake import`: foreign recordings as a log or a case, or what they hold."""
+
+from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import MACHINE, machine_added
 from exodrake.core.errors import InputError
-from exodrake.machines.library import recorded_machines
+from exodrake.machines.library import machine_folders, recorded_machines
+
+if TYPE_CHECKING:
+    from exodrake.data.foreign.import_log import Imported
+
+FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+MAPPING = "mapping.yaml"  # in the folder of a machine
 
 
 @click.command()
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recordings", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="RECORDING...")
+@click.option("--map", "map_file", **FILE, help="Mapping file (YAML), see below.")
 @click.option(
-    "--map", "map_file", default=None, type=click.Path(path_type=Path), help="Mapping file (YAML), see below."
-)
-@click.option(
-    "--from",
-    "known",
-    default=None,
-    type=click.Choice(recorded_machines()),
-    help="A known set, which needs no mapping file.",
-)
-@click.option(
-    "--out", required=True, type=click.Path(path_type=Path),
-    help="Log to write; its ending is the format. With --from: the case's folder.",
+    "--machine", metavar="FOLDER", expose_value=False, callback=machine_added,
+    help="Machine of your own, whose mapping.yaml is used without --map.",
 )  # fmt: skip
-def command(recording: Path, map_file: Path | None, known: str | None, out: Path) -> None:
-    r"""Turn RECORDING (text, MAT, NPY, NPZ, Parquet, ROS 2 bag in MCAP) into a log in our names and SI.
+@click.option("--from", "known", type=click.Choice(recorded_machines()), help="A known set, which needs no mapping.")
+@click.option("--unit", default="", metavar="UNIT", help="Of the joints of a LeRobot data set: deg or rad.")
+@click.option("--episodes", default="", metavar="0,2,...", help="Of a LeRobot data set [all].")
+@click.option("--out", **FILE, help="Log to write; its ending is the format. Another name: the folder of a case.")
+@click.pass_context
+def command(
+    context: click.Context, recordings: tuple[Path, ...], map_file: Path | None, known: str | None, unit: str,
+    episodes: str, out: Path | None,
+) -> None:  # fmt: skip
+    r"""Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
-    With --from, RECORDING is the file or folder of a known set, and a case for `exodrake diagnose --robot` comes out.
-    Otherwise the mapping file says which foreign column is which, in what unit:
+    Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite) and LeRobot data
+    sets. A mapping file says which foreign column is which, in what unit; joint states of a bag, and actions and states
+    of a LeRobot data set, need none.
 
     \b
     time: {column: timestamp, unit: us, start: 0}
     columns:
-      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
-      "positions[0]": {name: position_shoulder, unit: deg}
-      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}    # ROS 2
+      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12, filter: 10}
+      "run.q[0]": {name: position_shoulder, unit: deg, sign: -1, wrap: 360}   # struct, matrix
+      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}             # ROS 2
+    derived:
+      angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
-    separator: ";"     # optional; likewise decimal, skip, heading, hold, stamp
     """
-    if (map_file is None) == (known is None):
-        raise InputError("import wants either --map FILE or --from SET")
-    if map_file is not None:
-        from exodrake.data.foreign.import_log import import_log
-        from exodrake.data.log_file import write_log
-
-        log = import_log(recording, map_file)
-        write_log(log, out)
-        click.echo(f"{out}: {len(log)} rows, {len(log.columns)} columns: {', '.join(log.columns)}")
+    if out is None:
+        for recording in recordings:
+            list_contents(recording)
         return
+    if known is not None:
+        if map_file or len(recordings) > 1:
+            raise InputError("--from reads one set, without --map")
+        return import_known(next(iter(recordings)), known, out)
+    mapping = map_file or own_mapping(context.meta.get(MACHINE))
+    write_logs(imported_logs(recordings, mapping, unit, episodes), out)
+
+
+def own_mapping(machine: str | None) -> Path | None:
+    """mapping.yaml of the machine that --machine names."""
+    return None if machine is None else machine_folders()[machine] / MAPPING
+
+
+def imported_logs(recordings: tuple[Path, ...], mapping: Path | None, unit: str, episodes: str) -> dict[str, Imported]:
+    """All logs of the recordings by name. InputError for two of one name."""
+    from exodrake.data.foreign.import_log import import_all
+    from exodrake.data.foreign.mapping import read_mapping
+
+    try:
+        chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
+    except ValueError:
+        raise InputError(f"--episodes: {episodes!r}, wanted numbers, like 0,2") from None
+    mapped = read_mapping(mapping) if mapping else None
+    found: dict[str, Imported] = {}
+    for recording in recordings:
+        for name, item in import_all(recording, mapped, unit, chosen).items():
+            if name in found:
+                raise InputError(f"{recording}: there is a log {name!r} already")
+            found[name] = item
+    return found
+
+
+def write_logs(logs: dict[str, Imported], out: Path) -> None:
+    """Writes one log, or a case whose last log is held out, with their notes."""
+    from exodrake.core.files import write_bytes, write_folder
+    from exodrake.data.case import FILE as CASE, Case, CaseLog
+    from exodrake.data.case_file import case_text
+    from exodrake.data.formats import ending, format_of
+    from exodrake.data.log_file import log_bytes
+    from exodrake.data.notes import notes_name, notes_text
+
+    if ending(out) or out.suffix:
+        format_of(out)
+        if len(logs) > 1:
+            raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
+        item = next(iter(logs.values()))
+        write_bytes(out, log_bytes(item.log, out))
+        if item.notes:
+            write_bytes(out.with_name(notes_name(out)), notes_text(item.notes))
+    else:
+        names = list(logs)
+        roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
+        files = {name: f"{name}.csv.gz" for name in names}
+        items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
+        period = next(iter(logs.values())).log.dt
+        contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
+        contents |= {notes_name(files[name]): notes_text(logs[name].notes) for name in names if logs[name].notes}
+        contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), round(period, 9))).encode()
+        write_folder(out, contents)
+    first = next(iter(logs.values())).log
+    size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"
+    several = f"{len(logs)} logs, " if len(logs) > 1 else ""
+    click.echo(f"{out}: {several}{size}: {', '.join(first.columns)}")
+    for name, item in logs.items():
+        for note in item.notes:
+            click.echo(f"note: {name}: {note}" if several else f"note: {note}")
+
+
+def import_known(recording: Path, known: str, out: Path) -> None:
+    """Writes the case of a known set."""
     from exodrake.data.case_folder import write_case
     from exodrake.machines.recordings import reader
 
-    case = reader(str(known))(recording)
+    case = reader(known)(recording)
     write_case(case, out)
     click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
+
+
+def list_contents(recording: Path) -> None:
+    """Prints the columns of a recording, or the topics of a bag, as a mapping file names them."""
+    from rich.console import Console
+    from rich.markup import escape
+
+    from exodrake.core.files import read_bytes
+    from exodrake.data.foreign import lerobot
+    from exodrake.data.foreign.ros2 import is_bag, topics_of
+    from exodrake.data.foreign.tables import list_columns
+    from exodrake.report.terminal import table
+
+    console = Console(highlight=False)
+    if is_bag(recording):
+        rows = []
+        for topic, (kind, count, fields) in topics_of(recording).items():
+            rows.append((escape(topic), kind, str(count), escape(", ".join(fields))))
+        console.print(table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3))
+        return
+    if lerobot.is_dataset(recording):
+        name, columns = next(lerobot.episodes(recording))
+        console.print(f"LeRobot data set, {name}")
+    else:
+        columns = list_columns(read_bytes(recording), str(recording))
+    rows = []
+    for name, values in columns.items():
+        known = values[values == values]
+        ends = [f"{value:.6g}" for value in (known.min(), known.max())] if len(known) else ["", ""]
+        rows.append((escape(name), str(len(values)), str(len(values) - len(known)), *ends))
+    console.print(table(("column", ">samples", ">missing", ">lowest", ">highest"), rows))

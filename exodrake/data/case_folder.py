@@ -17,6 +17,7 @@ from exodrake.data.columns import check_columns
 from exodrake.data.formats import stem
 from exodrake.data.log import REQUIRED, Log
 from exodrake.data.log_file import log_bytes, read_table
+from exodrake.data.notes import read_notes
 
 
 def read_case(
@@ -89,6 +90,7 @@ def _case(
         file = _relative(entry["file"], place)
         log, faults = _read(path, required, period)
         hashes[file] = sha256_of(path)
+        said += read_notes(path)
         said += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol = entry.get("protocol") or stem(file)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats and _relative(repeats, place), file))

@@ -138,7 +138,7 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
 
 
 def check_samples(log: Log, values: np.ndarray, kind: str, machine: Machine) -> None:
-    """InputError naming column and row of a reference (n, channels) that is missing, or of a tension below 0."""
+    """InputError naming column and row of a reference (n, channels) [SI] that is missing, or a tension below 0."""
     signal = machine.signal[machine.column(kind).signal]
     low = 0.0 if signal.axis == TENDONS and signal.unit == "N" else -np.inf
     for row, k in np.argwhere(~(np.isfinite(values) & (values >= low)))[:1]:

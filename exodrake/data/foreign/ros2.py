@@ -1,17 +1,103 @@
-"""ROS 2 bags in MCAP storage: any numeric field of a message whose definition the bag carries. Needs the extra `mcap`.
+"""ROS 2 bags, in MCAP or SQLite storage: any numeric field of a message. Needs the extra `mcap`.
 
 A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
-`/wrench:wrench.force.z`, `/speed_command:data`.
+`/wrench:wrench.force.z`, `/speed_command:data`. Definitions of messages come from the bag; older SQLite bags hold none,
+and only the common types of `definitions` can be read from them.
 """
 
+from __future__ import annotations
+
 import io
-from collections.abc import Sequence
+import sqlite3
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
+from exodrake.core.files import is_folder, read_bytes
+from exodrake.data.foreign.definitions import DEFINITIONS
+from exodrake.data.foreign.lerobot import joint_name
+from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.foreign.track import Track
+
+MCAP, SQLITE = ".mcap", ".db3"
+STATE = "sensor_msgs/msg/JointState"
+COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
+KINDS = {"position": "angle", "velocity": "angle_speed", "effort": "effort"}
+UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a sliding joint is another matter
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether a path is a bag: a file of its storage, or a folder that holds such."""
+    return Path(path).name.lower().endswith((MCAP, SQLITE)) or bool(bag_files(path))
+
+
+def bag_files(path: str | Path) -> list[Path]:
+    """Files of a bag, in order."""
+    if not is_folder(path):
+        return [Path(path)] if Path(path).name.lower().endswith((MCAP, SQLITE)) else []
+    return sorted(item for item in Path(path).iterdir() if item.name.lower().endswith((MCAP, SQLITE)))
+
+
+def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
+    """Column -> samples with their times [s] of a bag; a bag of several files as one."""
+    parts = [called(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
+    for column in columns:
+        if not any(len(part[column].time) for part in parts):
+            raise InputError(f"{path}: no message on topic {column.partition(':')[0]!r}")
+    return {
+        column: Track(*(np.concatenate([getattr(p[column], key) for p in parts]) for key in ("time", "values")))
+        for column in columns
+    }
+
+
+def topics_of(path: str | Path) -> dict[str, tuple[str, int, list[str]]]:
+    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them."""
+    found: dict[str, tuple[str, int, list[str]]] = {}
+    for file in bag_files(path):
+        for topic, (kind, count, fields) in called(list_topics, file).items():
+            before = found.get(topic, (kind, 0, fields))
+            found[topic] = kind, before[1] + count, before[2] or fields
+    return found
+
+
+def default_mapping(path: str | Path) -> Mapped:
+    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
+
+    Raises:
+        InputError: for a bag without joint states.
+    """
+    columns: dict[str, Column] = {}
+    for topic, (kind, _, fields) in topics_of(path).items():
+        if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
+            continue
+        asked = any(word in topic.lower() for word in COMMANDS)
+        for field in fields:
+            what, _, joint = field.rstrip("]").partition("[")
+            ours = f"{KINDS[what]}{'_ref' if asked and what != 'velocity' else ''}_{joint_name(joint)}"
+            columns.setdefault(ours, Column(f"{topic}:{field}", ours, UNITS[what]))
+    if not columns:
+        raise InputError(
+            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
+        )
+    starts = tuple(
+        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
+        for name in columns
+        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
+    )
+    first = next(iter(columns.values())).foreign
+    steps = np.diff(read_bag(path, [first], "header")[first].time)
+    period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
+    return Mapped(tuple(columns.values()), start=0.0, stamp="header", derived=starts, period=period)
+
+
+def called(function: Any, file: Path, *arguments: Any) -> Any:
+    """A reader's answer from the child process."""
+    data = read_bytes(file)
+    return in_child(function, data, str(file), *arguments, source=str(file), size=len(data))
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
@@ -26,32 +112,90 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
             raise InputError(f"{source}: column {column!r}: wanted TOPIC:FIELD, like '/joint_states:position[MCP]'")
         wanted.setdefault(topic, []).append(field)
     samples: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column in columns}
-    for topic, message, log_time in _messages(data, source, list(wanted)):
+    for topic, _, message, log_time in messages(data, source, set(wanted)):
         time = _stamp(message, topic, source) if stamp == "header" else log_time * 1e-9
         for field in wanted[topic]:
             times, values = samples[f"{topic}:{field}"]
             times.append(time)
             values.append(_field(message, field, f"{source}: topic {topic!r}"))
-    for column, (times, _) in samples.items():
-        if not times:
-            raise InputError(f"{source}: no message on topic {column.partition(':')[0]!r}")
     return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
 
 
-def _messages(data: bytes, source: str, topics: list[str]) -> list[tuple[str, Any, int]]:
-    """(topic, message, log time ns) of every message on the topics."""
+def list_topics(data: bytes, source: str) -> dict[str, tuple[str, int, list[str]]]:
+    """`topics_of` of one file, in this process."""
+    found: dict[str, tuple[str, int, list[str]]] = {}
+    for topic, kind, message, _ in messages(data, source, None):
+        _, count, fields = found.get(topic, (kind, 0, None))
+        found[topic] = kind, count + 1, fields_of(message) if fields is None else fields
+    return found
+
+
+def fields_of(message: Any, path: str = "") -> list[str]:
+    """Numeric fields of a message, elements by its `name` list where it has one."""
+    found: list[str] = []
+    for name in getattr(message, "__slots__", None) or vars(message):
+        value = getattr(message, name)
+        here = f"{path}.{name}" if path else name
+        if isinstance(value, bool | int | float):
+            found.append(here)
+        elif hasattr(value, "__len__") and not isinstance(value, str | bytes):
+            names = list(getattr(message, "name", [])) or list(getattr(message, "joint_names", []))
+            count = len(value) if all(isinstance(one, int | float) for one in value) else 0
+            found += [f"{here}[{names[k] if len(names) == count else k}]" for k in range(count)]
+        elif not isinstance(value, str | bytes) and name != "header":
+            found += fields_of(value, here)
+    return found
+
+
+def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """(topic, type, message, log time [ns]) of every message on some topics; on all that can be decoded for None."""
     try:
-        from mcap.reader import make_reader
-        from mcap_ros2.decoder import DecoderFactory
+        if source.lower().endswith(SQLITE):
+            yield from sqlite_messages(data, source, topics)
+        else:
+            yield from mcap_messages(data, source, topics)
+    except InputError:
+        raise
     except ImportError:
         raise InputError(f"{source}: ROS 2 bags need mcap-ros2-support; install exodrake[mcap]") from None
-    try:
-        reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory()])
-        found = reader.iter_decoded_messages(topics=topics)
-        return [(channel.topic, message, raw.log_time) for _, channel, raw, message in found]
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         reason = (str(error) or type(error).__name__).splitlines()[0][:120]
-        raise InputError(f"{source}: not a whole ROS 2 bag in MCAP ({reason})") from None
+        raise InputError(f"{source}: not a whole ROS 2 bag ({reason})") from None
+
+
+def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """`messages` of MCAP storage."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    factory = DecoderFactory()
+    for schema, channel, raw in make_reader(io.BytesIO(data)).iter_messages(topics=list(topics) if topics else None):
+        decode = factory.decoder_for(channel.message_encoding, schema)
+        if decode is not None:
+            yield channel.topic, schema.name if schema else "", decode(raw.data), raw.log_time
+        elif topics:
+            raise InputError(f"{source}: topic {channel.topic!r} is no ROS 2 message that can be decoded")
+
+
+def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
+    """`messages` of SQLite storage."""
+    from mcap_ros2._dynamic import generate_dynamic
+
+    bag = sqlite3.connect(":memory:")
+    bag.deserialize(data)
+    listed = {n: (topic, kind) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
+    stored = bag.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
+    rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
+    texts = DEFINITIONS | {kind: text for kind, text in rows if text}
+    decoders: dict[int, Any] = {}
+    for number, (topic, kind) in listed.items():
+        if (topics is None or topic in topics) and kind in texts:
+            decoders[number] = generate_dynamic(kind, texts[kind])[kind]
+        elif topics is not None and topic in topics:
+            raise InputError(f"{source}: topic {topic!r}: the bag holds no definition of {kind}; convert it to MCAP")
+    for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
+        if number in decoders:
+            yield *listed[number], decoders[number](raw), time
 
 
 def _field(message: Any, path: str, where: str) -> float:

@@ -2,6 +2,7 @@
 
 import io
 import re
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +19,13 @@ def read(data: bytes, source: str) -> Log:
     """Parse a MAT file that `write` made. InputError for a damaged file or one without `units`."""
     variables = read_variables(data, source)
     units = variables.get("units")
-    names = getattr(units, "_fieldnames", None)
-    if not names:
+    if not isinstance(units, dict):
         raise InputError(f"{source}: no struct 'units' as a log has; use `exodrake import` with a mapping file")
     columns = []
-    for name in names:
+    for name, unit in units.items():
         if name not in variables:
             raise InputError(f"{source}: column {name!r} has a unit but no values")
-        columns.append((heading(name, str(getattr(units, name))), column(variables[name], name, source)))
+        columns.append((heading(name, str(unit)), column(variables[name], name, source)))
     return log_from_columns(columns, source)
 
 
@@ -43,26 +43,42 @@ def write(log: Log) -> bytes:
     return stream.getvalue()
 
 
-def read_variables(data: bytes, source: str) -> dict[str, object]:
-    """Variables of a MAT file up to version 7; structs as objects with attributes.
+def read_variables(data: bytes, source: str) -> dict[str, Any]:
+    """Variables of a MAT file: structs as mappings, arrays of structs and cells as lists. Version 7.3 is HDF5.
 
     InputError for a damaged file, even one that crashes SciPy's reader.
     """
     return in_child(parse, data, source, source=source, size=len(data))
 
 
-def parse(data: bytes, source: str) -> dict[str, object]:
+def parse(data: bytes, source: str) -> dict[str, Any]:
     """`read_variables` in this process."""
     from scipy.io import loadmat
 
     try:
         found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
-        units = loadmat(io.BytesIO(data), squeeze_me=True, struct_as_record=False, variable_names=["units"])
+        return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
     except NotImplementedError:
-        raise InputError(f"{source}: a MAT file of version 7.3; save it with -v7") from None
+        from exodrake.data.hdf5 import parse as parse_hdf5
+
+        return parse_hdf5(data, source)
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         raise InputError(f"{source}: not a whole MAT file ({type(error).__name__})") from None
-    return {name: value for name, value in (found | units).items() if not name.startswith("__")}
+
+
+def plain(value: Any) -> Any:
+    """A MATLAB value as mappings, lists, text and arrays."""
+    fields = getattr(value, "_fieldnames", None)
+    if fields is not None:
+        return {name: plain(getattr(value, name)) for name in fields}
+    if not isinstance(value, np.ndarray):
+        return None if value.__class__.__module__.startswith("scipy") else value
+    if value.dtype.kind == "U":
+        return value.item() if value.size == 1 else value.ravel().tolist()
+    if value.dtype.kind != "O":
+        return value
+    items = [plain(one) for one in value.ravel()]
+    return items[0] if len(items) == 1 else items
 
 
 def column(values: object, name: str, source: str) -> np.ndarray:

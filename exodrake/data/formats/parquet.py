@@ -17,13 +17,14 @@ def read(data: bytes, source: str) -> Log:
     """Parse a Parquet log. InputError for a damaged file, a column that is not numeric, and pyarrow not installed."""
     columns = in_child(parse, data, source, source=source, size=len(data))
     for name, values in columns:
-        if isinstance(values, str):
-            raise InputError(f"{source}: column {name!r} is {values}, wanted numbers")
+        if isinstance(values, str) or values.ndim > 1:
+            found = values if isinstance(values, str) else "a list"
+            raise InputError(f"{source}: column {name!r} is {found}, wanted numbers")
     return log_from_columns(columns, source)
 
 
-def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
-    """Numeric columns of any Parquet file by name, (n,) as recorded."""
+def read_columns(data: bytes, source: str) -> dict[str, Any]:
+    """Columns of numbers of any Parquet file by name, (n,) as recorded; of lists of m numbers, (n, m)."""
     columns = in_child(parse, data, source, source=source, size=len(data))
     return {name: values for name, values in columns if not isinstance(values, str)}
 
@@ -54,10 +55,26 @@ def write(log: Log) -> bytes:
 def _values(column: Any) -> np.ndarray | str:
     import pyarrow
 
+    types = pyarrow.types
     kind = column.type
-    if not (pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind) or pyarrow.types.is_null(kind)):
+    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
+        return _lists(column)
+    if not (types.is_floating(kind) or types.is_integer(kind) or types.is_null(kind)):
         return str(kind)
     return column.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy()
+
+
+def _lists(column: Any) -> np.ndarray | str:
+    """A column of lists of equal length as (n, m), or its type."""
+    import pyarrow
+
+    arrays = column.combine_chunks()
+    flat = arrays.flatten() if len(arrays) else arrays
+    number = pyarrow.types.is_floating(flat.type) or pyarrow.types.is_integer(flat.type)
+    count = len(flat) // max(len(arrays), 1)
+    if not number or not count or arrays.null_count or any(len(one) != count for one in arrays.to_pylist()):
+        return str(column.type)
+    return flat.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy().reshape(-1, count)
 
 
 def _pyarrow(source: str) -> tuple[Any, Any]:

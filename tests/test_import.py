@@ -1,0 +1,315 @@
+"""Foreign recordings of every kind: nested values, either way round, bags, data sets, derived columns, two clocks."""
+
+import io
+import json
+import sqlite3
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+from mcap_ros2._dynamic import serialize_dynamic
+from scipy.io import savemat
+from test_formats import JOINT_STATE, bag
+
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
+from exodrake.data.case_folder import read_case
+from exodrake.data.foreign.derive import lag_of, low_passed
+from exodrake.data.foreign.import_log import import_all, import_log, import_recording
+from exodrake.data.foreign.mapping import read_mapping
+from exodrake.data.foreign.track import Track
+from exodrake.data.log_file import read_log
+
+N = 40
+TIME = 0.02 * np.arange(N)
+Q = np.column_stack([np.sin(3.0 * TIME), np.cos(2.0 * TIME)])
+MAP = {
+    "time": {"column": "run.t", "unit": "s"},
+    "columns": {"run.q[1]": {"name": "angle_elbow", "unit": "rad"}, "run.q[0]": {"name": "angle_wrist", "unit": "rad"}},
+}
+
+
+def exodrake(*words: object):
+    return CliRunner().invoke(cli, [str(word) for word in words])
+
+
+def imported(folder, content: bytes, name: str, mapping=MAP):
+    (folder / "map.yaml").write_text(yaml.safe_dump(mapping))
+    (folder / name).write_bytes(content)
+    return import_log(folder / name, folder / "map.yaml")
+
+
+def check(log) -> None:
+    """The log holds both angles."""
+    np.testing.assert_allclose(log.time, TIME, atol=1e-12)
+    np.testing.assert_array_equal(log.array("angle", ("wrist", "elbow")), Q)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_matlab_struct_either_way_round(tmp_path, turned):
+    stream = io.BytesIO()
+    savemat(stream, {"run": {"t": TIME, "q": Q.T if turned else Q, "note": "left arm", "cal": {"k": 2.0}}})
+    check(imported(tmp_path, stream.getvalue(), "run.mat"))
+
+
+def test_arrays_of_structs_and_cells_have_an_index(tmp_path):
+    stream = io.BytesIO()
+    cell = np.empty(2, dtype=object)
+    cell[:] = [np.zeros(3), Q]
+    savemat(stream, {"trial": [{"t": TIME}, {"t": 1.0 + TIME}], "c": cell})
+    mapping = {
+        "time": {"column": "trial[1].t"},
+        "columns": {"c[1][0]": {"name": "angle_wrist", "unit": "rad"}},
+    }
+    log = imported(tmp_path, stream.getvalue(), "run.mat", mapping)
+    np.testing.assert_array_equal(log.time, 1.0 + TIME)
+    np.testing.assert_array_equal(log["angle_wrist"], Q[:, 0])
+
+
+def test_a_square_matrix_is_read_as_the_mapping_says(tmp_path):
+    stream, square = io.BytesIO(), np.arange(9.0).reshape(3, 3)
+    np.savez(stream, t=np.arange(3.0), q=square)
+    for side, wanted in (("rows", square[:, 1]), ("columns", square[1])):
+        mapping = {"time": {"column": "t"}, "columns": {"q[1]": {"name": "force_x", "unit": "N"}}, "samples": side}
+        np.testing.assert_array_equal(imported(tmp_path, stream.getvalue(), "q.npz", mapping)["force_x"], wanted)
+
+
+@pytest.mark.parametrize("matlab", [False, True])
+def test_hdf5_and_matlab_7_3(tmp_path, matlab):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "made.h5", "w", userblock_size=512 if matlab else 0) as file:
+        group = file.create_group("run")
+        data = {"t": TIME[None] if matlab else TIME, "q": Q.T if matlab else Q}
+        for name, values in data.items():
+            group[name] = values
+            if matlab:
+                group[name].attrs["MATLAB_class"] = np.bytes_("double")
+        file["elsewhere"] = h5py.ExternalLink("/etc/passwd", "/")
+        file["round"] = file["/"]
+    content = (tmp_path / "made.h5").read_bytes()
+    if matlab:  # as MATLAB heads its files of version 7.3
+        content = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + content[128:]
+    check(imported(tmp_path, content, "run.mat" if matlab else "run.h5"))
+    slashes = {**MAP, "time": {"column": "/run/t"}}
+    check(imported(tmp_path, content, "run.mat" if matlab else "run.h5", slashes))
+
+
+def test_json_objects_records_and_lines(tmp_path):
+    whole = {"run": {"t": TIME.tolist(), "q": Q.tolist(), "who": "me"}}
+    check(imported(tmp_path, json.dumps(whole).encode(), "run.json"))
+    rows = [{"t": t, "q": q, "ok": True} for t, q in zip(TIME.tolist(), Q.tolist(), strict=True)]
+    check(imported(tmp_path, json.dumps({"run": rows}).encode(), "run.json"))
+    lines = "\n".join(json.dumps({"run": row}) for row in rows).encode()
+    check(imported(tmp_path, lines, "run.jsonl"))
+    for spoilt, word in ((b"[" * 100_000, "deep"), (b"{", "not JSON"), (b"3", "one value")):
+        with pytest.raises(InputError, match=word):
+            imported(tmp_path, spoilt, "run.json")
+
+
+def sqlite_bag(path, definitions: bool) -> None:
+    """Joint states at 50 Hz and commands at 25 Hz as rosbag2 stores them, with or without message definitions."""
+    kind = "sensor_msgs/msg/JointState"
+    encode = serialize_dynamic(kind, JOINT_STATE)[kind]
+    bag = sqlite3.connect(path)
+    bag.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+    bag.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+    own = "my_msgs/msg/State"
+    if definitions:
+        bag.execute("CREATE TABLE message_definitions(topic_type TEXT, encoding TEXT, encoded_message_definition TEXT)")
+        bag.execute("INSERT INTO message_definitions VALUES(?, 'ros2msg', ?)", (own, JOINT_STATE))
+    for number, topic in enumerate(("/joint_states", "/joint_command")):
+        bag.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr')", (number, topic, own if definitions else kind))
+        for n in range(0, N, 1 + number):
+            stamp = 1_700_000_000_000_000_000 + 20_000_000 * n
+            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
+            state = {
+                "header": header,
+                "name": ["wrist", "elbow"],
+                "position": Q[n].tolist(),
+                "velocity": [],
+                "effort": [],
+            }
+            bag.execute("INSERT INTO messages VALUES(NULL, ?, ?, ?)", (number, stamp + 3_000_000, encode(state)))
+    bag.commit()
+    bag.close()
+
+
+@pytest.mark.parametrize("definitions", [False, True])
+def test_a_bag_in_sqlite(tmp_path, definitions):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    sqlite_bag(folder / "bag_0.db3", definitions)
+    mapping = {
+        "time": {"start": 0},
+        "columns": {f"/joint_states:position[{j}]": {"name": f"angle_{j}", "unit": "rad"} for j in ("wrist", "elbow")},
+    }
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+    check(import_log(folder, tmp_path / "map.yaml"))
+    check(import_log(folder / "bag_0.db3", tmp_path / "map.yaml"))
+
+
+def test_joint_states_need_no_mapping(tmp_path):
+    sqlite_bag(tmp_path / "run.db3", False)
+    (tmp_path / "hand.mcap").write_bytes(bag())
+    log = import_all(tmp_path / "run.db3", None)["run"].log
+    check(log)
+    np.testing.assert_array_equal(log["angle_ref_wrist"][::2], Q[::2, 0])
+    np.testing.assert_array_equal(log["angle_start_elbow"], 1.0)
+    hand = import_all(tmp_path / "hand.mcap", None)["hand"].log
+    np.testing.assert_array_equal(hand["angle_MCP"], 2.0 * np.arange(100))
+    listed = exodrake("import", tmp_path / "hand.mcap")
+    assert "/joint_states" in listed.output and "position[MCP]" in listed.output and "wrench.force.z" in listed.output
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_lerobot_data_set(tmp_path, version):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    names = ["wrist_flex.pos", "elbow_flex.pos"]
+    feature = {"dtype": "float32", "shape": [2], "names": names if version == 3 else {"motors": names}}
+    info = {"fps": 50, "features": {"action": feature, "observation.state": feature}}
+    (tmp_path / "set" / "meta").mkdir(parents=True)
+    (tmp_path / "set" / "meta" / "info.json").write_text(json.dumps(info))
+    folder = tmp_path / "set" / "data" / "chunk-000"
+    folder.mkdir(parents=True)
+    tables = []
+    for episode in range(3):
+        columns = {"action": (10.0 * Q).tolist(), "observation.state": (10.0 * Q + episode).tolist()}
+        columns |= {"timestamp": TIME.tolist(), "episode_index": [episode] * N}
+        tables.append(arrow.table(columns))
+    if version == 3:
+        parquet.write_table(arrow.concat_tables(tables), folder / "file-000.parquet")
+    else:
+        for episode, table in enumerate(tables):
+            parquet.write_table(table, folder / f"episode_{episode:06d}.parquet")
+    made = exodrake("import", tmp_path / "set", "--unit", "deg", "--out", tmp_path / "case")
+    assert made.exit_code == 0, made.output
+    case = read_case(tmp_path / "case", required=())
+    assert [item.role for item in case.logs] == ["fit", "fit", "holdout"] and case.period == 0.02
+    last = case.logs[2].log
+    np.testing.assert_allclose(np.degrees(last["angle_wristFlex"]), 10.0 * Q[:, 0] + 2.0, atol=1e-12)
+    np.testing.assert_allclose(np.degrees(last["angle_ref_elbowFlex"]), 10.0 * Q[:, 1], atol=1e-12)
+    one = exodrake("import", tmp_path / "set", "--unit", "deg", "--episodes", "1", "--out", tmp_path / "one.csv")
+    assert one.exit_code == 0 and len(read_log(tmp_path / "one.csv", required=())) == N
+    assert "--unit deg" in exodrake("import", tmp_path / "set", "--out", tmp_path / "none").stderr
+
+
+def test_a_counter_that_starts_again_is_made_continuous_with_its_sign(tmp_path):
+    turns = np.linspace(0.0, 3.0, N)
+    text = "t,count\n" + "\n".join(f"{t},{c}" for t, c in zip(TIME, np.floor(4096 * turns) % 4096))
+    column = {"name": "angle_wheel", "unit": "rev", "scale": 1 / 4096, "sign": -1, "wrap": 4096}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump({"time": {"column": "t"}, "columns": {"count": column}}))
+    (tmp_path / "c.csv").write_text(text)
+    found = import_recording(tmp_path / "c.csv", read_mapping(tmp_path / "map.yaml"))
+    np.testing.assert_allclose(found.log["angle_wheel"], -2 * np.pi * turns, atol=2 * np.pi / 4096)
+    assert found.notes == ("angle_wheel: made continuous where readings start again after 4096, sign turned",)
+
+
+def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_nothing():
+    time, cutoff = 0.001 * np.arange(8000), 10.0
+    middle = slice(2000, 6000)
+    for frequency, gain in ((1.0, 1.0), (cutoff, 0.5), (100.0, 0.0)):
+        wave = np.sin(2 * np.pi * frequency * time)
+        passed = low_passed(time, wave, cutoff, "x")
+        np.testing.assert_allclose(passed[middle], gain * wave[middle], atol=1e-3)
+    holed = np.where(np.arange(8000) % 100 == 7, np.nan, np.sin(2 * np.pi * time))
+    np.testing.assert_array_equal(np.isnan(low_passed(time, holed, cutoff, "x")), np.isnan(holed))
+    for bad, word in ((600.0, "half the sampling rate"), (10.0, "even clock")):
+        uneven = time if bad == 600.0 else time + 0.0004 * (np.arange(8000) % 2)
+        with pytest.raises(InputError, match=word):
+            low_passed(uneven, time, bad, "x")
+
+
+def test_derivative_and_difference(tmp_path):
+    mapping = {
+        **MAP,
+        "derived": {
+            "angle_speed_wrist": {"of": "angle_wrist", "take": "rate"},
+            "angle_twist": {"of": "angle_elbow", "minus": "angle_wrist", "scale": 0.5, "offset": 1.0},
+            "angle_start_wrist": {"of": "angle_wrist", "take": "first"},
+        },
+    }
+    stream = io.BytesIO()
+    savemat(stream, {"run": {"t": TIME, "q": Q}})
+    log = imported(tmp_path, stream.getvalue(), "run.mat", mapping)
+    np.testing.assert_allclose(log["angle_speed_wrist"][1:-1], 3.0 * np.cos(3.0 * TIME[1:-1]), atol=3**3 * 0.02**2 / 6)
+    assert log.units["angle_speed_wrist"] == "rad/s"
+    np.testing.assert_allclose(log["angle_twist"], 0.5 * (Q[:, 1] - Q[:, 0]) + 1.0)
+    np.testing.assert_array_equal(log["angle_start_wrist"], np.full(N, Q[0, 0]))
+
+
+@pytest.mark.parametrize("late", [0.137, -0.05, 0.0])
+@pytest.mark.parametrize("gain", [2.0, -1.0])
+def test_two_clocks_are_brought_together(late, gain):
+    rng = np.random.default_rng(3)
+    wander = lambda t: sum(np.sin(2 * np.pi * f * t + p) for f, p in zip((0.3, 0.7, 1.9), (0.1, 2.0, 4.0)))  # noqa: E731
+    here, there = 0.01 * np.arange(2000), np.sort(rng.uniform(0.0, 20.0, 1500))
+    fixed = Track(here, wander(here))
+    moved = Track(there, gain * wander(there - late) + 0.05 * rng.standard_normal(1500))
+    lag, correlation = lag_of(moved, fixed, 0.5, "x")
+    assert lag == pytest.approx(late, abs=2e-3) and correlation > 0.95
+
+
+def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
+    time = 0.01 * np.arange(1500)
+    course = np.sin(2.0 * time) + 0.5 * np.sin(5.3 * time)
+    late = np.sin(2.0 * (time - 0.2)) + 0.5 * np.sin(5.3 * (time - 0.2))
+    rows = "\n".join(f"{t},{a},{b}" for t, a, b in zip(time, course, late))
+    (tmp_path / "run.csv").write_text("t,cmd,cam\n" + rows)
+    mapping = {
+        "time": {"column": "t"},
+        "columns": {
+            "cmd": {"name": "angle_ref_wrist", "unit": "rad"},
+            "cam": {"name": "angle_wrist", "unit": "rad", "filter": 20.0},
+        },
+        "sync": [{"columns": ["angle_wrist"], "by": "angle_wrist", "with": "angle_ref_wrist", "within": 0.5}],
+        "period": 0.01,
+    }
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+    made = exodrake("import", tmp_path / "run.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "log.csv")
+    assert made.exit_code == 0 and "note: angle_wrist: moved by -200 ms" in made.output, made.output
+    case = read_case(tmp_path / "log.csv", required=(), period=0.01)
+    assert any("moved by -200 ms" in note for note in case.notes) and any("20 Hz" in note for note in case.notes)
+    log = case.logs[0].log
+    error = (log["angle_wrist"] - log["angle_ref_wrist"])[100:-100]
+    assert np.abs(error).max() < 0.05  # a frame's worth of motion: frames take the newest sample
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "word"),
+    [
+        ("derived", {"x": {"of": "angle_wris", "take": "rate"}}, "did you mean angle_wrist"),
+        ("derived", {"angle_wrist": {"of": "angle_elbow"}}, "another column"),
+        ("derived", {"angle_speed_x": {"of": "angle_elbow", "take": "integral"}}, "none of first, rate"),
+        (
+            "sync",
+            [{"columns": ["angle_wrist"], "by": "angle_elbow", "with": "angle_wrist", "within": 1}],
+            "`by` is one",
+        ),
+        ("sync", [{"columns": ["angle_wrist"], "by": "angle_wrist", "with": "force", "within": 1}], "'force'"),
+        ("samples", "diagonal", "rows, columns"),
+    ],
+)
+def test_what_is_wrong_in_a_mapping_is_named(tmp_path, key, value, word):
+    with pytest.raises(InputError, match=word):
+        imported(tmp_path, b"{}", "run.json", {**MAP, key: value})
+
+
+def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_path):
+    for k in range(3):
+        rows = "\n".join(f"{20 * n};{np.sin(0.1 * n + k):.6f};go" for n in range(50)).replace(".", ",")
+        (tmp_path / f"run{k}.csv").write_text("time_ms;q;word\n" + rows)
+    listed = exodrake("import", tmp_path / "run0.csv")
+    assert listed.exit_code == 0 and "time_ms" in listed.output and "word" not in listed.output
+    mapping = {"time": {"column": "time_ms", "unit": "ms"}, "columns": {"q": {"name": "angle_a", "unit": "rad"}}}
+    mapping |= {"separator": ";", "decimal": ","}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+    files = [tmp_path / f"run{k}.csv" for k in range(3)]
+    made = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "case")
+    assert made.exit_code == 0, made.output
+    case = read_case(tmp_path / "case", required=())
+    assert [(item.file, item.role) for item in case.logs][1:] == [("run1.csv.gz", "fit"), ("run2.csv.gz", "holdout")]
+    own = exodrake("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "own.npz")
+    assert own.exit_code == 0 and read_log(tmp_path / "own.npz", required=()).equals(case.logs[0].log)
+    refused = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
+    assert refused.exit_code == 2 and "3 logs" in refused.stderr
