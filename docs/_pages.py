@@ -4,9 +4,11 @@ import re
 from collections.abc import Iterator
 from html import unescape
 from importlib import import_module
+from pathlib import Path
 
 import click
 from _effects import effect_pages, effect_paths
+from _notebook import page as notebook_page
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
@@ -76,6 +78,10 @@ def pages() -> Iterator[tuple[str, str | bytes]]:
     for name in names:
         yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
     yield from effect_pages()
+    yield from (
+        (f"guide/{name}", content)
+        for name, content in notebook_page(Path(__file__).with_name("guide") / "tutorial.ipynb")
+    )
     yield "reference/python.md", python_page()
 
 
