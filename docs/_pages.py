@@ -1,4 +1,4 @@
-"""Pages generated from the package when the site is built: commands, effects, Python, numbers of the tests."""
+"""Pages generated when the site is built: commands, effects, tutorial, Python, numbers of the tests; formulas."""
 
 import re
 from collections.abc import Iterator
@@ -71,18 +71,21 @@ def mathml(found: re.Match) -> str:
 
 def pages() -> Iterator[tuple[str, str | bytes]]:
     """Generate (path, content) of every page and figure."""
+    yield from command_pages()
+    yield from effect_pages()
+    for name, content in notebook_page(Path(__file__).with_name("guide") / "tutorial.ipynb"):
+        yield f"guide/{name}", content
+    yield "reference/python.md", python_page()
+
+
+def command_pages() -> Iterator[tuple[str, str]]:
+    """Generate (path, Markdown) of the list of commands, and of the page of each."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
     lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
     yield "reference/commands/index.md", "# Commands\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
     for name in names:
         yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
-    yield from effect_pages()
-    yield from (
-        (f"guide/{name}", content)
-        for name, content in notebook_page(Path(__file__).with_name("guide") / "tutorial.ipynb")
-    )
-    yield "reference/python.md", python_page()
 
 
 def command_page(command: click.Command, name: str, parent: click.Context, level: int = 1) -> str:

@@ -230,6 +230,6 @@ def test_a_page_for_each_command():
     spec = spec_from_file_location("pages", ROOT / "docs" / "_pages.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    made = dict(module.pages())
+    made = dict(module.command_pages())
     for name in cli.list_commands(click.Context(cli)):
         assert f"exodrake {name}" in made[f"reference/commands/{name}.md"]
