@@ -1,16 +1,20 @@
-"""Pages generated from the package when the site is built: commands, effects, Python, numbers of the tests."""
+"""Pages generated when the site is built: commands, effects, tutorial, Python, numbers of the tests; formulas."""
 
+import re
 from collections.abc import Iterator
+from html import unescape
 from importlib import import_module
+from pathlib import Path
 
 import click
+from _effects import effect_pages, effect_paths
+from _notebook import page as notebook_page
+from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from exodrake import PUBLIC
-from exodrake.cli.effects import describe, plausible
 from exodrake.cli.main import COMMANDS, cli
 from exodrake.diagnosis.levels import decision_numbers
-from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 
 # heading -> names on the Python page, in order; names in no group come last
@@ -38,13 +42,15 @@ def on_config(config):
             if title == "Reference":
                 commands = [{name: f"reference/commands/{name}.md"} for name in cli.list_commands(click.Context(cli))]
                 entries.append({"Commands": ["reference/commands/index.md", *commands]})
+                libraries = [{machine: paths} for machine, paths in effect_paths().items()]
+                entries.append({"Effects": ["reference/effects.md", *libraries]})
     return config
 
 
 def on_files(files: Files, config):
     """Add the generated pages."""
-    for path, text in pages():
-        files.append(File.generated(config, path, content=text))
+    for path, content in pages():
+        files.append(File.generated(config, path, content=content))
     return files
 
 
@@ -53,16 +59,33 @@ def on_page_markdown(markdown: str, page, config, files):
     return markdown.replace("<!-- levels -->", levels())
 
 
-def pages() -> Iterator[tuple[str, str]]:
-    """Generate (path, Markdown) of every page."""
+def on_page_content(html: str, page, config, files):
+    """Put MathML, which browsers draw without a script, in place of TeX."""
+    return re.sub(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', mathml, html, flags=re.DOTALL)
+
+
+def mathml(found: re.Match) -> str:
+    """MathML of a formula in TeX, in the line or displayed."""
+    return convert(unescape(found[3]), display="inline" if found[2] == "(" else "block")
+
+
+def pages() -> Iterator[tuple[str, str | bytes]]:
+    """Generate (path, content) of every page and figure."""
+    yield from command_pages()
+    yield from effect_pages()
+    for name, content in notebook_page(Path(__file__).with_name("guide") / "tutorial.ipynb"):
+        yield f"guide/{name}", content
+    yield "reference/python.md", python_page()
+
+
+def command_pages() -> Iterator[tuple[str, str]]:
+    """Generate (path, Markdown) of the list of commands, and of the page of each."""
     context = click.Context(cli, info_name="exodrake")
     names = cli.list_commands(context)
     lines = [f"| [`exodrake {name}`]({name}.md) | {COMMANDS[name][1]} |" for name in names]
     yield "reference/commands/index.md", "# Commands\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
     for name in names:
         yield f"reference/commands/{name}.md", command_page(cli.get_command(context, name), name, context)
-    yield "reference/effects.md", effects_page()
-    yield "reference/python.md", python_page()
 
 
 def command_page(command: click.Command, name: str, parent: click.Context, level: int = 1) -> str:
@@ -72,40 +95,6 @@ def command_page(command: click.Command, name: str, parent: click.Context, level
     for below in getattr(command, "commands", {}).values():
         text += "\n" + command_page(below, below.name, context, level + 1)
     return text
-
-
-def effects_page() -> str:
-    """Format the effect libraries: summary, equation, parameters, signature and source of each effect."""
-    text = (
-        "# The effects\n\nPhysics that the nominal models leave out, generated from the effect libraries;"
-        " `exodrake effects` prints the same.\nAn effect is absent, bit for bit, where its first parameter has its"
-        " null value. Keys such as [S:Stillsuit]\nare listed with"
-        " [the physics](../explain/physics.md#sources).\n"
-    )
-    for name in machine_names():
-        machine = load_robot(name).machine
-        if machine.effects:
-            text += f"\n## {name}\n"
-            text += "".join(effect_entry(describe(machine, effect), effect, name) for effect in machine.effects)
-    return text
-
-
-def effect_entry(page: dict, effect, machine: str) -> str:
-    """Format one effect."""
-    anchor = effect.id if machine == "exo_index" else f"{machine}.{effect.id}"
-    title, _, rest = page["equation"].partition("\n\n")
-    if not title.lower().startswith(page["summary"].lower()):
-        title, rest = f"{page['summary']}.", page["equation"]
-    title = " ".join(title.split())
-    lines = [f"\n### `{effect.id}` {{ #{anchor.replace('.', '-')} }}", "", title[:1].upper() + title[1:], ""]
-    lines += ["```{.text .wrap}", rest, "```", ""] if rest else []
-    lines += ["| parameter | range | initial | null value | one per |", "|---|---|---|---|---|"]
-    for number, row in zip(effect.parameters, page["parameters"], strict=True):
-        absent = f"{number.null:g}" if number is effect.parameters[0] else ""
-        per = ", ".join(row["channels"]) or "robot"
-        lines.append(f"| `{number.name}` | {plausible(number)} | {number.initial:.4g} | {absent} | {per} |")
-    lines += ["", f"*Signature* {page['signature']}.", "", f"*Source* {page['source']}.", ""]
-    return "\n".join(lines)
 
 
 def python_page() -> str:

@@ -1,5 +1,7 @@
-"""What the README and the docs name is there: commands, options, Python names, files; and the site builds."""
+"""What the README and the docs name is there, does what they say and prints what they print; and the site builds."""
 
+import inspect
+import json
 import re
 import shlex
 import subprocess
@@ -11,11 +13,18 @@ import click
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.cli.main import cli
+from exodrake.machines.library import machine_names
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "docs"))
+import _figures  # noqa: E402
+import _notebook  # noqa: E402
+from _effects import linked  # noqa: E402
+
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.M | re.S)
 
@@ -36,6 +45,22 @@ def commands(page: Path) -> list[str]:
 def mentioned(page: Path) -> list[str]:
     """Inline code that starts with `exodrake` and a command."""
     return re.findall(r"`(exodrake [a-z][^`]*)`", FENCE.sub("", page.read_text()))
+
+
+def play(page: Path, capsys) -> dict:
+    """Runs the Python blocks of a page in one namespace; the text block after one is what it prints."""
+    space: dict = {}
+    found = FENCE.findall(page.read_text())
+    for (language, source), (after, text) in zip(found, [*found[1:], ("", "")]):
+        if language != "python" or (re.search("systems=|logged_signals", source) and not OWN_SYSTEMS):
+            continue
+        exec(compile(source, page.name, "exec"), space)
+        printed = capsys.readouterr().out
+        assert printed == (text if after == "text" else ""), f"{page.name}:\n{source}"
+    return space
+
+
+OWN_SYSTEMS = "systems" in inspect.signature(exo.build_diagram).parameters
 
 
 def resolved(words: list[str]) -> tuple[click.Command, click.Context, list[str]]:
@@ -76,13 +101,67 @@ def test_python_blocks_compile_and_name_what_is_public(page):
         assert set(re.findall(r"\bexo\.(\w+)", text)) <= set(exo.PUBLIC), page
 
 
-def test_the_robot_and_the_first_simulation_run(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["README.md", "docs/howto/drake.md", "docs/howto/robot.md", "docs/guide/simulate.md"])
+def test_python_blocks_print_what_the_page_says(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for name in ("howto/robot.md", "guide/simulate.md"):
-        for text in blocks(ROOT / "docs" / name, "python"):
-            exec(compile(text, name, "exec"), {})
-    assert exo.load_robot("wearer.yaml")["tendon.slack.length.AF"] == 1e-3
-    assert float(capsys.readouterr().out) > 0.5  # rad, a closed finger
+    play(ROOT / name, capsys)
+
+
+def test_the_commands_of_the_readme_leave_what_it_names(tmp_path, monkeypatch):
+    """All lines of its sh blocks, one after the other."""
+    monkeypatch.chdir(tmp_path)
+    lines = [line for text in blocks(ROOT / "README.md", "sh") for line in text.splitlines()]
+    for line in lines:
+        run = CliRunner().invoke(cli, shlex.split(line)[1:])
+        assert run.exit_code == 0, f"{line}\n{run.output}"
+    assert len(lines) >= 4 and (tmp_path / "grasp" / "recording.html").stat().st_size > 1e5
+    assert "<svg" in (tmp_path / "report.html").read_text()
+    truth = json.loads((tmp_path / "cases-labels.json").read_text())["cases"]["case_00"]["effects"][0]
+    assert truth["id"] in exo.load_robot("better.yaml").effects()
+
+
+def test_each_task_of_the_readme_is_short():
+    """At most three commands, or 15 lines of Python."""
+    text = (ROOT / "README.md").read_text()
+    tasks = text[text.index("## Five things") : text.index("## On the command line")]
+    found = [FENCE.findall(task) for task in re.split(r"^\*\*\d\. ", tasks, flags=re.M)[1:]]
+    assert len(found) == 5
+    for language, source in (block for task in found for block in task):
+        lines = [line for line in source.splitlines() if line]
+        assert len(lines) <= {"sh": 3, "python": 15}.get(language, 99), source
+
+
+def test_the_readme_counts_the_effects():
+    assert f"{len(exo.load_robot().machine.effects)} effects" in (ROOT / "README.md").read_text()
+
+
+NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_prints_what_is_stored(path):
+    cells = list(_notebook.run(path))
+    assert any(hasattr(value, "savefig") for _, _, value in cells)
+    for cell, printed, _ in cells:
+        assert cell["cell_type"] != "code" or _notebook.stored(cell) == printed
+
+
+@pytest.mark.parametrize("name", machine_names())
+def test_a_figure_shows_an_effect_beyond_the_noise(name):
+    robot = exo.load_robot(name)
+    shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
+    assert shown.size > 2.0 and b"<svg" in svg
+
+
+def test_sources_of_effects_lead_into_the_page_on_physics():
+    physics = (ROOT / "docs" / "explain" / "physics.md").read_text()
+    anchors = set(re.findall(r"\{ #([\w-]+) \}", physics))
+    sources = [effect.source for name in machine_names() for effect in exo.load_robot(name).machine.effects]
+    assert sum("physics.md" in source for source in sources) > 30
+    for source in sources:
+        found = re.findall(r"physics\.md#([\w-]+)\)", linked(source))
+        assert set(found) <= anchors, source
+        assert len(found) >= source.count("physics.md ") + source.count("[S:"), source
 
 
 def test_the_effect_to_add_is_one():
@@ -118,7 +197,7 @@ def test_files_in_the_how_tos_are_read(tmp_path):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_lead_to_files(page):
-    made = ("reference/",)
+    made = ("reference/", "guide/tutorial.md")
     for target in re.findall(r"\]\(([^)#]+)", FENCE.sub("", page.read_text())):
         if "://" in target or any(part in target for part in made):
             continue
@@ -130,7 +209,7 @@ def test_every_page_is_in_the_nav():
     assert not [p for p in (ROOT / "docs").rglob("*.md") if f": {p.relative_to(ROOT / 'docs')}" not in nav]
 
 
-BUILDS = all(find_spec(name) for name in ("mkdocs", "material", "mkdocstrings"))
+BUILDS = all(find_spec(name) for name in ("mkdocs", "material", "mkdocstrings", "latex2mathml"))
 
 
 @pytest.mark.skipif(not BUILDS, reason="the extra `docs` is not installed")
@@ -138,8 +217,10 @@ def test_the_site_builds_without_a_warning(tmp_path):
     words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", tmp_path / "site"]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=900)
     assert run.returncode == 0, run.stderr[-2000:]
-    effects = (tmp_path / "site" / "reference" / "effects.html").read_text()
-    assert all(f'id="{effect.id.replace(".", "-")}"' in effects for effect in exo.load_robot().machine.effects)
+    folder = tmp_path / "site" / "reference" / "effects"
+    assert all((folder / f"{effect.id}.svg").exists() for effect in exo.load_robot().machine.effects)
+    assert "<math" in (tmp_path / "site" / "explain" / "physics.html").read_text()
+    assert "<svg" in (tmp_path / "site" / "guide" / "tutorial_1.svg").read_text()
     python = (tmp_path / "site" / "reference" / "python.html").read_text()
     assert all(f">{name}<" in python or f".{name}" in python for name in exo.PUBLIC)
 
@@ -149,6 +230,6 @@ def test_a_page_for_each_command():
     spec = spec_from_file_location("pages", ROOT / "docs" / "_pages.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    made = dict(module.pages())
+    made = dict(module.command_pages())
     for name in cli.list_commands(click.Context(cli)):
         assert f"exodrake {name}" in made[f"reference/commands/{name}.md"]

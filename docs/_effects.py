@@ -1,0 +1,109 @@
+"""Pages of the effects: an index, and a page with a figure for each."""
+
+import re
+from collections.abc import Iterator
+
+from _figures import Shown, effect_figure
+
+from exodrake.cli.effects import describe, plausible
+from exodrake.core.display import display_of
+from exodrake.core.effect import Effect
+from exodrake.core.robot import Robot
+from exodrake.machines.library import machine_names
+from exodrake.machines.robot_file import load_robot
+
+INDEX = """\
+# The effects
+
+Physics that the nominal models leave out, generated from the effect libraries; `exodrake effects` prints the same. An
+effect is absent, bit for bit, where its first parameter has its null value. Each page has a figure: the nominal robot
+and the robot with the effect, on the motion and in the signals in which they differ most. *Clearest in* is that signal,
+with the RMS difference in noise standard deviations.
+"""
+
+
+def effect_paths() -> dict[str, list[str]]:
+    """Machine -> paths of the pages of its effects."""
+    robots = {name: load_robot(name).machine for name in machine_names()}
+    return {
+        name: [path_of(effect) for effect in machine.effects] for name, machine in robots.items() if machine.effects
+    }
+
+
+def path_of(effect: Effect) -> str:
+    """Path of the page of an effect."""
+    return f"reference/effects/{effect.id}.md"
+
+
+def effect_pages() -> Iterator[tuple[str, str | bytes]]:
+    """Generate (path, content) of the index, and of the page and figure of each effect."""
+    index = INDEX
+    for name in effect_paths():
+        robot = load_robot(name)
+        index += f"\n## {name}\n\n| effect | what it is | clearest in |\n|---|---|---|\n"
+        for effect in robot.machine.effects:
+            shown, svg = effect_figure(robot, effect)
+            column = max(shown.columns, key=lambda name: shown.columns[name][0] / shown.columns[name][1])
+            link = f"[`{effect.id}`](effects/{effect.id}.md)"
+            index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {shown.size:.2g} |\n"
+            yield path_of(effect), effect_page(robot, effect, shown)
+            yield path_of(effect).removesuffix("md") + "svg", svg
+    yield "reference/effects.md", index
+
+
+def words_of(robot: Robot, column: str) -> str:
+    """`joint angle MCP`."""
+    kind, _, channel = column.rpartition("_")
+    return f"{display_of(kind, robot.machine).label.lower()} {channel}"
+
+
+def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:
+    """Format one effect: figure, equation, parameters, signature and source."""
+    machine = robot.machine
+    page = describe(machine, effect)
+    title, _, rest = page["equation"].partition("\n\n")
+    if not title.lower().startswith(page["summary"].lower()):
+        title, rest = f"{page['summary']}.", page["equation"]
+    title = " ".join(title.split())
+    values = ", ".join(f"`{p.name}` {p.initial:.3g}{'' if p.unit == '-' else ' ' + p.unit}" for p in effect.parameters)
+    at = f" on {shown.channel}" if shown.channel else ""
+    lines = [f"# {effect.id}", "", title[:1].upper() + title[1:], ""]
+    lines += [f"![nominal and with {effect.id}]({effect.id}.svg)", ""]
+    lines += [f"Grey: the nominal robot of `{machine.name}`. Blue: with {values}{at}; same motion, same noise."]
+    lines += ["Below: the difference, with a band of two noise standard deviations.", ""]
+    if shown.motion != "swings":
+        lines += [f"    exodrake simulate {shown.motion} --effect {effect.id}{'@' * bool(at)}{shown.channel}", ""]
+    lines += ["## Equation", "", "```{.text .wrap}", rest or title, "```", ""]
+    lines += ["## Parameters", "", "| parameter | range | initial | null value | one per |", "|---|---|---|---|---|"]
+    for number, row in zip(effect.parameters, page["parameters"], strict=True):
+        absent = f"{number.null:g}" if number is effect.parameters[0] else ""
+        per = ", ".join(row["channels"]) or "robot"
+        lines.append(f"| `{number.name}` | {plausible(number)} | {number.initial:.4g} | {absent} | {per} |")
+    lines += ["", "## In logs", "", sentence(page["signature"]), ""]
+    if effect.not_tried:
+        lines += [f"A diagnosis does not try it unless `--effects` names it: {effect.not_tried}.", ""]
+    lines += ["## Source", "", sentence(linked(page["source"])), ""]
+    return "\n".join(lines)
+
+
+def sentence(text: str) -> str:
+    """The text with a capital letter and a full stop."""
+    return text[:1].upper() + text[1:].rstrip(".") + "."
+
+
+def linked(source: str) -> str:
+    """A source with links to the sections and keys of the page on physics."""
+    physics = "../../explain/physics.md"
+    source = re.sub(r"\[S:(\w+)\]", lambda key: f"[[S:{key[1]}]]({physics}#{key[1].lower()})", source)
+    named = re.sub(r"physics\.md ((?:\d\.\w)(?:, \d\.\w| and \d)*)", lambda found: sections(found[1], physics), source)
+    return named.replace("[A]", f"[[A]]({physics}#provenance)").replace("[D]", f"[[D]]({physics}#provenance)")
+
+
+def sections(numbers: str, page: str) -> str:
+    """`3.1, 4.A` as links to the sections of a page."""
+    return re.sub(r"\d(\.\w)?", lambda found: f"[physics {found[0]}]({page}#{anchor(found[0])})", numbers)
+
+
+def anchor(number: str) -> str:
+    """Anchor of a numbered section: `4.A` -> `s4a`."""
+    return "s" + number.replace(".", "").lower()
