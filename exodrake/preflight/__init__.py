@@ -1,0 +1,1 @@
+"""What a case is good for, before it is diagnosed: `exodrake check`."""

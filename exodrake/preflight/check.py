@@ -1,0 +1,66 @@
+"""Everything that can be said of a case before its diagnosis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
+from exodrake.data.case import Case
+from exodrake.data.case_folder import read_case
+from exodrake.diagnosis.checks import check_case, suspicions
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import columns_of, required_of
+from exodrake.preflight.identifiability import Identifiability, identifiability
+from exodrake.preflight.signals import Channel, Clock, Excitation, channels, clocks, excitations
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Preflight:
+    """What a case is good for.
+
+    Attributes:
+        case: as read.
+        clocks: of its logs as recorded.
+        channels: of the compared columns.
+        excitations: of the references.
+        told: which effects it could show and tell apart.
+        problems: sentences; none for a good case.
+    """
+
+    case: Case
+    clocks: tuple[Clock, ...]
+    channels: tuple[Channel, ...]
+    excitations: tuple[Excitation, ...]
+    told: Identifiability
+    problems: tuple[str, ...]
+
+
+def preflight(
+    path: str | Path, robot: Robot, tried: frozenset[str] | None = None, allow_outside: bool = False
+) -> Preflight:
+    """Checks a case before its diagnosis.
+
+    Args:
+        path: case folder or log.
+        robot: nominal robot.
+        tried: ids of the effects that a diagnosis would try; its own choice by default.
+        allow_outside: whether logs may lie outside the folder.
+
+    Raises:
+        InputError: where a diagnosis has one.
+    """
+    case = read_case(path, required_of(robot.machine), robot.machine.frame, allow_outside)
+    robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
+    check_case(case, robot.machine)
+    columns_of(case, robot.machine)
+    comparison = compare(case, robot)
+    parts = clocks(Path(path), robot.machine.frame), channels(comparison), excitations(case, robot)
+    sentences = [sentence for part in parts for item in part for sentence in item.problems()]
+    if not nominal_parameters(robot):
+        sentences.append(f"{robot.source}: no tolerances, so no nominal parameter is retuned and each counts as exact")
+    problems = (*case.notes, *sentences, *suspicions(case, robot))
+    return Preflight(case, *parts, identifiability(case, robot, tried), tuple(dict.fromkeys(problems)))

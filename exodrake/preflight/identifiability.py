@@ -1,0 +1,219 @@
+"""Which effects the motion of a case could show, and which it could not tell apart, from one linearisation.
+
+An effect of typical size changes the logs by a direction d, in noise standard deviations and with the nominal
+parameters free within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where
+its own directions D, scaled within their ranges, leave less than the noise or the error of a law (`calibration`) does:
+
+    left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
+
+As in a diagnosis, samples within the correlation time of a model's error count as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.core.effect import EffectParameter
+from exodrake.core.machine import Machine
+from exodrake.core.measured import Column
+from exodrake.core.robot import Robot
+from exodrake.data.case import Case
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.likelihood import CORRELATION, output_error
+from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
+from exodrake.diagnosis.noise import sensor_noise_std
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.refine import bounded
+
+SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
+FRAMES = 4000  # of the case that are simulated for each direction
+SENSOR = 0.002  # noise of a sensor that is not there yet, as a share of what its signal spans: assumed, a good one
+EXTRA = "also"  # kind of the columns of such sensors
+STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
+
+
+@dataclass(frozen=True)
+class Direction:
+    """An effect of typical size on one channel.
+
+    Attributes:
+        effect: id.
+        channel: "" for an effect of the whole robot.
+        unit: of its first parameter.
+        typical: value of that parameter [unit].
+        seen: how far the logs change [standard deviations].
+        smallest: value that could just be seen [unit], within the plausible range; NaN where sizes do not scale.
+        taken_for: effects that could be taken for it -> share of the change that they leave [-].
+    """
+
+    effect: str
+    channel: str
+    unit: str
+    typical: float
+    seen: float
+    smallest: float
+    taken_for: dict[str, float]
+
+    @property
+    def name(self) -> str:
+        """Effect and channel."""
+        return f"{self.effect} {self.channel}".strip()
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A signal that is not logged: how many directions remain hidden or could be mistaken if it were."""
+
+    signal: str
+    unit: str
+    noise: float
+    hidden: int
+    mistaken: int
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Directions of all effects, and the signals whose measurement would help most, best first."""
+
+    directions: tuple[Direction, ...]
+    sensors: tuple[Sensor, ...]
+
+    @property
+    def hidden(self) -> tuple[Direction, ...]:
+        """Directions that the logs would not show."""
+        return tuple(d for d in self.directions if d.seen < SEEN)
+
+    @property
+    def mistaken(self) -> tuple[Direction, ...]:
+        """Directions that they would show, and another effect could be taken for."""
+        return tuple(d for d in self.directions if d.seen >= SEEN and d.taken_for)
+
+
+def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Identifiability:
+    """What the references of a case could tell, whatever its measured values are.
+
+    Args:
+        case: references and columns.
+        robot: nominal robot.
+        tried: ids of effects; those of a diagnosis by default.
+    """
+    problem = planned(make_problem(case, robot, tried))
+    machine = problem.robot.machine
+    effects = [effect for effect in machine.effects if effect.id in problem.tried]
+    nominal, values = nominal_parameters(problem.robot), problem.silent()
+    likelihood = output_error(problem)
+    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, effects)
+    own = np.array([not column.startswith(EXTRA) for column in problem.columns])
+    groups = {column.rsplit("_", 1)[0]: None for column in problem.columns if column.startswith(EXTRA)}
+    found = directions(lin, machine, mask_of(problem, own))
+    sensors = []
+    for kind in groups:
+        extra = np.array([column.rsplit("_", 1)[0] == kind for column in problem.columns])
+        better = directions(lin, machine, mask_of(problem, own | extra))
+        signal = machine.signal[machine.column(kind).signal]
+        hidden, mistaken = counts(better)
+        noise = float(problem.noise_std[extra].max())
+        sensors.append(Sensor(signal.name, signal.unit, noise, hidden, mistaken))
+    helpful = [s for s in sensors if s.hidden + s.mistaken < sum(counts(found))]
+    return Identifiability(found, tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden))))
+
+
+def counts(found: Sequence[Direction]) -> tuple[int, int]:
+    """Numbers of directions that are hidden, and that could be mistaken."""
+    return sum(d.seen < SEEN for d in found), sum(d.seen >= SEEN and bool(d.taken_for) for d in found)
+
+
+def planned(problem: Problem) -> Problem:
+    """The problem as an experiment: logs that the nominal robot would give, with every signal in them."""
+    machine, noise = problem.robot.machine, sensor_noise_std(problem.robot)
+    shown = {c.signal for c in machine.columns if any(col.startswith(f"{c.kind}_") for col in problem.columns)}
+    written = {name for part in machine.parts for output in part.outputs for name in output.writes}
+    more = [s for s in machine.signals if s.name in written - shown]
+    extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
+    wide = replace(machine, columns=machine.columns + extra, nominal=None)
+    names = [f"{c.kind}_{channel}" for c in extra for channel in machine.axes.of(machine.signal[c.signal].axis)]
+    short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
+    every = replace(short, robot=replace(problem.robot, machine=wide), columns=(*problem.columns, *names), holdout=())
+    values, trials = every.silent(), []
+    for trial in short.fit:
+        (logged,) = every.predict(values[None], trial)
+        logged[:, : len(problem.columns)][np.isnan(trial.measured)] = np.nan
+        trials.append(replace(trial, measured=logged))
+    kinds = {c.signal: c.kind for c in machine.columns}
+    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)
+    levels = [noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)]
+    stated = np.where(np.array(levels) > 0.0, levels, SENSOR * span[len(problem.columns) :])
+    keep = np.concatenate([np.ones(len(problem.columns), bool), (stated > 0.0) & np.isfinite(stated)])
+    return replace(
+        every,
+        columns=tuple(c for c, k in zip(every.columns, keep, strict=True) if k),
+        noise_std=np.concatenate([problem.noise_std, stated])[keep],
+        fit=tuple(replace(t, measured=t.measured[:, keep]) for t in trials),
+    )
+
+
+def mask_of(problem: Problem, columns: np.ndarray) -> np.ndarray:
+    """Samples (samples,) of some columns (columns,)."""
+    return np.concatenate([np.tile(columns, len(trial.measured)) for trial in problem.fit])
+
+
+def directions(lin: Linearisation, machine: Machine, samples: np.ndarray) -> tuple[Direction, ...]:
+    """All effects of typical size on each channel, judged by some samples (samples,)."""
+    scale = 1.0 / np.sqrt(max(CORRELATION / machine.frame, 1.0))
+    jacobian = (lin.jacobian[:, samples] * scale).astype(np.float32)
+    rows = lin.directions[:, samples] * np.float32(scale)
+    precision = np.array([p.prior_std for p in lin.nominal]) ** -2.0
+    cross = (jacobian @ rows.T).astype(float)
+    normal = (jacobian @ jacobian.T).astype(float) + np.diag(precision)
+    gram = (rows @ rows.T).astype(float) - (cross.T @ np.linalg.solve(normal, cross) if len(normal) else 0.0)
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    errors, found = calibration_of(machine), []
+    for effect in dict.fromkeys(p.effect for p in lin.probes):
+        info = machine.effect(effect)
+        error = errors.same_meaning if info.same_meaning else errors.law_error
+        for row, value, channel, probe, k in typical([p for p in lin.probes if p.effect == effect]):
+            seen = float(size[row])
+            taken = {} if seen < SEEN else mistaken_for(gram, row, effect, lin.probes, max(SEEN, error * seen))
+            least = smallest(probe, k, info.parameters[0], seen)
+            found.append(Direction(effect, channel, info.parameters[0].unit, value, seen, least, taken))
+    return tuple(found)
+
+
+def smallest(probe: Probe, k: int, info: EffectParameter, seen: float) -> float:
+    """Value of the k-th parameter of a probe that could just be seen, no weaker than plausible; NaN if none scales."""
+    parameter, x = probe.parameters[k], float(probe.x[k])
+    if not probe.scaled or not seen > 0.0:
+        return float("nan")
+    ends = [parameter.coordinate(end) for end in (info.low, info.high)]
+    weakest = min(map(abs, ends)) if ends[0] * ends[1] > 0.0 else 0.0
+    return parameter.value(float(np.copysign(max(abs(x) * SEEN / seen, weakest), x)))
+
+
+def typical(probes: list[Probe]) -> list[tuple[int, float, str, Probe, int]]:
+    """Row, value, channel, probe and parameter of each direction of an effect at its modest amplitude."""
+    scaled = next((probe for probe in probes if probe.scaled), None)
+    if scaled is not None and scaled.parameters[scaled.scaled[0]].channels != ("",):
+        return [
+            (int(row), scaled.parameters[k].value(scaled.x[k]), scaled.parameters[k].channels[0], scaled, k)
+            for row, k in zip(scaled.rows, scaled.scaled, strict=True)
+        ]
+    probe = min(probes, key=lambda p: abs(p.x[0] - p.parameters[0].start))
+    return [(int(probe.rows[0]), probe.parameters[0].value(probe.x[0]), "", probe, 0)]
+
+
+def mistaken_for(gram: np.ndarray, row: int, effect: str, probes: Sequence[Probe], most: float) -> dict[str, float]:
+    """Other effects that leave less than `most` [standard deviations] of a direction, and the share, least first."""
+    left: dict[str, float] = {}
+    for probe in probes:
+        if probe.effect == effect:
+            continue
+        low, high = (probe.low, probe.high) if probe.scaled else (np.array([STRETCH[0]]), np.array([STRETCH[1]]))
+        _, gain = bounded(gram[np.ix_(probe.rows, probe.rows)], -gram[probe.rows, row], low, high)
+        rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
+        if rest < most:
+            left[probe.effect] = min(left.get(probe.effect, 1.0), rest / float(np.sqrt(gram[row, row])))
+    return dict(sorted(left.items(), key=lambda item: item[1]))
