@@ -256,7 +256,7 @@ def test_import_command(tmp_path):
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
 
 
-NAMES = [f"d.{e}" for e in "csv mat npy npz parquet mcap csv.gz json jsonl h5 db3".split()]
+NAMES = [f"d.{e}" for e in ["csv", "mat", "npy", "npz", "parquet", "mcap", "csv.gz", "json", "jsonl", "h5", "db3"]]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
