@@ -1,4 +1,4 @@
-"""The robot's parts as Drake systems: ports, feedthrough, logs, numbers in the Context, events, memory."""
+"""The robot's parts as Drake systems: ports, feedthrough, logs, events, memory."""
 
 import gc
 import weakref
@@ -12,13 +12,13 @@ from pydrake.systems.analysis import Simulator
 
 from benchmarks.diagram import multibody_speed
 from benchmarks.speed import Row, as_row
-from exodrake.compiled.inputs import Reference
+from exodrake.compiled.inputs import NoiseInputs, Reference
 from exodrake.core.errors import InputError
-from exodrake.diagrams.diagram import FINE_LOG, assemble, build_diagram, logged, set_parameters
+from exodrake.diagrams.diagram import build_diagram, run_diagram
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.parts import NAMED, MotorDynamics, part_class
+from exodrake.diagrams.signal_log import FINE_LOG, logged, logged_signals
 from exodrake.simulation.simulate import record
-from exodrake.systems.gp_estimator import Weights, predict_rows
 
 THROUGH = {  # every other output is state
     "finger": {("stroke", "tension"), ("stroke", "tension_spool")},
@@ -68,18 +68,16 @@ def test_a_motor_alone_reaches_its_speed():
 
 def test_no_loop_of_feedthrough_from_outside():
     diagram = build_diagram(nominal())
-    assert set(nominal().machine.inputs) == {
-        diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())
-    }
-    assert not {pair for pair in through(diagram) if not pair[1].startswith("outside")}
+    assert [diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())] == ["tension_ref"]
+    assert not through(diagram)
 
 
-def test_the_ports_are_named_by_part_and_wire():
+def test_the_ports_are_named_by_part_and_signal():
     machine = nominal().machine
     diagram = build_diagram(nominal(), wavy(0.1))
     names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
-    assert {"motor.stroke", "finger.angle", "sensor.tension_read", "outside.tension_ref"} <= set(names)
-    assert sorted(name.split(".")[1] for name in names) == sorted(wire.name for wire in machine.signals)
+    assert {"motor.stroke", "finger.angle", "sensor.tension_read", "host.tension_ref"} <= set(names)
+    assert sorted(name.split(".")[1] for name in names) == sorted(signal.name for signal in machine.signals)
     context = diagram.CreateDefaultContext()
     angle = diagram.GetOutputPort("finger.angle").Eval(context)
     np.testing.assert_array_equal(angle, nominal().channels("finger.q0"))
@@ -94,21 +92,8 @@ def test_the_fine_log_holds_the_frames():
     fine = logged(robot.machine, diagram, simulator.get_context(), FINE_LOG)
     assert rows.shape[0] == 50 and fine.shape[0] == 500
     np.testing.assert_array_equal(fine[9::10], rows)
-
-
-def test_one_diagram_serves_many_robots():
-    reference = wavy(1.0)
-    diagram = build_diagram(nominal(), reference, seed=3)
-    simulator = Simulator(diagram)
-    other = nominal().with_parameters({"finger.kappa": 0.09, "finger.q0.PIP": 0.4}).splice("tendon.capstan_friction")
-    for robot in (other, nominal()):
-        context = diagram.CreateDefaultContext()
-        set_parameters(robot, diagram, context)
-        simulator.reset_context(context)
-        simulator.AdvanceTo(1.0)
-        rows = logged(robot.machine, diagram, context)
-        wanted = record(robot, reference, seed=3).signals
-        np.testing.assert_array_equal(rows, np.hstack([wanted[wire.name] for wire in robot.machine.signals]))
+    time = logged_signals(diagram, simulator.get_context(), FINE_LOG)["time"]
+    np.testing.assert_allclose(time, 0.002 * np.arange(500) + 0.0015, atol=1e-12)
 
 
 def test_one_python_event_a_part_and_tick(monkeypatch):
@@ -127,51 +112,8 @@ def test_one_python_event_a_part_and_tick(monkeypatch):
     simulator = Simulator(build_diagram(nominal(), wavy(2.0)))
     simulator.AdvanceTo(2.0)
     a_second = {"finger": 500, "motor": 500, "sensor": 650, "encoder": 150, "mocap": 50, "controller": 50, "bus": 150}
-    shown = {"finger tension": 1000 + 1, "sensor cell": 2 * 50 + 1}
+    shown = {"finger tension": 1000 + 1, "sensor cell": 2 * 50 + 1, "finger start_stroke": 1}
     assert calls == {name: 2 * count for name, count in a_second.items()} | shown
-
-
-def logged_after(simulator, diagram, seconds):
-    """All signals after a further run."""
-    simulator.AdvanceTo(simulator.get_context().get_time() + seconds)
-    return logged(nominal().machine, diagram, simulator.get_context())
-
-
-def test_a_copied_context_goes_on_by_itself():
-    """The leaves bind to the memory of each Context: copies, new states and restored states act as they should."""
-    diagram = build_diagram(nominal(), wavy(1.0), seed=4)
-    simulator = Simulator(diagram)
-    logged_after(simulator, diagram, 0.3)
-    copy = simulator.get_context().Clone()
-    wanted = logged_after(simulator, diagram, 0.4)
-    second = Simulator(diagram, copy)
-    rows = logged_after(second, diagram, 0.4)
-    np.testing.assert_array_equal(rows[-20:], wanted[-20:])
-    restored = diagram.CreateDefaultContext()
-    third = Simulator(diagram, restored)
-    logged_after(third, diagram, 0.1)
-    start = diagram.CreateDefaultContext()
-    third.get_mutable_context().SetTimeStateAndParametersFrom(start)
-    third.Initialize()
-    np.testing.assert_array_equal(logged_after(third, diagram, 0.7)[-20:], wanted[-20:])
-
-
-def test_a_parameter_is_found_by_its_name_and_acts():
-    diagram = build_diagram(nominal(), wavy(1.0), seed=4)
-    simulator = Simulator(diagram)
-    plain = logged_after(simulator, diagram, 0.3)
-    finger = diagram.GetSubsystemByName("finger")
-    context = finger.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    index = finger.parameter_index("finger.kappa.MCP")
-    assert context.get_numeric_parameter(0).GetAtIndex(index) == nominal()["finger.kappa.MCP"]
-    context.get_mutable_numeric_parameter(0).SetAtIndex(index, 0.2)
-    changed = logged_after(simulator, diagram, 0.3)
-    simulator.reset_context(diagram.CreateDefaultContext())
-    again = logged_after(simulator, diagram, 0.6)
-    np.testing.assert_array_equal(changed[:15], plain)
-    assert np.abs(changed[15:] - again[15:]).max() > 1e-3
-    with pytest.raises(InputError, match=r"did you mean finger\.kappa"):
-        finger.parameter_index("finger.kapa.MCP")
 
 
 def test_rebuilt_diagrams_leave_nothing_behind():
@@ -186,15 +128,13 @@ def test_rebuilt_diagrams_leave_nothing_behind():
     assert not [item for item in alive if item() is not None]
 
 
-def test_the_seed_decides_and_the_given_wires_can_be_ones_own():
-    robot, tension = nominal(), wavy(0.5).tension
-    given = dict(zip(robot.machine.inputs, (tension, *np.zeros((2, 25, 3)), np.ones((25, 3)))))
-    diagram = assemble(robot, given)
-    simulator = Simulator(diagram)
-    simulator.AdvanceTo(0.5)
-    quiet = record(robot, Reference(tension), seed=None).signals
-    rows = logged(robot.machine, diagram, simulator.get_context())
-    np.testing.assert_array_equal(rows, np.hstack([quiet[wire.name] for wire in robot.machine.signals]))
+def test_exogenous_signals_can_be_ones_own():
+    """Noise inputs of 0 and no lost packet are a run without noise."""
+    robot, reference = nominal(), wavy(0.5)
+    given = NoiseInputs(noise_tension=np.zeros((25, 3)), noise_angle=np.zeros((25, 3)), packet_arrival=np.ones((25, 3)))
+    rows = run_diagram(robot, robot.values, reference, given, 1)
+    quiet = record(robot, reference, seed=None).signals
+    np.testing.assert_array_equal(rows, np.hstack([quiet[signal.name] for signal in robot.machine.signals]))
 
 
 @pytest.mark.parametrize("step", [0.002, 0.0])
@@ -215,38 +155,6 @@ def test_a_mujoco_finger_moves_like_ours():
     assert speed > 0
     np.testing.assert_allclose(log[-1, 9:], wanted["angle"][-1], atol=5e-3)
     np.testing.assert_allclose(log[-1, :3], wanted["tension"][-1], atol=0.05)
-
-
-def made_up_weights(points=30):
-    """An estimator of random numbers: its arithmetic, not its sense, is at stake."""
-    rng = np.random.default_rng(4)
-    return Weights(
-        center=rng.normal(size=6),
-        rotation=rng.normal(size=(6, 6)),
-        points=rng.normal(size=(6, points)),
-        shrink=rng.uniform(0.1, 0.5, 6),
-        variances=np.array([0.1, 1.0, 1e-3]),
-        alpha=rng.normal(size=(points, 3)),
-        factor=1e-3 * rng.normal(size=points * (points + 1) // 2),
-        offset=rng.normal(size=3),
-        gain=rng.normal(size=3),
-        spread=rng.uniform(0.1, 1.0, 3),
-    )
-
-
-def test_the_estimator_listens():
-    """In the Diagram, slot 8 shows to the last bit what a pass over the log gives."""
-    robot, reference, weights = nominal(), wavy(0.5), made_up_weights()
-    diagram = build_diagram(robot, reference, seed=5, estimator=weights)
-    simulator = Simulator(diagram)
-    wires = record(robot, reference, seed=5).signals
-    mean, std, _ = predict_rows(wires["tension_read"], wires["stroke_read"], weights)
-    assert np.isfinite(std).any()
-    for frame in range(25):
-        simulator.AdvanceTo(0.02 * frame + 0.0195)
-        context = simulator.get_context()
-        np.testing.assert_array_equal(diagram.GetOutputPort("estimator.angle_est").Eval(context), mean[frame])
-        np.testing.assert_array_equal(diagram.GetOutputPort("estimator.angle_std").Eval(context), std[frame])
 
 
 def test_bench_rows():

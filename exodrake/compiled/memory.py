@@ -18,6 +18,11 @@ def vector(address: int, size: int) -> np.ndarray:
     return np.ctypeslib.as_array((ctypes.c_double * size).from_address(int(address)))
 
 
+def addresses(*arrays: np.ndarray) -> np.ndarray:
+    """A table (arrays,) of the addresses of arrays, which must outlive it."""
+    return np.array([array.ctypes.data for array in arrays], dtype=np.uint64)
+
+
 @intrinsic
 def _pointer(context, address):
     """The address as a pointer to double."""

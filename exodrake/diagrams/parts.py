@@ -1,6 +1,7 @@
 """The parts of the Exo-Index robot as Drake systems, each constructible on its own: `MotorDynamics(load_robot())`.
 
-Numbers are those of the robot, in SI and in the table's order, as numeric parameter 0 of the Context. The plant ticks
+Parameters are those of the robot, in SI and in the table's order, as numeric parameter 0 of the Context, found by name:
+`motor.parameter("motor.r.AF").set(context, 0.008)`. Port `memory` is for other parts (see `binding`). The plant ticks
 every slot (2 ms); sampled tasks run once a frame (20 ms) in the middle of their slot.
 """
 
@@ -11,8 +12,9 @@ from collections.abc import Mapping
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.diagrams.leaf import InputSpec, Leaf
-from exodrake.diagrams.leaf_specs import part_spec
+from exodrake.diagrams.leaf import Leaf
+from exodrake.diagrams.leaf_spec import InputSpec
+from exodrake.diagrams.part_spec import part_spec
 from exodrake.machines.robot_file import load_robot
 
 
@@ -49,9 +51,11 @@ class TendonFinger(Part):
         - tension_finger
         - tension
         - tension_spool
+        - start_stroke
         - memory
 
-    tension and tension_spool [N] answer stroke [m] at once; the other outputs are state.
+    start_stroke [m], from the parameters alone, is where the tendons are just taut in q0. tension and tension_spool [N]
+    answer stroke [m] at once; the other outputs are state.
     """
 
     part = "finger"
@@ -66,6 +70,7 @@ class MotorDynamics(Part):
         input_ports:
         - speed_applied
         - tension_spool
+        - start_stroke
         output_ports:
         - stroke
         - wire_speed
@@ -105,6 +110,7 @@ class Encoder(Part):
         name: Encoder
         input_ports:
         - spool_angle
+        - start_stroke
         output_ports:
         - stroke_read
         - memory

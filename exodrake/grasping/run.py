@@ -1,18 +1,20 @@
-"""A plan in the Drake Diagram, with the joint-angle estimator running in slot 8."""
+"""A plan in the Drake Diagram, with the joint-angle estimator in slot 8 and, if wanted, a posture loop around it."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.machine import offsets
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan
 from exodrake.simulation.simulate import Recording, log_of
 from exodrake.systems.gp_estimator import Weights
+
+if TYPE_CHECKING:
+    from exodrake.diagrams.posture_controller import PostureController
 
 
 class TrainedEstimator(Protocol):
@@ -34,7 +36,14 @@ class TrainedEstimator(Protocol):
         ...
 
 
-def run_plan(plan: Plan, robot: Robot, estimator: TrainedEstimator, seed: int | None = 0) -> Log:
+def run_plan(
+    plan: Plan,
+    robot: Robot,
+    estimator: TrainedEstimator,
+    seed: int | None = 0,
+    controller: PostureController | None = None,
+    **durations: float,
+) -> Log:
     """Simulates a robot in the Drake Diagram that follows a plan.
 
     Args:
@@ -42,29 +51,28 @@ def run_plan(plan: Plan, robot: Robot, estimator: TrainedEstimator, seed: int | 
         robot: to be simulated, with or without effects.
         estimator: of the same tendons and joints.
         seed: of the sensors' noise; None simulates without.
+        controller: from `posture_controller`, which then gives the tension references; None: those of the plan.
+        durations: as in `exo.grasp` [s].
 
     Returns:
-        The log, with `angle_est` and `angle_std` of the estimator.
+        The log, with `angle_est` and `angle_std` of the estimator, and `angle_ref` of the controller.
 
     Raises:
         InputError: the estimator has other tendons or joints.
     """
-    from exodrake.diagrams import diagram as drake
+    from exodrake.diagrams.diagram import Simulator, build_diagram
+    from exodrake.diagrams.gp_estimator import GPEstimator
+    from exodrake.diagrams.signal_log import logged_signals
 
-    axes, reference = robot.machine.axes, plan.reference(robot)
+    axes, reference = robot.machine.axes, plan.reference(robot, **durations)
     if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
         raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
-    diagram = drake.build_diagram(robot, reference, seed, estimator=estimator.weights)
-    simulator, frames = drake.Simulator(diagram), len(reference.tension)
-    context, found = simulator.get_context(), np.empty((2, frames, len(axes.joints)))
-    ports = [diagram.GetOutputPort(f"estimator.{name}") for name in ("angle_est", "angle_std")]
-    for frame in range(frames):
-        simulator.AdvanceTo(robot.machine.frame * (frame + 1))
-        for i, port in enumerate(ports):
-            found[i, frame] = np.asarray(port.Eval(context))
-    rows = drake.logged(robot.machine, diagram, context)
-    signals = {name: rows[:, at] for name, at in offsets(robot.machine).items()}
+    systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
+    diagram = build_diagram(robot, reference, seed, systems=systems)
+    simulator, frames = Simulator(diagram), len(reference.tension)
+    simulator.AdvanceTo(robot.machine.frame * frames)
+    signals = logged_signals(diagram, simulator.get_context())
     log = log_of(Recording(robot, reference, robot.machine.frame * np.arange(frames), signals))
-    for kind, values in zip(("angle_est", "angle_std"), found):
-        log = log.with_array(kind, axes.joints, values)
+    for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
+        log = log.with_array(kind, axes.joints, signals[kind])
     return log

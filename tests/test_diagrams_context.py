@@ -1,0 +1,198 @@
+"""Contexts of the Diagram: edited parameters act as in a rebuilt one; copies, restored states, random Contexts."""
+
+import numpy as np
+import pytest
+from diagram_runs import nominal, wavy
+from effects_motion import motion_of
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
+from exodrake.compiled.run import run_compiled
+from exodrake.core.errors import InputError
+from exodrake.diagrams.diagram import build_diagram, set_parameters
+from exodrake.diagrams.parameter import find_parameter
+from exodrake.diagrams.part_spec import part_spec
+from exodrake.diagrams.signal_log import logged, logged_signals
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import record
+
+MACHINES = ("exo_index", "emps", "tendon_sheath", "so101", "dvrk_wrist")
+FRAMES = 3
+
+
+def edited(robot):
+    """(name, value) for each parameter: 5 % more, or the value from which a fit of its effect starts."""
+    spliced = robot
+    for effect in robot.machine.effects:
+        spliced = spliced.splice(effect.id)
+    for name, value, start in zip(robot.machine.index, prepared(robot), spliced.values, strict=True):
+        yield name, start if start != value else 1.05 * value if value else 0.01
+
+
+def reference_of(name):
+    return wavy(1.0) if name == "exo_index" else Reference(motion_of(name, 1)[:50])
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
+    """Every parameter of every machine: state and held signals at the start, and the run, to the last bit."""
+    robot, reference = load_robot(name), reference_of(name)
+    machine, short = robot.machine, Reference(reference.tension[:FRAMES])
+    diagram, noise = build_diagram(robot, reference, seed=1), NoiseInputs.draw(FRAMES, 1, robot.machine)
+    moved = 0
+    for parameter, value in edited(robot):
+        values = prepared(robot)
+        values[machine.index[parameter]] = value
+        context = diagram.CreateDefaultContext()
+        find_parameter(diagram, parameter).set(context, value)
+        simulator = Simulator(diagram, context)
+        simulator.Initialize()
+        for part in machine.parts:
+            leaf = diagram.GetSubsystemByName(part.name)
+            memory = leaf.GetMyContextFromRoot(context).get_discrete_state(0).value()
+            np.testing.assert_array_equal(memory, part_spec(machine, part, values).memory, parameter)
+        simulator.AdvanceTo(machine.frame * FRAMES)
+        rows, wanted = logged(machine, diagram, context), run_compiled(machine, values, short, noise, 1)
+        np.testing.assert_array_equal(rows, wanted, parameter)
+        moved += not np.array_equal(wanted, run_compiled(machine, prepared(robot), short, noise, 1))
+    assert moved >= 0.2 * len(machine.parameters)
+
+
+def test_initial_state_and_held_ports_follow_the_parameters():
+    """Closed forms: the finger starts in q0, the spools where the tendons are just taut there."""
+    diagram = build_diagram(nominal())
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    find_parameter(diagram, "finger.q0").set(context, [0.3, 0.4, 0.1])
+    find_parameter(diagram, "motor.r.MF").set(context, 0.009)
+    simulator.Initialize()
+    np.testing.assert_array_equal(diagram.GetOutputPort("finger.angle").Eval(context), [0.3, 0.4, 0.1])
+    rho, alpha = np.hypot(0.005, 0.003), np.arctan2(0.003, 0.005)
+    taken = 2 * rho * (np.cos(alpha) - np.cos(alpha + 0.15))
+    assert diagram.GetOutputPort("motor.stroke").Eval(context)[1] == pytest.approx(taken, abs=1e-15)
+    assert diagram.GetOutputPort("motor.spool_angle").Eval(context)[1] == pytest.approx(taken / 0.009, rel=1e-12)
+    np.testing.assert_allclose(diagram.GetOutputPort("finger.tension").Eval(context), 0.0, atol=1e-9)
+
+
+def test_a_state_that_was_set_stays_and_its_held_ports_follow():
+    diagram = build_diagram(nominal())
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    finger = diagram.GetSubsystemByName("finger")
+    own = finger.GetMyMutableContextFromRoot(context)
+    memory = np.array(own.get_discrete_state(0).value())
+    memory[:3] = [0.5, 0.6, 0.2]
+    own.SetDiscreteState(0, memory)
+    simulator.Initialize()
+    np.testing.assert_array_equal(diagram.GetOutputPort("finger.angle").Eval(context), [0.5, 0.6, 0.2])
+    simulator.AdvanceTo(0.1)
+    before = np.array(own.get_discrete_state(0).value())
+    simulator.Initialize()
+    np.testing.assert_array_equal(own.get_discrete_state(0).value(), before)
+
+
+def test_one_diagram_serves_many_robots():
+    reference = wavy(1.0)
+    diagram = build_diagram(nominal(), reference, seed=3)
+    simulator = Simulator(diagram)
+    other = nominal().with_parameters({"finger.kappa": 0.09, "finger.q0.PIP": 0.4}).splice("tendon.capstan_friction")
+    for robot in (other, nominal(), other):
+        context = simulator.get_mutable_context()
+        set_parameters(robot, diagram, context)
+        simulator.Initialize()
+        simulator.AdvanceTo(1.0)
+        wanted = record(robot, reference, seed=3).signals
+        rows = logged(robot.machine, diagram, context)
+        np.testing.assert_array_equal(rows, np.hstack([wanted[signal.name] for signal in robot.machine.signals]))
+
+
+def logged_after(simulator, diagram, seconds):
+    """All signals after a further run."""
+    simulator.AdvanceTo(simulator.get_context().get_time() + seconds)
+    return logged(nominal().machine, diagram, simulator.get_context())
+
+
+def test_a_copied_context_goes_on_by_itself():
+    """The leaves bind to the memory of each Context: copies, new states and restored states act as they should."""
+    diagram = build_diagram(nominal(), wavy(1.0), seed=4)
+    simulator = Simulator(diagram)
+    logged_after(simulator, diagram, 0.3)
+    copy = simulator.get_context().Clone()
+    wanted = logged_after(simulator, diagram, 0.4)
+    np.testing.assert_array_equal(logged_after(Simulator(diagram, copy), diagram, 0.4), wanted)
+    third = Simulator(diagram, diagram.CreateDefaultContext())
+    logged_after(third, diagram, 0.1)
+    third.get_mutable_context().SetTimeStateAndParametersFrom(diagram.CreateDefaultContext())
+    third.Initialize()
+    np.testing.assert_array_equal(logged_after(third, diagram, 0.7), wanted)
+
+
+def test_a_parameter_is_found_by_its_name_and_acts():
+    diagram = build_diagram(nominal(), wavy(1.0), seed=4)
+    simulator = Simulator(diagram)
+    plain = logged_after(simulator, diagram, 0.3)
+    finger, context = diagram.GetSubsystemByName("finger"), simulator.get_mutable_context()
+    kappa = finger.parameter("finger.kappa.MCP")
+    assert kappa.get(context) == kappa.get(finger.GetMyContextFromRoot(context)) == nominal()["finger.kappa.MCP"]
+    np.testing.assert_array_equal(finger.parameter("finger.kappa").get(context), nominal().channels("finger.kappa"))
+    kappa.set(context, 0.2)
+    changed = logged_after(simulator, diagram, 0.3)
+    simulator.reset_context(diagram.CreateDefaultContext())
+    again = logged_after(simulator, diagram, 0.6)
+    np.testing.assert_array_equal(changed[:15], plain)
+    assert np.abs(changed[15:] - again[15:]).max() > 1e-3
+    for holder in (finger.parameter, lambda name: find_parameter(diagram, name)):
+        with pytest.raises(InputError, match=r"did you mean finger\.kappa"):
+            holder("finger.kapa.MCP")
+
+
+def tension_read(diagram, context):
+    """Readings of a short run (frames, tendons) [N]."""
+    Simulator(diagram, context).AdvanceTo(0.5)
+    return logged_signals(diagram, context)["tension_read"]
+
+
+def test_a_random_context_has_noise_of_its_own():
+    """`SetRandomContext` draws anew, the same for the same generator; a default Context has the noise of the seed."""
+    robot, reference = nominal().with_parameters({"sensor.q_F": 0.0, "encoder.q_theta": 0.0}), wavy(0.5)
+    diagram = build_diagram(robot, reference, seed=5)
+    usual = tension_read(diagram, diagram.CreateDefaultContext())
+    np.testing.assert_array_equal(usual, record(robot, reference, seed=5).signals["tension_read"])
+    found = []
+    for seed in (1, 1, *range(2, 12)):
+        context = diagram.CreateDefaultContext()
+        diagram.SetRandomContext(context, RandomGenerator(seed))
+        found.append(tension_read(diagram, context))
+    np.testing.assert_array_equal(found[0], found[1])
+    spread = np.std([usual, *found[1:]], axis=0, ddof=1)
+    assert 0.008 < np.median(spread) < 0.012  # sensor.sigma_F is 0.01 N
+    edited = diagram.CreateDefaultContext()
+    diagram.GetSubsystemByName("host").GetMyMutableContextFromRoot(edited).get_mutable_numeric_parameter(0)[0] = 9.0
+    np.testing.assert_array_equal(
+        tension_read(diagram, edited), record(robot, reference, seed=9).signals["tension_read"]
+    )
+
+
+def test_a_random_context_acts_in_a_larger_diagram():
+    builder = DiagramBuilder()
+    diagram = builder.AddSystem(build_diagram(nominal(), wavy(0.2), seed=5))
+    outer, noises = builder.Build(), []
+    for seed in (1, 2):
+        context = outer.CreateDefaultContext()
+        outer.SetRandomContext(context, RandomGenerator(seed))
+        Simulator(outer, context).AdvanceTo(0.2)
+        noises.append(logged_signals(diagram, context)["noise_angle"])
+    assert np.abs(noises[0] - noises[1]).max() > 0.1
+
+
+def test_noise_goes_on_where_the_reference_ends():
+    reference = Reference(np.tile([5.0, 3.0, 1.0], (5, 1)))
+    diagram = build_diagram(nominal(), reference, seed=1)
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.4)
+    found = logged_signals(diagram, simulator.get_context())
+    np.testing.assert_array_equal(found["tension_ref"], np.tile([5.0, 3.0, 1.0], (20, 1)))
+    np.testing.assert_array_equal(found["noise_tension"], NoiseInputs.draw(20, 1, nominal().machine)["noise_tension"])
+    assert len(np.unique(found["noise_tension"])) == 60
