@@ -75,7 +75,11 @@ class Binding:
         parameters = context.get_numeric_parameter(0).value()
         scratch = np.zeros(spec.scratch_size)
         self.scratch = scratch[: len(spec.memory)]
-        self.outputs = {name: scratch[at] for name, at in spec.signals.items()}
+        self.outputs = {
+            port: scratch[spec.signals[first].start : spec.signals[last].stop]
+            for item in spec.computed
+            for port, (first, last) in item.ports.items()
+        }
         self.bound: list[BasicVector | None] = [None] * len(spec.inputs)
         self.arrays = [memory, parameters, scratch]
         self.arrays += [np.array(spec.start_vectors.get(name, np.zeros(p.width))) for name, p in spec.inputs.items()]

@@ -29,7 +29,7 @@ from exodrake.core.robot import Robot
 from exodrake.diagrams.exogenous import Exogenous
 from exodrake.diagrams.host import HOST, SAMPLE, Host
 from exodrake.diagrams.leaf import Leaf
-from exodrake.diagrams.leaf_spec import InputSpec
+from exodrake.diagrams.leaf_spec import InputSpec, wide_port
 from exodrake.diagrams.parts import part_class
 from exodrake.diagrams.signal_log import FINE_LOG, SignalLog, logged
 
@@ -90,14 +90,14 @@ def assemble(
     """The Diagram of a robot; exogenous signals that nothing makes are input ports. Arguments as in `build_diagram`."""
     machine, builder = robot.machine, DiagramBuilder()
     own = {system.get_name(): system for system in systems}
-    states = state_ports(machine, set(own))
+    wide = wide_ports(machine, set(own))
     for part in machine.parts:
-        inputs = inputs_of(machine, part, states)
+        inputs = inputs_of(machine, part, wide)
         leaf = own.pop(part.name, None) or part_class(machine, part.name)(robot, substeps, inputs)
         builder.AddNamedSystem(part.name, leaf)
     for name, system in own.items():
         builder.AddNamedSystem(name, system)
-    logged_ports = ports_to_log(machine, port_names(builder), states)
+    logged_ports = ports_to_log(machine, port_names(builder), wide)
     builder.AddNamedSystem(HOST, Host(exogenous, logged_ports))
     if fine_log:
         inputs = {**logged_ports, **{name: alone(machine, name) for name in exogenous.signals}}
@@ -129,13 +129,17 @@ def written_by(systems: Sequence[System]) -> set[str]:
     return {system.get_output_port(i).get_name() for system in systems for i in range(system.num_output_ports())}
 
 
-def state_ports(machine: Machine, replaced: set[str]) -> dict[str, InputSpec]:
-    """Ports that say where the state of a part lies: port -> what it carries."""
+def wide_ports(machine: Machine, replaced: set[str]) -> dict[str, InputSpec]:
+    """Ports that carry several signals, and those that say where a state lies: port -> what it carries."""
     found = {}
     for part in (part for part in machine.parts if part.name not in replaced):
         where = layout(machine, part)
         carried = {name: where[name] for name in held_signals(part)}
         found[memory_of(part.name)] = InputSpec(memory_size(machine, part), carried, state=True)
+        for writes in (output.writes for output in part.outputs if output.reads and len(output.writes) > 1):
+            first, last = where[writes[0]].start, where[writes[-1]].stop
+            places = {name: slice(where[name].start - first, where[name].stop - first) for name in writes}
+            found[wide_port(writes)] = InputSpec(last - first, places)
     return found
 
 
@@ -145,22 +149,23 @@ def alone(machine: Machine, name: str) -> InputSpec:
     return InputSpec(width, {name: slice(0, width)})
 
 
-def inputs_of(machine: Machine, part: Part, states: Mapping[str, InputSpec]) -> dict[str, InputSpec]:
-    """Input ports of a part in the Diagram: the states that carry what it reads; all else has a port of its own.
+def inputs_of(machine: Machine, part: Part, wide: Mapping[str, InputSpec]) -> dict[str, InputSpec]:
+    """Input ports of a part in the Diagram: the wide ports that carry what it reads; all else has a port of its own.
 
     A state behind direct feedthrough has both, so that Drake sees what depends on it.
     """
-    holder = {name: port for port, spec in states.items() for name in spec.signals}
+    holder = {name: port for port, spec in wide.items() for name in spec.signals}
     wanted: dict[str, list[str]] = {}
     for name in (name for name in table_reads(part) if name in holder):
         wanted.setdefault(holder[name], []).append(name)
-    wide = {
-        port: replace(states[port], signals={name: states[port].signals[name] for name in names})
+    found = {
+        port: replace(wide[port], signals={name: wide[port].signals[name] for name in names})
         for port, names in wanted.items()
     }
     through = {name for output in part.outputs for name in reads_of(part, output.reads) if name in holder}
-    wide |= {name: InputSpec(width_of(machine, name), {}) for name in sorted(through)}
-    return wide | {name: alone(machine, name) for name in table_reads(part) if name not in holder}
+    through = {name for name in through if wide[holder[name]].state}
+    found |= {name: InputSpec(width_of(machine, name), {}) for name in sorted(through)}
+    return found | {name: alone(machine, name) for name in table_reads(part) if name not in holder}
 
 
 def port_names(builder: DiagramBuilder) -> dict[str, OutputPort]:
@@ -207,13 +212,13 @@ def join_inputs(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, O
 
 
 def ports_to_log(
-    machine: Machine, ports: Mapping[str, OutputPort], states: Mapping[str, InputSpec]
+    machine: Machine, ports: Mapping[str, OutputPort], wide: Mapping[str, InputSpec]
 ) -> dict[str, InputSpec]:
-    """Input ports of a log: the states of the parts, and all other vectors that are shown."""
+    """Input ports of a log: the wide ports, and all other vectors that are shown."""
     starts = {name for part in machine.parts for name in start_reads(part)}
-    carried = {name for spec in states.values() for name in spec.signals} | starts
+    carried = {name for spec in wide.values() for name in spec.signals} | starts | set(wide)
     sizes = {name: port.size() for name, port in ports.items() if name not in carried and vector_like(port)}
-    return {**states, **{name: InputSpec(size, {name: slice(0, size)}) for name, size in sizes.items()}}
+    return {**wide, **{name: InputSpec(size, {name: slice(0, size)}) for name, size in sizes.items()}}
 
 
 def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:

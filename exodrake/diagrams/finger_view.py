@@ -34,7 +34,7 @@ from exodrake.diagrams.meshcat import draw_ground
 from exodrake.diagrams.meshcat.shapes import HAND_END, Piece, Skeleton, along, skeleton, span, turn
 
 BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity of the skin
-LINKS = 5  # rods that slide over each other make a piece of tendon over a joint, whose length changes
+LINKS, OVERLAP = 5, 1.1  # rods that slide over each other make a piece of tendon over a joint, whose length changes
 GREY, DARK, STEEL = (0.85, 0.82, 0.76), (0.25, 0.27, 0.30), (0.30, 0.45, 0.65)
 
 
@@ -104,14 +104,19 @@ class FingerPoses(LeafSystem):
         return scene_graph.RegisterFrame(self.source, GeometryFrame(name))
 
     def _links(self, scene_graph: SceneGraph, piece: Piece) -> list[FrameId]:
-        """Rods of a piece of tendon over a joint, as long as the straight finger needs."""
-        length = along(*span(self.bones, piece, np.zeros(len(self.bones.joints))))[2]
+        """Rods of a piece of tendon over a joint."""
         found = []
         for k in range(LINKS):
             name = f"{piece.tendon}_{piece.name}_{k}"
             found.append(self._frame(scene_graph, name))
-            self._add(scene_graph, found[-1], name, Cylinder(TENDON, 1.1 * length / LINKS), RigidTransform(), STEEL)
+            self._add(scene_graph, found[-1], name, Cylinder(TENDON, self._rod(piece)), RigidTransform(), STEEL)
         return found
+
+    def _rod(self, piece: Piece) -> float:
+        """Length of a rod [m]: they overlap a little where the piece is longest, straight or fully flexed."""
+        joints = len(self.bones.joints)
+        lengths = [along(*span(self.bones, piece, np.full(joints, angle)))[2] for angle in (0.0, 0.5 * np.pi)]
+        return OVERLAP * max(lengths) / LINKS
 
     def _draw_bones(self, scene_graph: SceneGraph) -> None:
         """Hand, phalanges, routers, and the pieces of tendons that stay on one of them."""
@@ -165,7 +170,7 @@ class FingerPoses(LeafSystem):
         for piece, links in zip(self.pieces, self.links, strict=True):
             start, end = span(self.bones, piece, angle)
             rotation, rod = along(start, end)[1], (end - start) / np.linalg.norm(end - start)
-            half = 0.5 * 1.1 / LINKS * along(*span(self.bones, piece, 0.0 * angle))[2] * rod
+            half = 0.5 * self._rod(piece) * rod
             for k, frame in enumerate(links):
                 middle = start + half + k / (LINKS - 1) * (end - start - 2.0 * half)
                 found.set_value(frame, segments[piece.first] @ pose(middle, rotation))

@@ -53,8 +53,7 @@ class Leaf(LeafSystem):
             if name not in computed:
                 self.DeclareVectorOutputPort(name, at.stop - at.start, slice_of_memory(at), {self.xd_ticket()})
         for item in spec.computed:
-            for name in item.writes:
-                self._declare_computed(item, name)
+            self._declare_computed(item)
         declare_memory_port(self)
         for update in spec.updates:
             handler = self._handler(update.function, update.constant, update.reads)
@@ -94,7 +93,7 @@ class Leaf(LeafSystem):
     def _handler(
         self, function: Callable, constant: float, reads: tuple[str, ...], shown: str = ""
     ) -> Callable[[Context, Any], None]:
-        """The handler of an event, or of the output port of the signal `shown`.
+        """The handler of an event, or of the output port `shown`.
 
         It knows the leaf weakly, as `weak_method` does. States among its inputs are bound, and need no look.
         """
@@ -118,13 +117,13 @@ class Leaf(LeafSystem):
 
         return handler
 
-    def _declare_computed(self, item: Feedthrough, name: str) -> None:
-        """A port of direct feedthrough, or of a start vector."""
+    def _declare_computed(self, item: Feedthrough) -> None:
+        """Ports of direct feedthrough, or of a start vector."""
         needs = {self.input_port_ticket(self.GetInputPort(read).get_index()) for read in item.reads}
         needs |= {self.xd_ticket(), self.all_parameters_ticket()} if item.reads else {self.all_parameters_ticket()}
-        at = self.spec.signals[name]
-        calculate = self._handler(item.function, 0, item.reads, name)
-        self.DeclareVectorOutputPort(name, at.stop - at.start, calculate, needs)
+        for port, (first, last) in item.ports.items():
+            width = self.spec.signals[last].stop - self.spec.signals[first].start
+            self.DeclareVectorOutputPort(port, width, self._handler(item.function, 0, item.reads, port), needs)
 
 
 def slice_of_memory(at: slice, group: int = 0) -> Callable[[Context, BasicVector], None]:

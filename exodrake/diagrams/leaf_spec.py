@@ -33,6 +33,17 @@ class Feedthrough:
     reads: tuple[str, ...]
     writes: tuple[str, ...]
 
+    @property
+    def ports(self) -> dict[str, tuple[str, str]]:
+        """Name of a port -> first and last signal in it: one for each, and a wide one for all if there are several."""
+        each = {name: (name, name) for name in self.writes}
+        return each | {wide_port(self.writes): (self.writes[0], self.writes[-1])}
+
+
+def wide_port(writes: tuple[str, ...]) -> str:
+    """Name of the port that shows all signals of a function side by side: `tension+tension_spool`."""
+    return "+".join(writes)
+
 
 @dataclass(frozen=True)
 class InputSpec:

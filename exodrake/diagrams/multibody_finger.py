@@ -36,6 +36,7 @@ class MultibodyFinger(Diagram):
         - rate
         - tension_finger
         - tension
+        - tension_spool
 
     stroke and tensions per tendon [m], [N]; angle and rate per joint [rad], [rad/s]. `plant` is the MultibodyPlant.
 
@@ -58,7 +59,7 @@ class MultibodyFinger(Diagram):
         builder.ExportInput(tendons.GetInputPort("stroke"), "stroke")
         builder.ExportOutput(split.GetOutputPort("angle"), "angle")
         builder.ExportOutput(split.GetOutputPort("rate"), "rate")
-        for name in ("tension_finger", "tension"):
+        for name in ("tension_finger", "tension", "tension_spool"):
             builder.ExportOutput(tendons.GetOutputPort("tension"), name)
         builder.BuildInto(self)
         self.set_name(FINGER)

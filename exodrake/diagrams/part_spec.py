@@ -78,9 +78,34 @@ def separate_inputs(machine: Machine, part: Part) -> dict[str, InputSpec]:
     return {name: InputSpec(width, {name: slice(0, width)}) for name, width in widths.items()}
 
 
-def reads_in(tasks: list[Task]) -> tuple[str, ...]:
-    """Signals that some tasks read."""
-    return tuple(name for task in tasks for name in task.reads)
+def updates_of(
+    machine: Machine, part: Part, ports: Mapping[str, InputSpec], substeps: int
+) -> tuple[PeriodicUpdate, ...]:
+    """The periodic events of a part."""
+    return tuple(
+        PeriodicUpdate(part_function(machine, part, f"event__{event}"), constant, reads, *when)
+        for event, tasks in event_tasks(part).items()
+        for reads in [ports_behind(part, ports, tuple(name for task in tasks for name in task.reads))]
+        for constant, *when in times(machine, tasks[0], substeps)
+    )
+
+
+def computed_of(machine: Machine, part: Part, ports: Mapping[str, InputSpec]) -> tuple[Feedthrough, ...]:
+    """The ports of a part that are computed: those of direct feedthrough, and of the start vectors that it fills."""
+    through = [
+        Feedthrough(part_function(machine, part, f"port__{o.function}"), ports_behind(part, ports, o.reads), o.writes)
+        for o in part.outputs
+        if o.reads
+    ]
+    if part.fills_start:
+        through.append(Feedthrough(part_function(machine, part, "port__start"), (), start_vectors(part)))
+    return tuple(through)
+
+
+def ports_behind(part: Part, ports: Mapping[str, InputSpec], reads: tuple[str, ...]) -> tuple[str, ...]:
+    """Input ports that carry signals, or say what depends on them."""
+    carrier = {signal: name for name, port in ports.items() for signal in port.signals}
+    return tuple(dict.fromkeys(name if name in ports else carrier[name] for name in reads_of(part, reads)))
 
 
 def part_spec(
@@ -99,26 +124,8 @@ def part_spec(
         substeps: plant ticks per slot.
         inputs: the input ports; None: one for each signal read.
     """
-    parameters = np.array(values[parameters_of(machine, part)])
-    start = start_arrays(machine, values)
     ports = dict(separate_inputs(machine, part) if inputs is None else inputs)
-    carrier = {signal: name for name, port in ports.items() for signal in port.signals}
-
-    def needed(reads: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(name if name in ports else carrier[name] for name in reads_of(part, reads)))
-
-    updates = [
-        PeriodicUpdate(part_function(machine, part, f"event__{event}"), constant, needed(reads_in(tasks)), *when)
-        for event, tasks in event_tasks(part).items()
-        for constant, *when in times(machine, tasks[0], substeps)
-    ]
-    computed = [
-        Feedthrough(part_function(machine, part, f"port__{o.function}"), needed(o.reads), o.writes)
-        for o in part.outputs
-        if o.reads
-    ]
-    if part.fills_start:
-        computed.append(Feedthrough(part_function(machine, part, "port__start"), (), start_vectors(part)))
+    parameters, start = np.array(values[parameters_of(machine, part)]), start_arrays(machine, values)
     return LeafSpec(
         name=part.name,
         inputs=ports,
@@ -127,10 +134,10 @@ def part_spec(
         memory=initial_memory(machine, part, parameters, start),
         signals=layout(machine, part),
         reads=table_reads(part),
-        updates=tuple(updates),
+        updates=updates_of(machine, part, ports, substeps),
         start=part_function(machine, part, "event__start"),
         hold=part_function(machine, part, "event__hold"),
         start_vectors={name: start[name] for name in start_reads(part)},
-        computed=tuple(computed),
+        computed=computed_of(machine, part, ports),
         scratch_size=len(scratch_of(machine, part)),
     )

@@ -51,6 +51,7 @@ class TendonFinger(Part):
         - tension_finger
         - tension
         - tension_spool
+        - tension+tension_spool
         - start_stroke
         - memory
 
