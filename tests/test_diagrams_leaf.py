@@ -127,7 +127,7 @@ def test_one_python_event_a_part_and_tick(monkeypatch):
     simulator = Simulator(build_diagram(nominal(), wavy(2.0)))
     simulator.AdvanceTo(2.0)
     a_second = {"finger": 500, "motor": 500, "sensor": 650, "encoder": 150, "mocap": 50, "controller": 50, "bus": 150}
-    shown = {"finger tension": 1000 + 1, "sensor cell": 2 * 50 + 1}
+    shown = {"finger tension": 1000 + 1, "finger tension_spool": 1000 + 1, "sensor cell": 2 * 50 + 1}
     assert calls == {name: 2 * count for name, count in a_second.items()} | shown
 
 
