@@ -165,13 +165,10 @@ def channels(comparison: Comparison) -> tuple[Channel, ...]:
         held = [(at_ends(pair.measured[:, i]), at_ends(pair.nominal[:, i])) for pair in comparison.pairs]
         values = np.concatenate([pair.measured[:, i] for pair in comparison.pairs])
         noise = [fast_noise(pair.measured[:, i]) for pair in comparison.pairs if len(pair.measured) > 2 * HELD]
-        found.append(
-            Channel(
-                column, float(np.mean(np.concatenate(missing))), max(longest_run(m, of=True)[1] for m in missing),
-                *(float(np.mean(np.concatenate(one))) for one in zip(*held, strict=True)),
-                float(np.std(values)), float(np.median(noise)) if noise else 0.0,
-            )
-        )  # fmt: skip
+        lost, longest = float(np.mean(np.concatenate(missing))), max(longest_run(m, of=True)[1] for m in missing)
+        measured, nominal = (float(np.mean(np.concatenate(one))) for one in zip(*held, strict=True))
+        fast = float(np.median(noise)) if noise else 0.0
+        found.append(Channel(column, lost, longest, measured, nominal, float(np.std(values)), fast))
     return tuple(found)
 
 
