@@ -92,8 +92,13 @@
 
   function read(u, title) {
     const i = u.cursor.idx;
-    title.textContent = i == null ? title.dataset.rest
-      : number(u.data[0][i]) + " s:  " + u.data.slice(1).map((row) => number(row[i])).join("   ");
+    title.textContent = i == null ? title.dataset.rest : number(u.data[0][i]) + " s:";
+    if (i == null) return;
+    u.data.slice(1).forEach((row, k) => {
+      const value = title.appendChild(document.createElement("span"));
+      value.textContent = "   " + number(row[i]);
+      value.style.color = u.series[k + 1].stroke();
+    });
   }
 
   function panel(cell, kind, column, time) {
