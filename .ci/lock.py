@@ -32,8 +32,8 @@ exodrake is under [BSD-3-Clause](https://opensource.org/license/bsd-3-clause). I
 packages, whose licences are as their metadata state them; those in the second table serve its tests, documentation and
 benchmarks alone. Made by `make lock`.
 
-It contains [uPlot](https://github.com/leeoniya/uPlot) 1.6.32, which draws the curves of its reports, under the MIT licence
-(`exodrake/report/templates/uplot/LICENSE`).
+It contains [uPlot](https://github.com/leeoniya/uPlot) 1.6.32, which draws the curves of its reports, under the MIT
+licence (`exodrake/report/templates/uplot/LICENSE`).
 """
 
 

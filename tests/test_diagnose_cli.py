@@ -1,5 +1,6 @@
 """`exodrake diagnose` and `exodrake demo`: files, exit status, what is printed. No diagnosis is run."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ import exodrake.diagnosis.pipeline as pipeline
 from exodrake.cli.diagnose import robot_text
 from exodrake.cli.main import cli
 from exodrake.core.progress import Stage, fraction
+from exodrake.data.case_folder import read_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
@@ -64,6 +66,17 @@ def test_files_are_written(case, answered, tmp_path):
     assert robot["finger.kappa.MCP"] == pytest.approx(0.0712)
     assert robot["tendon.capstan_friction.mu_phi.AF"] == pytest.approx(0.3)
     assert robot["tendon.capstan_friction.mu_phi.AE"] == 0.0
+
+
+def test_answer_states_command_and_hashes_and_no_absolute_path(case, answered, tmp_path):
+    answered(NAMED)
+    result = run("diagnose", case, f"--json={tmp_path / 'a.json'}", "--report", tmp_path / "r.html")
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "a.json").read_text()
+    assert json.loads(text)["provenance"]["command"] == "exodrake diagnose case --json=a.json --report r.html"
+    assert str(tmp_path) not in text + (tmp_path / "r.html").read_text()
+    data = (case / "a.csv").read_bytes()
+    assert read_case(case).hashes == {"a.csv": hashlib.sha256(data).hexdigest()}
 
 
 def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):

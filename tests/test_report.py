@@ -1,11 +1,14 @@
 """The page and the summary of a diagnosis made by hand: all that it says, nothing from outside, and it renders."""
 
+import json
 import re
 import shutil
 import subprocess
+from base64 import b64decode
 from dataclasses import replace
 from html.parser import HTMLParser
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +16,10 @@ from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulate
 from rich.console import Console
 
 from exodrake.data.envelope import envelope, stretch_of
+from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
 from exodrake.report import number_format, wording
-from exodrake.report.curves import MOST, curves, unpacked
+from exodrake.report.curves import LEVELS, MOST, curves
 from exodrake.report.diagnosis_page import page
 from exodrake.report.how_far import spectra
 from exodrake.report.simulated_logs import SimulatedLogs
@@ -45,6 +49,12 @@ def said(verdict, width=120):
     console = Console(record=True, width=width, file=StringIO())
     print_summary(diagnosis(verdict), console)
     return console.export_text()
+
+
+def unpacked(curve):
+    """The samples of a curve, as `curves.js` reads them; NaN where none was measured."""
+    levels = np.frombuffer(b64decode(curve["levels"]), "<u2")
+    return np.where(levels > LEVELS, np.nan, curve["least"] + curve["height"] * levels)
 
 
 def visible(html):
@@ -265,6 +275,21 @@ def test_binned_means():
     assert len(at) == 10 and np.allclose(at, mean)
 
 
+def test_figure_of_a_long_log_shows_mean_and_range_of_each_channel():
+    """90,000 rows of two channels, one of which a line would cover; a log of a minute is drawn as it is."""
+    time = 0.02 * np.arange(90_000)
+    waves = {"tension_AF": 2.0 + np.sin(5.0 * time), "tension_MF": 2.0 + 0.5 * np.sin(7.0 * time)}
+    axes = Log(time, waves).plot().axes[0]
+    assert [len(line.get_ydata()) for line in axes.lines] == [240, 240]
+    for line, band, size in zip(axes.lines, axes.collections, (1.0, 0.5), strict=True):
+        assert np.abs(line.get_ydata() - 2.0).max() < 0.1
+        heights = band.get_paths()[0].vertices[:, 1]
+        assert heights.min() == pytest.approx(2.0 - size, abs=0.01)
+        assert heights.max() == pytest.approx(2.0 + size, abs=0.01)
+    short = Log(time[:3000], {name: values[:3000] for name, values in waves.items()}).plot().axes[0]
+    assert len(short.lines[0].get_ydata()) == 3000 and not short.collections
+
+
 def test_quantities_have_a_unit_and_as_many_digits_as_they_deserve():
     assert number_format.quantity(0.0123, "m") == "12.3 mm"
     assert number_format.quantity(np.pi / 4, "rad") == "45.0°"
@@ -309,6 +334,17 @@ def test_machine_says_label_and_unit_of_its_columns():
     tension = wording.kind_gaps(found)[0]
     assert tension.display.axis == "Pull [mN]"
     assert number_format.quantity(tension.gap.floor, "N", tension.display.unit) == "10.0 mN"
+
+
+def test_answer_as_json_has_the_keys_of_its_page():
+    answer = diagnosis(AMBIGUOUS).to_json()
+    text = (Path(__file__).parent.parent / "docs" / "explain" / "answer.md").read_text()
+    rows = {row[0]: set(row) for row in (re.findall(r"`(\w+)`", line) for line in text.splitlines()) if row}
+    assert set(answer) <= {"simulated", "simulated_seconds", *rows}
+    for key in ("where", "closure", "provenance"):
+        assert set(answer[key]) <= rows[key], key
+    assert json.loads(json.dumps(answer, allow_nan=False)) == answer
+    assert answer["effects"][0]["parameters"]["mu_phi"] == {"value": 0.3, "low": 0.27, "high": 0.33, "unit": "-"}
 
 
 def test_column_names_split_into_kind_and_channel():

@@ -69,11 +69,3 @@ def packed(values: np.ndarray) -> dict[str, Any]:
     levels = np.full(len(values), LEVELS + 1, "<u2")
     levels[known] = np.round((values[known] - least) / (height or 1.0))
     return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
-
-
-def unpacked(curve: dict[str, Any]) -> np.ndarray:
-    """The curve (n,) of its packed form, as `curves.js` reads it."""
-    from base64 import b64decode
-
-    levels = np.frombuffer(b64decode(curve["levels"]), "<u2")
-    return np.where(levels > LEVELS, np.nan, curve["least"] + curve["height"] * levels)

@@ -19,14 +19,14 @@ def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
     drawn = dict([(NOMINAL, BEFORE), (IMPROVED, AFTER)][: len(w.robots_of(diagnosis))])
     return {
-        "ladder": ladder(diagnosis),
+        "errors": error_by_robot(diagnosis),
         "curves": curves(runs, list(drawn)) if runs.judged else None,
         "gaps": gap_table(diagnosis),
         "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
     }
 
 
-def ladder(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
     closure, robots, rms = diagnosis.closure, w.robots_of(diagnosis), diagnosis.closure.rms
     overall = {"retuned": closure.retune, "after": closure.overall}

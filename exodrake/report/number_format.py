@@ -8,7 +8,7 @@ from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.diagnosis.result import Interval
 
 DIGITS = 3  # significant digits of a quantity
-NEARLY = 0.99  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
+NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %
 
 
 def digits(value: float, count: int = DIGITS) -> str:

@@ -7,6 +7,7 @@
   const sync = uPlot.sync("time");
   const GAP = 65535; // level that marks a missing sample
   const HEIGHT = [150, 92]; // px, of a signal and of its error
+  const PERIODS = 20; // that a panel shows at first; more of them cover each other
   let panels = [], view = null, shown = 0;
 
   const css = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
@@ -56,6 +57,17 @@
     return [0, Math.max(log.step * (log.samples - 1), log.step)];
   }
 
+  function opening() { // the middle of a log with too many periods, by the noise-free curves
+    const log = found.logs[shown], [low, high] = whole();
+    const crossings = log.columns.map((column) => {
+      const curve = unpacked(column.nominal).filter((value) => value != null);
+      const mean = curve.reduce((a, b) => a + b, 0) / curve.length;
+      return curve.filter((value, i) => i && value > mean !== curve[i - 1] > mean).length;
+    });
+    const half = (high - low) / 2 * Math.min(1, 2 * PERIODS / Math.max(...crossings));
+    return half < (high - low) / 2 ? [(low + high) / 2 - half, (low + high) / 2 + half] : null;
+  }
+
   function moved(shift, scale) {
     const [low, high] = whole(), [a, b] = view || [low, high];
     const width = Math.min((b - a) * scale, high - low), middle = (a + b) / 2 + shift * (b - a);
@@ -92,8 +104,13 @@
 
   function read(u, title) {
     const i = u.cursor.idx;
-    title.textContent = i == null ? title.dataset.rest
-      : number(u.data[0][i]) + " s:  " + u.data.slice(1).map((row) => number(row[i])).join("   ");
+    title.textContent = i == null ? title.dataset.rest : number(u.data[0][i]) + " s:";
+    if (i == null) return;
+    u.data.slice(1).forEach((row, k) => {
+      const value = title.appendChild(document.createElement("span"));
+      value.textContent = "   " + number(row[i]);
+      value.style.color = u.series[k + 1].stroke();
+    });
   }
 
   function panel(cell, kind, column, time) {
@@ -133,9 +150,11 @@
       const cells = columns.map(() => place.appendChild(document.createElement("div"))); // all, since they share the width
       cells.forEach((cell, i) => { cell.className = "channel"; panel(cell, kind, columns[i], time); });
     }
-    const note = document.getElementById("stretch");
-    note.textContent = log.stretch > 1 ? "Each stretch of " + log.stretch + " samples is drawn by its least and its largest." : "";
-    if (view) { const kept = view; view = null; zoomed(kept); }
+    const part = opening(), kept = view || part;
+    document.getElementById("stretch").textContent = (part ? "At first, the middle of the log is shown. " : "")
+      + (log.stretch > 1 ? "Each stretch of " + log.stretch + " samples is drawn by its least and its largest." : "");
+    view = null;
+    if (kept) zoomed(kept);
   }
 
   for (const button of document.querySelectorAll(".zoom button"))
