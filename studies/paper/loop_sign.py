@@ -2,7 +2,8 @@
 
     v_ref = kp (F_ref - F) + sign kd F'        tau v' = v_ref - v        F' = k v
 
-Printed sign +1, corrected -1 (`physics.md` 1.3). The whole robot's loop is on the page `closed_loop.md`.
+Printed sign +1, corrected -1 (`physics.md` 1.3). On the whole robot (`closed_loop.md`) the sign makes no such
+difference, and the paper prints no gains: which of the two its robot is like cannot be checked.
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 STIFFNESS, LAG, FRAME = 3000.0, 0.02, 0.02  # N/m, s, s; lag assumed
 KP, KD = 5e-3, 1e-4  # m/(s N), m/N; assumed, none is printed
 FRAMES = 60
+REST, SETTLE = (4.0, 3.0, 1.0), 300  # N on AF, MF, AE before the step, as in `closed_loop.md`; frames
 
 
 def step(sign: float, kp: float = KP, kd: float = KD) -> tuple[np.ndarray, np.ndarray]:
@@ -29,6 +31,20 @@ def step(sign: float, kp: float = KP, kd: float = KD) -> tuple[np.ndarray, np.nd
 def overshoot(sign: float) -> float:
     """Overshoot as a share of the step."""
     return max(float(step(sign)[1].max()) - 1.0, 0.0)
+
+
+def robot_overshoot(robot) -> float:
+    """Largest overshoot of a tension after a step of its reference by 1 N, a share of it; simulated without noise."""
+    from exodrake.compiled.inputs import Reference
+    from exodrake.simulation.simulate import simulate
+
+    found = []
+    for wire, name in enumerate(robot.machine.axes.tendons):
+        rows = np.tile(REST, (2 * SETTLE, 1))
+        rows[SETTLE:, wire] += 1.0
+        tension = simulate(robot, Reference(rows, "step"), seed=None)[f"tension_{name}"]
+        found.append(tension[SETTLE:].max() - rows[-1, wire])
+    return max(0.0, float(max(found)))
 
 
 def figure() -> str:

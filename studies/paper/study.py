@@ -12,13 +12,14 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
-from exodrake.estimator.validate import Score, validate
+from exodrake.estimator.validate import Score, score, validate
 from studies.paper.claim import Effort
 from studies.paper.comparison import Comparison, compare
 
 MU_PHI = 0.15  # capstan friction, wrap times coefficient; [A] within `physics.md` 4.B
 CREEP_STIFFNESS, CREEP_TIME = 8000.0, 10.0  # N/m, s; the initial values of the effect library
 HELD_OUT = 12  # sweeps of the 48
+FEW = 12  # sweeps up and down that are compared with all training sweeps while loading
 FAST = 99.9  # percentile of the joint rates that counts as fastest
 DATA, MODEL = "Gaussian process", "constant stiffness"
 
@@ -28,7 +29,8 @@ class Study:
     """Results on the worn robot, and the comparison on the clean one.
 
     held: rows of the held-out sweeps; mean, std, model: (n, 3) [rad] predicted by the estimator and by constant
-    stiffness; rate: fastest joint rate [rad/s]; seconds: length of the protocol; sweeps: in all; points: trained on.
+    stiffness; recorded: scores of the estimator by the sweeps that it was trained on; rate: fastest joint rate [rad/s];
+    seconds: length of the protocol; sweeps: in all; points: trained on.
     """
 
     held: Sweeps
@@ -38,6 +40,7 @@ class Study:
     worn: Comparison
     clean: Comparison
     scores: tuple[Score, ...]
+    recorded: tuple[Score, ...]
     rate: float
     seconds: float
     sweeps: int
@@ -51,6 +54,11 @@ class Study:
     def ratio(self) -> float:
         """How many times the model's error is the estimator's."""
         return self.error(MODEL) / self.error(DATA)
+
+    @property
+    def clean_ratio(self) -> float:
+        """The same on the robot without friction and creep."""
+        return float(self.clean.rmse[MODEL].mean() / self.clean.rmse[DATA].mean())
 
     def split(self, name: str, method: str = DATA) -> Score:
         """Score of a method under a split (`validate.RANDOM`, `validate.HELD_OUT`)."""
@@ -95,9 +103,40 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
     return Study(
         held, mean, std, posture(held.tension, worn.stiffness.parameters(linear(parameters))), worn,
         clean_comparison(robot, reference, effort, seed), validate(prior, rows, effort.points, seed),
+        recorded_sweeps(training, held, effort.clean_points),
         float(np.percentile(np.abs(recording.signals["rate"]), FAST)), float(recording.time[-1] + robot.machine.frame),
         rows.count, effort.points,
     )  # fmt: skip
+
+
+def recorded_sweeps(training: Sweeps, held: Sweeps, points: int) -> tuple[Score, ...]:
+    """Scores on whole held-out sweeps after training on all sweeps, on a few, and on the loading half of all."""
+    from exodrake.estimator.gp import condition
+    from exodrake.estimator.prior import learn
+
+    labels = np.unique(training.sweep)
+    few = labels[:: len(labels) // FEW][:FEW]
+    choices = {
+        f"{len(labels)} up and down": training,
+        f"{FEW} up and down": training.rows(np.isin(training.sweep, few)),
+        f"{len(labels)} loading only": training.rows(loading(training)),
+    }
+    found = []
+    for name, part in choices.items():
+        mean, std, _ = condition(learn(part, points), part, points).predict(held.tension, held.stroke)
+        found.append(score(name, "held-out sweeps", held.angle, mean, std))
+    return tuple(found)
+
+
+def loading(sweeps: Sweeps) -> np.ndarray:
+    """Mask (rows,) of the rows up to the largest tension of the wire that is swept."""
+    mask = np.zeros(len(sweeps), dtype=bool)
+    for label in np.unique(sweeps.sweep):
+        rows = np.flatnonzero(sweeps.sweep == label)
+        tension = sweeps.tension[rows]
+        wire = int(np.argmax(np.ptp(tension, axis=0)))
+        mask[rows[: int(np.argmax(tension[:, wire])) + 1]] = True
+    return mask
 
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.identification.workspace.area import monte_carlo, reach
+from exodrake.identification.workspace.area import reach
 from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, Ranges
 
 ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.
@@ -39,7 +39,6 @@ def table_2(assisted=None) -> list[Claim]:
         Claim("S.M. area [mm2]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
         *_assisted_rows(assisted, areas),
         _share(),
-        _digits(),
     ]
 
 
@@ -65,13 +64,3 @@ def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
 def _share() -> Claim:
     ratio = 100 * AREAS["A.M."] / AREAS["S.M."]
     return Claim("A.M. / S.M. [%]", f"{SHARE:.2f}", f"{ratio:.2f}", FOLLOWS, "Quotient of the two printed areas.")
-
-
-def _digits() -> Claim:
-    """Estimate the number of points that the two printed decimals need."""
-    drawn = monte_carlo(LENGTHS, SPONTANEOUS, samples=10_000)
-    needed = (drawn.error / 0.005e-6) ** 2 * drawn.samples
-    text = f"standard error {1e6 * drawn.error:.0f} for {drawn.samples} points"
-    power = int(np.floor(np.log10(needed)))
-    why = f"Two decimals of a Monte Carlo area take about {needed / 10**power:.0f}e{power} points; N is not stated."
-    return Claim("decimals of the areas [mm2]", "0.01", text, DOES_NOT, why)

@@ -91,19 +91,19 @@ class Finger:
         by_change = np.zeros((frames if derivatives else 0, SEGMENTS, TRIAD, 3, ALL))
         for k in range(SEGMENTS):
             x = np.broadcast_to(self.markers[k], (frames, TRIAD, 3))
-            angle, change = by_angle[:, k], by_change[:, k]
-            if derivatives:
-                for marker in range(TRIAD):
-                    start = 9 * k + 3 * marker
-                    change[:, marker, :, start : start + 3] = np.eye(3)
+            angle, change, turn = by_angle[:, k], by_change[:, k], np.broadcast_to(np.eye(3), (frames, 3, 3))
             for number in reversed(range(k + 1 if k else 0)):
                 x = self._carried(number, x, angles[:, number], turns[number], angle, change if derivatives else None)
+                turn = turns[number] @ turn
             place[:, k] = x
+            for marker in range(TRIAD if derivatives else 0):
+                start = 9 * k + 3 * marker
+                change[:, marker, :, start : start + 3] = turn
         flat = (frames, SEGMENTS * TRIAD, 3)
         return place.reshape(flat), by_angle.reshape(*flat, 4), by_change.reshape(len(by_change), *flat[1:], ALL)
 
     def _carried(self, number, x, theta, turn, angle, change) -> np.ndarray:
-        """Carry markers x (frames, 3, 3) [m] and their derivatives by one joint, and add its own derivatives."""
+        """Carry markers x (frames, 3, 3) [m] and their derivatives by one joint, and add those of the joint."""
         axis, rotate = self.axes[number], turn[:, None]
         centre = axis.centre(theta)[:, None]
         lever = x - centre
@@ -113,7 +113,8 @@ class Finger:
         angle[..., number] = np.cross(axis.direction, turned) + still @ axis.slope
         if change is not None:
             start = COUNT + PER_AXIS * number
-            change[:] = rotate @ change
+            beyond = slice(start + PER_AXIS, ALL)  # of the joints between this one and the markers
+            change[..., beyond] = rotate @ change[..., beyond]
             change[..., start : start + 3] = rotate @ hat(lever) - hat(turned)
             change[..., start + 3 : start + 6] = still
             change[..., start + 6 : start + 9] = theta[:, None, None, None] * still
