@@ -131,10 +131,6 @@ def test_each_task_of_the_readme_is_short():
         assert len(lines) <= {"sh": 3, "python": 15}.get(language, 99), source
 
 
-def test_the_readme_counts_the_effects():
-    assert f"{len(exo.load_robot().machine.effects)} effects" in (ROOT / "README.md").read_text()
-
-
 NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 
 
