@@ -10,6 +10,7 @@ from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog
 from exodrake.data.case_folder import read_case as read_case, write_case as write_case
 from exodrake.data.clock import regularise as regularise
+from exodrake.data.compare import Comparison as Comparison, compare as compare
 from exodrake.data.log import Log as Log
 from exodrake.data.log_file import read_log as read_log, write_log as write_log
 from exodrake.diagnosis.pipeline import diagnose as diagnose

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.diagrams.meshcat import Thing, frames_of, recording_html
+from exodrake.diagrams.meshcat import Thing, beside, frames_of, recording_html
 from exodrake.diagrams.meshcat.page import STOPS, colours
-from exodrake.diagrams.meshcat.shapes import along, skeleton, span, tip
+from exodrake.diagrams.meshcat.shapes import along, skeleton, span
 
 ROBOT = exo.load_robot()
 
@@ -34,8 +34,8 @@ def test_drawn_tendons_shorten_as_the_model_says(tendon, joints, side):
 
 
 def test_tip():
-    assert tip(ROBOT, np.zeros(3)) == pytest.approx([0.0815, 0.0, 0.0])
-    assert tip(ROBOT, np.array([np.pi / 2, 0, 0])) == pytest.approx([0.0, 0.0, -0.0815])
+    assert skeleton(ROBOT).tip(np.zeros(3)) == pytest.approx([0.0815, 0.0, 0.0])
+    assert skeleton(ROBOT).tip(np.array([np.pi / 2, 0, 0])) == pytest.approx([0.0, 0.0, -0.0815])
 
 
 def test_colours_run_from_grey_to_red():
@@ -52,16 +52,35 @@ def test_page_stands_alone(log):
     assert "localhost" not in page.split("</script>")[-2]
 
 
+def test_a_second_run_is_a_ghost_at_the_same_times(log):
+    """Half as long a second log holds its end; the page has its angles and says whose they are."""
+    late = log.rows(slice(0, len(log) // 2))
+    time, angle, _ = frames_of(log, skeleton(ROBOT), "angle")
+    ghost = beside(time, *frames_of(late, skeleton(ROBOT), "angle")[:2])
+    cut = len(time) // 2 - 1
+    np.testing.assert_allclose(ghost[:cut], angle[:cut], atol=1e-9)
+    np.testing.assert_allclose(ghost[-1], ghost[len(time) // 2 + 1])
+    page = recording_html(log, ROBOT, "caging", other=late, names=("rusty", "the nominal one"), details=["line <1>"])
+    assert "grey: the nominal one" in page and "line &lt;1&gt;" in page and "exo-ghost" in page
+    assert "grey: " not in recording_html(log, ROBOT)
+
+
+def test_the_page_has_visible_controls(log):
+    page = recording_html(log, ROBOT)
+    for name in ("exo-button", "exo-slider", "exo-speed", "exo-time"):
+        assert f'id="{name}"' in page and f'getElementById("{name}")' in page
+
+
 def test_long_logs_stay_small():
     log = exo.simulate(ROBOT, exo.sweeps(ROBOT))
-    assert len(frames_of(log, ROBOT, "angle")[0]) <= 500
+    assert len(frames_of(log, skeleton(ROBOT), "angle")[0]) <= 500
     assert len(recording_html(log, ROBOT)) < 5e6
 
 
 def test_gaps_are_bridged_and_empty_columns_refused(log):
     gap = log["angle_PIP"].copy()
     gap[20:40] = np.nan
-    assert np.isfinite(frames_of(log.with_signals({"angle_PIP": gap}), ROBOT, "angle")[1]).all()
+    assert np.isfinite(frames_of(log.with_signals({"angle_PIP": gap}), skeleton(ROBOT), "angle")[1]).all()
     with pytest.raises(exo.InputError, match="empty"):
         recording_html(log.with_signals({"angle_PIP": np.full(len(log), np.nan)}), ROBOT)
     with pytest.raises(exo.InputError, match="angle_est"):
@@ -73,5 +92,5 @@ def test_one_row(log):
 
 
 def test_robot_without_finger_is_refused_by_name(log):
-    with pytest.raises(exo.InputError, match="emps: no tendon-driven finger"):
+    with pytest.raises(exo.InputError, match="emps: nothing to draw"):
         recording_html(log, exo.load_robot("emps"))

@@ -30,9 +30,10 @@ def made(tmp_path_factory):
 
 def test_files_and_summary(made):
     folder, output = made
-    names = {"log.csv", "scenario.yaml", "figure.png", "recording.html"}
+    names = {"log.csv", "nominal.csv", "scenario.yaml", "figure.png", "recording.html"}
     assert {path.name for path in folder.iterdir()} == names
-    assert all(word in output for word in (*names, "tendon.capstan_friction", "AF", "MCP", "RMS error"))
+    words = ("tendon.capstan_friction: mu_phi 0.3 on AF, AE", "finger.kappa.MCP = 0.09 N m/rad", "RMS from", "nominal")
+    assert all(word in output for word in (*names, *words, "angle MCP", "tension AF"))
     assert (folder / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -40,6 +41,25 @@ def test_the_log_is_lossless(made):
     robot = exo.load_robot().with_parameters({"finger.kappa.MCP": 0.09})
     robot = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3}, ["AF", "AE"])
     assert exo.read_log(made[0] / "log.csv").equals(exo.simulate(robot, exo.protocol(SHORT), seed=3))
+
+
+def test_the_nominal_run_is_the_same_without_what_was_asked_for(made):
+    """The same references and noise; the ghost and the heading of the recording say so."""
+    nominal = exo.read_log(made[0] / "nominal.csv")
+    assert nominal.equals(exo.simulate(exo.load_robot(), SHORT, seed=3))
+    page = (made[0] / "recording.html").read_text()
+    assert "grey: nominal" in page and "mu_phi 0.3 on AF, AE" in page and "seed 3" in page
+
+
+def test_a_plain_run_has_no_nominal_one_beside_it(tmp_path):
+    assert run("simulate", SHORT, "--out", tmp_path / "out").exit_code == 0
+    assert not (tmp_path / "out" / "nominal.csv").exists()
+    assert "grey: " not in (tmp_path / "out" / "recording.html").read_text()
+
+
+def test_values_outside_their_range_are_noted_with_the_unit_meant(tmp_path):
+    result = run("simulate", SHORT, "--effect", "tendon.slack:length=2@AF", "--out", tmp_path / "out")
+    assert "tendon.slack.length (AF) = 2 m" in result.output and "did you mean 2 mm?" in result.output
 
 
 def test_the_scenario_makes_the_same_log_again(made, tmp_path):

@@ -83,6 +83,6 @@ def test_values_of_effects_have_ranges_too():
 
 def test_tolerances_of_the_robot_file_are_stated():
     stated = exo.load_robot().parameters()
-    assert stated["motor.r.AF"].in_words["tolerance"] == "±1 %, at most 10 %"
-    assert stated["finger.q0.DIP"].in_words["tolerance"] == "±0.01 rad, at most 0.03"
+    assert stated["motor.r.AF"].texts["tolerance"] == "±1 %, at most 10 %"
+    assert stated["finger.q0.DIP"].texts["tolerance"] == "±0.01 rad, at most 0.03"
     assert stated["motor.N"].tolerance is None and stated["motor.N"].source == "[P] gear 69:1"

@@ -21,4 +21,5 @@ def command(robot: str, out: Path) -> None:
     if out.suffix.lower() != ".svg":
         raise InputError(f"{out}: the drawing is an SVG; its name ends in .svg")
     write_text(out, wiring_svg(machine))
-    click.echo(f"{out}: {len(machine.parts)} parts, {len(machine.signals)} signals")
+    names = ", ".join(part.name for part in machine.parts)
+    click.echo(f"{out}: {len(machine.parts)} parts ({names}) joined by {len(machine.signals)} signals")

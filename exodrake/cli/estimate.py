@@ -8,6 +8,8 @@ import click
 if TYPE_CHECKING:
     from exodrake.estimator.strokes import Zeros
 
+BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
+
 
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
@@ -15,23 +17,36 @@ if TYPE_CHECKING:
 @click.option(
     "--out", type=click.Path(path_type=Path), default=None, help="Write the log with angle_est and angle_std columns."
 )
-@click.option("--robot", type=click.Path(path_type=Path), default=None, help="Robot file the estimator must belong to.")
+@click.option(
+    "--figure", type=click.Path(path_type=Path), default=None, metavar="PNG",
+    help="Figure of the log with the estimated angles [beside --out].",
+)  # fmt: skip
+@click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
 @click.option("--as-trained", is_flag=True, help="Keep the zeros of the training, even if those of LOG have moved.")
-def command(log: Path, estimator: Path, out: Path | None, robot: Path | None, as_trained: bool) -> None:
+def command(log: Path, estimator: Path, out: Path | None, figure: Path | None, robot: str, as_trained: bool) -> None:
     """Joint angles of LOG with their standard deviations, and the share of samples unlike the training sweeps.
 
     Tests whether the zeros of the strokes have moved since the training, as re-donning does, and corrects them. Where
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
+    from exodrake.core.errors import InputError
     from exodrake.data.log_file import read_log, write_log
+    from exodrake.data.plot import save_png
     from exodrake.estimator.file import load, signature
     from exodrake.estimator.validate import estimate
+    from exodrake.machines.library import robot_yaml
 
-    trained = load(estimator, signature(robot) if robot else None)
+    if figure is not None and figure.suffix.lower() != ".png":
+        raise InputError(f"{figure}: the figure is a PNG; its name ends in .png")
+    trained = load(estimator, signature(robot_yaml(robot) or robot) if robot else None)
     found = estimate(trained, read_log(log), correct=not as_trained)
     if out:
         write_log(found.log, out)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")
+        figure = figure or out.with_name(out.name.split(".")[0] + ".png")
+    if figure:
+        save_png(found.log.plot(f"{log.name}, estimated", details=[BAND]), figure)
+        click.echo(f"{figure}: the log with its estimate")
     if found.zeros is not None:
         click.echo(zeros_text(found.zeros, corrected=not as_trained))
     click.echo(f"unlike the training sweeps: {100 * found.flagged:.1f} % of samples")

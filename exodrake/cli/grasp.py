@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import refuse_others, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
@@ -51,6 +51,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
+    refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
     with Console(stderr=True).status("planning (the statics compile for some seconds)") as status:
         plan = plan_grasp(mode, wanted, built)

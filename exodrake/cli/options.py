@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from exodrake.core.errors import InputError
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
 
 DEFAULT = "exo_index"  # the machine of a command that is given none
 MACHINE = "exodrake.machine"  # key of the machine that --machine registered, in the context's `meta`
@@ -91,6 +94,12 @@ def without_machine(name: str, command: click.Command) -> click.Command:
         option = click.Option(["--machine"], hidden=True, expose_value=False, is_eager=True, callback=refuse)
         command.params.append(option)
     return command
+
+
+def refuse_others(name: str, robot: Robot, parameter: str) -> None:
+    """InputError with the reason why a command does not take a machine that lacks a parameter."""
+    if not any(one.name.startswith(f"{parameter}.") for one in robot.machine.parameters):
+        raise InputError(f"{robot.machine.name}: not for `exodrake {name}`, since {OTHERS[name]}")
 
 
 def robot_named(context: click.Context, parameter: click.Parameter, value: Any) -> Any:

@@ -13,8 +13,7 @@ import click
 from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from exodrake.compiled.inputs import Reference
     from exodrake.core.robot import Robot
     from exodrake.data.log import Log
     from exodrake.simulation.scenario import Scenario
@@ -42,11 +41,15 @@ MANY = {"multiple": True, "metavar": "TEXT"}
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 
+    With --effect, --set or --part the nominal robot runs beside it: nominal.csv, dotted in the figure, a grey ghost in
+    the recording.
+
     PROTOCOL is a grasp mode (caging, narrow-pinch, wide-pinch) or one of sweeps, short-sweeps, chirp, holds, steps,
     multisine, random-motion; options of its own follow a colon: `caging:hold=4`, `chirp:low=0.1,high=1.5`.
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    from exodrake.cli.run_summary import show, warn
     from exodrake.core.files import write_folder
     from exodrake.data.log_file import log_bytes
 
@@ -58,10 +61,13 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=stderr(), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
-        log = scenario.simulate(built, what)
-        contents = files_of(scenario, built, log, what.name, lambda text: progress.update(task, description=text))
-        files = write_folder(folder, {"log.csv": log_bytes(log, folder / "log.csv"), **contents})
-    show(built, log, folder, [file.name for file in files])
+        log, nominal = scenario.simulate(built, what), nominal_of(scenario, built, what)
+        logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
+        say = lambda text: progress.update(task, description=text)  # noqa: E731
+        contents = files_of(scenario, built, log, what.name, say, nominal)
+        written = {name: log_bytes(one, folder / name) for name, one in logs.items()}
+        files = write_folder(folder, {**written, **contents})
+    show(scenario, built, log, nominal, folder, [file.name for file in files])
     warn(built)
 
 
@@ -112,21 +118,35 @@ def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
     return scenario, scenario.build_robot()
 
 
-def files_of(scenario: Scenario, robot: Robot, log: Log, name: str, say) -> dict[str, bytes]:
-    """Contents of all files but the log. A scenario that followed a log refers to the log written beside it."""
+def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
+    """The same run of the robot without the effects, parameters and variants asked for; None where there are none."""
+    if not (scenario.effects or scenario.parameters or scenario.parts):
+        return None
+    plain = replace(scenario, effects={}, parameters={}, parts=())
+    return plain.simulate(plain.build_robot(), what)
+
+
+def files_of(
+    scenario: Scenario, robot: Robot, log: Log, name: str, say, nominal: Log | None = None
+) -> dict[str, bytes]:
+    """Contents of all files but the logs. A scenario that followed a log refers to the log written beside it."""
+    from exodrake.cli.run_summary import changes
+    from exodrake.data.compare import compare, remarks
     from exodrake.data.plot import png_of
     from exodrake.diagrams.meshcat import recording_html
-    from exodrake.diagrams.meshcat.shapes import has_finger
     from exodrake.simulation.scenario import scenario_text
 
     again = replace(scenario, reference="log.csv") if scenario.reference else scenario
-    title = ", ".join([name.replace("-", " "), *robot.effects()])
+    title, details, machine = name.replace("-", " "), changes(scenario, robot), robot.machine
+    said = remarks(compare(nominal, log), log, machine) if nominal is not None else {}
     say("drawing the figure")
-    figure = png_of(log.plot(title, machine=robot.machine))
-    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": figure}
-    if has_finger(robot):
+    names = ("this run", "nominal")
+    figure = log.plot(title, nominal, names, machine=machine, details=["; ".join(details)], remarks=said)
+    files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": png_of(figure)}
+    if machine.skeleton is not None:
         say("drawing the recording")
-        files["recording.html"] = recording_html(log, robot, title).encode()
+        page = recording_html(log, robot, title, other=nominal, names=names, details=details)
+        files["recording.html"] = page.encode()
     return files
 
 
@@ -141,72 +161,3 @@ def check_folder(folder: Path) -> None:
         parent = parent.parent
     if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise InputError(f"{folder}: {parent} takes no files")
-
-
-def show(robot: Robot, log: Log, folder: Path, names: list[str]) -> None:
-    """Prints how well the references were followed, where the joints went, and the files."""
-    from rich.console import Console
-    from rich.markup import escape
-
-    console = Console()
-    console.print(f"[bold]{escape(log.label)}[/bold]  {log.duration:g} s, {len(log)} rows")
-    for identity in robot.effects():
-        console.print(f"with {identity}")
-    console.print(tendon_table(robot, log) if log.has("tension_ref") else channel_table(robot, log))
-    console.print(f"[bold]{escape(str(folder))}/[/bold]  {'  '.join(names)}", soft_wrap=True)
-
-
-def tendon_table(robot: Robot, log: Log) -> Table:
-    """Tensions wanted and reached, and where the joints went."""
-    from rich.table import Table
-
-    axes = robot.machine.axes
-    wanted, found, angle = log.array("tension_ref"), log.array("tension"), log.array("angle")
-    shares = wanted.sum(axis=1)
-    peak = len(shares) - 1 - int(shares[::-1].argmax())  # the end of a hold
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in (
-        "tendon",
-        "wanted up to",
-        "reached",
-        "RMS error",
-        "",
-        "joint",
-        f"at {log.time[peak]:.2f} s",
-        "in the end",
-    ):
-        table.add_column(title, justify="left" if title in ("tendon", "joint", "") else "right")
-    for i in range(max(len(axes.tendons), len(axes.joints))):
-        tendon = ("", "", "", "")
-        if i < len(axes.tendons):
-            error = float(((wanted[:, i] - found[:, i]) ** 2).mean() ** 0.5)
-            tendon = (axes.tendons[i], f"{wanted[:, i].max():.2f} N", f"{found[:, i].max():.2f} N", f"{error:.3f} N")
-        joint = (axes.joints[i], f"{angle[peak, i]:.3f} rad", f"{angle[-1, i]:.3f} rad") if i < len(axes.joints) else ()
-        table.add_row(*tendon, "  ", *joint)
-    return table
-
-
-def channel_table(robot: Robot, log: Log) -> Table:
-    """Range of each measured channel, and how far it was from its reference."""
-    from exodrake.core.display import display_of
-    from exodrake.report.terminal import table
-
-    machine, rows = robot.machine, []
-    for column in machine.columns:
-        if column in machine.references:
-            continue
-        shown = display_of(column.kind, machine)
-        for channel in machine.axes.of(machine.signal[column.signal].axis):
-            values, reference = log[f"{column.kind}_{channel}"], f"{column.kind}_ref_{channel}"
-            error = (values - log[reference]) if log.has(reference) else None
-            cells = [values.min(), values.max(), values[-1], *([] if error is None else [(error**2).mean() ** 0.5])]
-            texts = [f"{shown.factor * float(cell):.3g} {shown.unit}" for cell in cells]
-            rows.append((shown.label, channel, *texts, *[""] * (4 - len(texts))))
-    return table(("signal", "channel", ">lowest", ">highest", ">in the end", ">RMS error"), rows)
-
-
-def warn(robot: Robot) -> None:
-    """Says which parameters lie outside their plausible range."""
-    for name, (low, high) in robot.ranges.items():
-        if not low <= robot[name] <= high:
-            click.secho(f"note: {name} = {robot[name]:g} lies outside {low:g} to {high:g}", fg="yellow", err=True)

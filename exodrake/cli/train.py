@@ -18,12 +18,10 @@ if TYPE_CHECKING:
 @click.option(
     "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."
 )
-@click.option("--robot", type=click.Path(path_type=Path), default=None, help="Robot file whose signature to record.")
+@click.option("--robot", default="", metavar="FILE", help="Robot file or machine whose signature to record.")
 @click.option("--one-sweep-per-log", is_flag=True, help="Do not cut logs at the ramps of their tension references.")
 @click.option("--seed", default=0, show_default=True, help="Of the validation's folds.")
-def command(
-    logs: tuple[Path, ...], out: Path, points: int, robot: Path | None, one_sweep_per_log: bool, seed: int
-) -> None:
+def command(logs: tuple[Path, ...], out: Path, points: int, robot: str, one_sweep_per_log: bool, seed: int) -> None:
     """Train the joint-angle estimator on LOGS (tension, stroke and measured angles).
 
     Prints the error on random rows beside that on whole held-out sweeps; only the second predicts a new sweep.
@@ -39,10 +37,11 @@ def command(
     from exodrake.estimator.prior import learn
     from exodrake.estimator.strokes import learn_strokes
     from exodrake.estimator.validate import validate
+    from exodrake.machines.library import robot_yaml
 
     read = [read_log(path) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
-    mark = signature(robot) if robot else ""
+    mark = signature(robot_yaml(robot) or robot) if robot else ""
     prior = learn(sweeps, points)
     estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
     scores = validate(prior, sweeps, points, seed)

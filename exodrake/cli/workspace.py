@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import refuse_others, robot_option
 
 
 @click.command()
@@ -31,6 +31,7 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     from exodrake.machines.robot_file import load_robot
 
     loaded = load_robot(robot)
+    refuse_others("workspace", loaded, "finger.length")
     lengths = tuple(loaded.channels("finger.length").tolist())
     wired = assisted(loaded, steps)
     rows = areas(lengths, SPONTANEOUS, wired, samples, seed)

@@ -21,10 +21,14 @@ class Display(NamedTuple):
     factor: float
 
     @property
+    def symbol(self) -> str:
+        """The unit as it is written: `°`; empty for none."""
+        return SYMBOLS.get(self.unit, self.unit)
+
+    @property
     def axis(self) -> str:
         """Label of a figure's axis: `Joint angle [°]`."""
-        symbol = SYMBOLS.get(self.unit, self.unit)
-        return f"{self.label} [{symbol}]" if symbol else self.label
+        return f"{self.label} [{self.symbol}]" if self.symbol else self.label
 
 
 def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
@@ -32,6 +36,13 @@ def shown_unit(si: str, unit: str = "") -> tuple[str, float]:
     name = unit or SHOWN.get(si, si)
     found = conversion(name)
     return (si, 1.0) if name == si or found is None else (name, float(found.denominator / found.numerator))
+
+
+def in_words(value: float, si: str) -> str:
+    """A quantity [SI] in the unit shown: 0.002, "m" -> `2 mm`."""
+    unit, factor = shown_unit(si)
+    symbol = SYMBOLS.get(unit, unit)
+    return f"{factor * value:.4g}{'' if symbol.startswith('°') else ' '}{symbol}".rstrip()
 
 
 def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
@@ -14,6 +15,10 @@ from exodrake.core.part import Field, Part, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
 from exodrake.core.wiring import check_effects, check_schedule, check_signals
+
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+    from exodrake.core.skeleton import Skeleton
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,6 +52,7 @@ class Machine:
         end_stops: parameters of end stops: a motion meets them or does not, so a fit tries both sides.
         regime: signals by which a gap is sorted; None for the first and last measured signal of a joint.
         colours: colours of channels in figures; others take theirs from a palette.
+        skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
         operating_point: reference of each channel [SI] at which `analyse` linearises the loop.
     """
 
@@ -75,6 +81,7 @@ class Machine:
     end_stops: tuple[str, ...] = ()
     regime: Regime | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
+    skeleton: Callable[[Robot], Skeleton] | None = None
     operating_point: Mapping[str, float] = field(default_factory=dict)
     nominal: Machine | None = None  # the machine without variants that this one was made from
 

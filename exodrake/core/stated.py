@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from exodrake.core.display import in_words
 from exodrake.core.parameter import Tolerance, expanded
 from exodrake.core.short_repr import short_repr
 from exodrake.core.units import UNITS, conversion, to_si
@@ -50,7 +51,7 @@ class StatedParameter:
         return self.low <= self.value <= self.high
 
     @property
-    def in_words(self) -> dict[str, str]:
+    def texts(self) -> dict[str, str]:
         """Value, range and tolerance as text with units."""
         unit = "" if self.unit == "-" else f" {self.unit}"
         bounded = math.isfinite(self.low) or math.isfinite(self.high)
@@ -101,12 +102,31 @@ def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]
         yield name, tuple(channels), one
 
 
+def effect_in_words(robot: Robot, identity: str) -> str:
+    """An effect with its values and channels: `tendon.slack: length 2 mm on AF, MF`."""
+    effect = robot.machine.effect(identity)
+    values = robot.effect_values(effect)
+    first = effect.parameters[0]
+    seats = [channel for channel, value in values[first.name].items() if value != first.null]
+    said = []
+    for p in effect.parameters:
+        at: dict[float, list[str]] = {}
+        for channel in seats if p.axis == effect.axis else values[p.name]:
+            at.setdefault(values[p.name][channel], []).append(channel)
+        said += [
+            f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else "")
+            for value, channels in at.items()
+        ]
+    on = f" on {', '.join(seats)}" if effect.axis else ""
+    return f"{identity}: {', '.join(said)}{on}"
+
+
 def implausible(robot: Robot) -> list[str]:
     """A sentence for each parameter outside its plausible range, with the unit that may have been meant."""
     found = []
     for name, channels, one in alike(robot):
         if not one.plausible:
-            words, at = one.in_words, f" ({', '.join(channels)})" if channels else ""
+            words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
             meant = meant_unit(one)
             hint = f"; did you mean {one.value:g} {meant}?" if meant else ""
             found.append(f"{name}{at} = {words['value']} lies outside {words['range']}{hint}")

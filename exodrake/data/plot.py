@@ -6,8 +6,10 @@ save_png(figure, "caging.png")
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +31,9 @@ REFERENCE, ESTIMATE, DEVIATION = "_ref", "_est", "_std"
 ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
 LONG = 6000  # rows: more of them cover each other; a log of two minutes at 50 Hz
 STRETCHES = 240  # of a long log, about four pixels each on a screen
+LINE, POINTS, MARGIN = 120, 72.0, 0.05  # characters of a line of details; points in an inch; inches at the top
+NARROWEST, WIDEST, SECONDS = 7.0, 12.0, 10.0  # width of a figure [inches], seconds in an inch of a long log
+SIZES = (11.0, 7.5)  # of title and details [points]
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
     "axes.grid": True, "grid.color": "#e3e6ea", "grid.linewidth": 0.6, "lines.linewidth": 1.1, "legend.frameon": False,
@@ -37,11 +42,12 @@ STYLE: dict[Any, Any] = {
 
 
 def kinds_of(log: Log, machine: Machine | None = None) -> list[str]:
-    """Kinds of columns that get a panel each: those of the machine that the log has; without a machine, all.
+    """Kinds of columns that get a panel each, those of the machine first.
 
     References, estimates and standard deviations are drawn with the kind that they belong to.
     """
-    named = [c.kind for c in machine.columns] if machine else [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
+    named = [c.kind for c in machine.columns] if machine else []
+    named += [kind_of(c) or c.rsplit("_", 1)[0] for c in log.columns]
     return [kind for kind in dict.fromkeys(named) if log.names(kind) and not kind.endswith(ASIDE)]
 
 
@@ -51,6 +57,8 @@ def plot_log(
     other: Log | None = None,
     names: tuple[str, str] = ("", "other"),
     machine: Machine | None = None,
+    details: Sequence[str] = (),
+    remarks: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draws a log: a panel per kind of column over one time axis.
 
@@ -61,29 +69,46 @@ def plot_log(
         other: a second log, drawn dotted on the same axes.
         names: of the two logs in the legend.
         machine: whose labels, units and colours are used; those of `display` without one.
+        details: lines below the title.
+        remarks: kind -> text above its panel.
 
     Raises:
         InputError: the log has no column that could be drawn.
     """
     import matplotlib
 
-    kinds = kinds_of(log, machine) or kinds_of(log)
+    kinds = kinds_of(log, machine)
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
-    with matplotlib.rc_context(STYLE):
-        figure = new_figure(7.0, 0.7 + 1.65 * len(kinds))
+    width = min(WIDEST, max(NARROWEST, log.duration / SECONDS)) if len(log) > 1 else NARROWEST
+    with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * (NARROWEST / width) ** 0.5}):
+        figure = new_figure(width, 0.7 + 1.65 * len(kinds))
         rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
         for axes, kind in zip(rows, kinds):
             draw_panel(axes, log, kind, machine)
             if other is not None:
                 draw_other(axes, other, kind, machine)
+            axes.set_title((remarks or {}).get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
         add_legends(rows, kinds, log, names if other is not None else None)
         rows[-1].set_xlabel("Time [s]")
         rows[-1].set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
         figure.align_ylabels(rows)
-        if title:
-            figure.suptitle(title, fontsize=11, fontweight="bold", x=0.01, ha="left")
+        if title or any(details):
+            add_title(figure, title, [line for detail in details for line in wrap(detail, LINE)])
     return figure
+
+
+def add_title(figure: Figure, title: str, lines: list[str]) -> None:
+    """Writes a title, and smaller lines below it, at the top left; the panels keep below them."""
+    heights = [1.5 * SIZES[0] / POINTS * bool(title), 1.35 * SIZES[1] / POINTS * len(lines)]  # inches
+    below = 1.0 - heights[0] / figure.get_figheight()
+    layout: Any = figure.get_layout_engine()
+    layout.set(rect=(0.0, 0.0, 1.0, 1.0 - (sum(heights) + MARGIN) / figure.get_figheight()))
+    style: dict[str, Any] = {"ha": "left", "va": "top", "linespacing": 1.3}
+    figure.text(0.01, 1.0 - MARGIN / figure.get_figheight(), title, fontsize=SIZES[0], fontweight="bold", **style)
+    figure.text(
+        0.01, below - MARGIN / figure.get_figheight(), "\n".join(lines), fontsize=SIZES[1], color="#445", **style
+    )
 
 
 def display_in(log: Log, kind: str, machine: Machine | None) -> Display:

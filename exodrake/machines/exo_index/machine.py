@@ -11,6 +11,7 @@ from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.effects import effects_of
 from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
+from exodrake.machines.exo_index.skeleton import skeleton
 from exodrake.systems import (
     bus,
     controller,
@@ -117,5 +118,6 @@ def machine() -> Machine:
         },
         end_stops=("finger.q_f", "finger.q_e"),
         colours=COLOURS,
+        skeleton=skeleton,
         operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
     )

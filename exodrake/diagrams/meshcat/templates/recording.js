@@ -25,35 +25,72 @@
     made.appendChild(inner);
   }
 
+  const degrees = (angle) => (angle * 180 / Math.PI).toFixed(0) + "°";
+  const at = (t) => Math.min(data.time.length - 1, Math.max(0, Math.round((t - data.time[0]) / data.step)));
+
   // The readings at time t [s] of the recording.
   function show(t) {
-    const k = Math.min(data.time.length - 1, Math.max(0, Math.round((t - data.time[0]) / data.step)));
-    const table = document.createElement("table");
-    cell(table.insertRow(), data.time[k].toFixed(2) + " s");
+    const k = at(t), table = document.createElement("table");
     data.tendons.forEach((name, j) => {
       const row = table.insertRow();
       cell(row, name);
-      cell(row, data.tension[k][j].toFixed(1) + " N", "n");
-      bar(row.insertCell(), data.tension[k][j] / data.top[j]);
+      cell(row, data.load[k][j].toFixed(1) + " " + data.unit, "n");
+      bar(row.insertCell(), data.load[k][j] / data.top[j]);
     });
     data.joints.forEach((name, i) => {
       const row = table.insertRow();
       cell(row, name);
-      cell(row, (data.angle[k][i] * 180 / Math.PI).toFixed(0) + "°", "n");
+      cell(row, degrees(data.angle[k][i]), "n");
+      if (data.ghost.length) cell(row, data.names[1] + " " + degrees(data.ghost[k][i]), "g");
     });
     document.getElementById("exo-now").replaceChildren(table);
   }
 
+  const animator = viewer.animator;
+  const button = document.getElementById("exo-button"), slider = document.getElementById("exo-slider");
+  const clock = document.getElementById("exo-time"), ghost = document.getElementById("exo-ghost");
+
+  function seek(t) {
+    animator.seek(t);
+    animator.display_progress(t);
+  }
+
+  function toggle() {
+    if (animator.playing) animator.pause();
+    else animator.play();
+  }
+
+  button.addEventListener("click", toggle);
+  slider.addEventListener("input", () => { animator.pause(); seek(parseFloat(slider.value)); });
+  document.getElementById("exo-speed").addEventListener("change", (event) => {
+    animator.mixer.timeScale = parseFloat(event.target.value);
+  });
+  if (ghost) ghost.addEventListener("change", () => {
+    viewer.scene_tree.find(["ghost"]).object.visible = ghost.checked;
+    viewer.set_dirty();
+  });
+  document.addEventListener("keydown", (event) => {
+    if (["BUTTON", "INPUT", "SELECT"].includes(event.target.tagName)) return;
+    const step = { ArrowLeft: -data.step, ArrowRight: data.step }[event.key];
+    if (event.key === " ") toggle();
+    else if (step) { animator.pause(); seek(Math.min(animator.duration, Math.max(0, animator.time + step))); }
+    else return;
+    event.preventDefault();
+  });
+
   const asked = /t=([0-9.]+)/.exec(location.hash);
   let waiting = asked !== null;
   (function tick() {
-    const animator = viewer.animator;
     if (waiting && animator.actions.length) {
       animator.pause();
-      animator.seek(parseFloat(asked[1]));
-      animator.display_progress(parseFloat(asked[1]));
+      seek(parseFloat(asked[1]));
       waiting = false;
     }
+    const last = data.time[data.time.length - 1];
+    slider.max = animator.duration || 1;
+    if (document.activeElement !== slider || animator.playing) slider.value = animator.time;
+    button.textContent = animator.playing ? "\u275A\u275A pause" : "\u25B6 play";
+    clock.textContent = (data.time[0] + animator.time).toFixed(2) + " s of " + last.toFixed(2) + " s";
     show(data.time[0] + animator.time);
     requestAnimationFrame(tick);
   })();

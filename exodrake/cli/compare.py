@@ -1,0 +1,80 @@
+"""`exodrake compare`: two logs over each other, and the RMS of the difference of each signal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from exodrake.cli.options import robot_option
+
+if TYPE_CHECKING:
+    from exodrake.core.machine import Machine
+    from exodrake.data.compare import Comparison
+    from exodrake.data.log import Log
+
+
+@click.command()
+@click.argument("first", type=click.Path(path_type=Path), metavar="A")
+@click.argument("second", type=click.Path(path_type=Path), metavar="B")
+@robot_option()
+@click.option("--out", type=click.Path(path_type=Path), default=Path("compare.png"), show_default=True,
+              help="Figure to write.")  # fmt: skip
+@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="File for all numbers, in SI.")
+def command(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
+    """Overlay logs A and B, and print RMS, mean and largest difference of each signal that both have.
+
+    A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
+    samples. The robot gives labels, units and colours.
+    """
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_bytes
+    from exodrake.core.plain import save
+    from exodrake.data.compare import compare, remarks
+    from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot
+
+    if out.suffix.lower() != ".png":
+        raise InputError(f"{out}: the figure is a PNG; its name ends in .png")
+    machine = load_robot(robot).machine
+    one, other = read(first), read(second)
+    found = compare(one, other)
+    figure = one.plot("", other, found.names, machine=machine, remarks=remarks(found, one, machine))
+    write_bytes(out, png_of(figure))
+    if json_file:
+        save(found, json_file)
+    show(found, one, machine)
+    click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
+
+
+def read(path: Path) -> Log:
+    """A log, or that in a folder of `exodrake simulate`."""
+    from exodrake.data.log_file import read_log
+
+    return read_log(path / "log.csv" if path.is_dir() else path, required=())
+
+
+def show(found: Comparison, log: Log, machine: Machine) -> None:
+    """Prints the differences in the units that people read."""
+    from rich.console import Console
+
+    from exodrake.core.display import display_of
+    from exodrake.core.units import kind_of
+    from exodrake.report.number_format import digits
+    from exodrake.report.terminal import table
+
+    rows = []
+    for name, one in found.signals.items():
+        kind = kind_of(name) or name
+        display = display_of(kind, machine, one.unit)
+        cells = (digits(display.factor * x) for x in (one.rms, one.mean, one.largest))
+        channel = name.removeprefix(kind).strip("_")
+        rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
+    console = Console()
+    console.print(
+        f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}", markup=False
+    )
+    console.print(table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows))
+    for note in found.notes:
+        click.secho(f"note: {note}", fg="yellow", err=True)

@@ -1,0 +1,62 @@
+"""What a recording draws of a robot: segments that turn about joints one after the other, and tendons along them.
+
+World: x along the straight robot, z up, the first joint in the origin; a positive angle turns about +y, so the tip
+sinks. Frames are named by the segment they ride on: 0 the base, i the segment distal to joint i.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A straight piece of a tendon from `start` on segment `first` to `end` on segment `last`; points (3,) [m]."""
+
+    tendon: str
+    first: int
+    start: np.ndarray
+    last: int
+    end: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """Name of the piece among those of its tendon."""
+        return f"on_{self.first}" if self.first == self.last else f"over_{self.last}"
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Geometry of a drawing, and the columns that move and colour it.
+
+    Attributes:
+        joints: their names, from the base to the tip.
+        lengths: (joints,) of the segments [m].
+        radii: (joints,) of the skin round them [m].
+        base: x at which the base ends [m], below 0.
+        pieces: of all tendons.
+        guides: what the tendons run through: (segment, point (3,) [m]) each.
+        angle: kind of the columns with joint angles.
+        load: kind of the columns that colour the tendons.
+    """
+
+    joints: tuple[str, ...]
+    lengths: np.ndarray
+    radii: np.ndarray
+    base: float
+    pieces: tuple[Piece, ...]
+    guides: tuple[tuple[int, np.ndarray], ...]
+    angle: str
+    load: str
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        """Names of the tendons, in the order of their pieces."""
+        return tuple(dict.fromkeys(piece.tendon for piece in self.pieces))
+
+    def tip(self, angle: np.ndarray) -> np.ndarray:
+        """End of the last segment (3,) [m]; angle (joints,) [rad]."""
+        direction = np.cumsum(angle)
+        return np.array([self.lengths @ np.cos(direction), 0.0, -self.lengths @ np.sin(direction)])

@@ -1,0 +1,137 @@
+"""What a recording shows: segments, joints and tendons, a second robot as its ghost, an object, the ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.skeleton import Skeleton
+from exodrake.diagrams.meshcat.shapes import along, span, turn
+
+ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths
+BONE, TENDON, GUIDE, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity
+GHOSTLY = (0.25, 0.30, 0.40, 0.38)  # colour and opacity of the second robot
+GROUND, CELL, CELLS = -0.085, 0.01, 12  # height [m], width [m] and half the number of squares
+ACROSS = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]])  # z lies along the joints' axes
+
+
+@dataclass(frozen=True)
+class Thing:
+    """An object at the robot.
+
+    Attributes:
+        centre: (x, z) [m].
+        radius: [m].
+        length: of a cylinder along the joints' axes [m]; None for a sphere.
+    """
+
+    centre: tuple[float, float]
+    radius: float
+    length: float | None = None
+
+
+def segment_path(bones: Skeleton, segment: int, root: str = ROOT) -> str:
+    """Meshcat path of a segment; segments hang on each other."""
+    return "/".join([root, *bones.joints[:segment]])
+
+
+def tendon_path(bones: Skeleton, piece: Any) -> str:
+    """Meshcat path of a piece of a tendon."""
+    return f"{segment_path(bones, piece.first)}/{piece.tendon}_{piece.name}"
+
+
+def pose(position: np.ndarray | list[float], rotation: np.ndarray | None = None) -> Any:
+    """A Drake transform from a position (3,) [m] and a rotation matrix (3, 3) [-]."""
+    from pydrake.math import RigidTransform, RotationMatrix
+
+    return RigidTransform(
+        RotationMatrix(np.eye(3) if rotation is None else rotation), np.asarray(position, dtype=float)
+    )
+
+
+def draw_scene(meshcat: Any, bones: Skeleton, thing: Thing | None, ghost: bool) -> None:
+    """Draws what does not move: base, segments, skin, joints, guides, ghost, object, ground and camera."""
+    from pydrake.geometry import Box, Cylinder, Rgba, Sphere
+
+    dark, bone = Rgba(0.27, 0.31, 0.38, 1.0), Rgba(0.93, 0.90, 0.83, 1.0)
+    meshcat.SetObject(f"{ROOT}/cuff", Box(0.010, 0.026, 0.026), dark)
+    meshcat.SetTransform(f"{ROOT}/cuff", pose([bones.base, 0.0, 0.0]))
+    draw_segments(meshcat, bones, ROOT, "bone", [BONE] * len(bones.joints), bone)
+    draw_segments(meshcat, bones, ROOT, "skin", list(bones.radii), Rgba(0.87, 0.68, 0.58, SKIN))
+    if ghost:
+        draw_segments(meshcat, bones, GHOST, "bone", [1.6 * BONE] * len(bones.joints), Rgba(*GHOSTLY))
+    for i in range(1, len(bones.joints) + 1):
+        path = f"{segment_path(bones, i)}/joint"
+        meshcat.SetObject(path, Cylinder(1.2 * BONE, 0.010), dark)
+        meshcat.SetTransform(path, pose([0.0, 0.0, 0.0], ACROSS))
+    for k, (segment, point) in enumerate(bones.guides):
+        path = f"{segment_path(bones, segment)}/guide_{k}"
+        meshcat.SetObject(path, Sphere(GUIDE), Rgba(0.15, 0.17, 0.22, 1.0))
+        meshcat.SetTransform(path, pose(point))
+    if thing is not None:
+        shape = Sphere(thing.radius) if thing.length is None else Cylinder(thing.radius, thing.length)
+        meshcat.SetObject("/object", shape, Rgba(0.35, 0.55, 0.75, 0.55))
+        meshcat.SetTransform("/object", pose([thing.centre[0], 0.0, thing.centre[1]], ACROSS))
+    draw_ground(meshcat)
+
+
+def draw_segments(meshcat: Any, bones: Skeleton, root: str, name: str, radii: list[float], colour: Any) -> None:
+    """Draws a capsule for the base and each segment; radii: of the segments [m], the base a little thicker."""
+    from pydrake.geometry import Capsule
+
+    lying, lengths = turn(np.pi / 2), [-bones.base, *bones.lengths]
+    for i, radius in enumerate([1.15 * radii[0] if name == "skin" else radii[0], *radii]):
+        path = f"{segment_path(bones, i, root)}/{name}"
+        meshcat.SetObject(path, Capsule(radius, lengths[i]), colour)
+        meshcat.SetTransform(path, pose([(lengths[i] if i else -lengths[0]) / 2.0, 0.0, 0.0], lying))
+
+
+def draw_ground(meshcat: Any) -> None:
+    """Draws a white background, a pale grid of 1 cm squares, and sets the camera at the side."""
+    from pydrake.geometry import Rgba
+
+    for end in ("top_color", "bottom_color"):
+        meshcat.SetProperty("/Background", end, [1.0, 1.0, 1.0])
+    meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Grid", "visible", False)
+    at, reach = CELL * np.arange(-CELLS, CELLS + 1), CELL * CELLS
+    far, low = np.full_like(at, reach), np.full_like(at, GROUND)
+    starts = np.hstack([[at, -far, low], [-far, at, low]])
+    ends = np.hstack([[at, far, low], [far, at, low]])
+    meshcat.SetLineSegments("/ground", starts, ends, 1.0, Rgba(0.86, 0.88, 0.91, 1.0))
+    meshcat.SetCameraPose([0.040, -0.148, 0.022], [0.008, 0.0, -0.020])
+
+
+def draw_tendons(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:
+    """Draws the tendons' pieces at a posture (joints,) [rad]; those over a joint have unit length and are scaled."""
+    from pydrake.geometry import Cylinder, Rgba
+
+    for piece in bones.pieces:
+        path = tendon_path(bones, piece)
+        middle, rotation, length = along(*span(bones, piece, angle))
+        fixed = piece.first == piece.last
+        meshcat.SetObject(path, Cylinder(TENDON, length if fixed else 1.0), Rgba(0.55, 0.60, 0.67, 1.0))
+        meshcat.SetTransform(path, pose(middle, rotation))
+        if not fixed:
+            meshcat.SetProperty(path, "scale", [1.0, 1.0, length])
+
+
+def turn_joints(meshcat: Any, bones: Skeleton, root: str, time: float, angle: np.ndarray) -> None:
+    """Adds a frame at a time [s] in which the joints have these angles (joints,) [rad]."""
+    for i in range(len(bones.joints)):
+        start = [bones.lengths[i - 1] if i else 0.0, 0.0, 0.0]
+        meshcat.SetTransform(segment_path(bones, i + 1, root), pose(start, turn(angle[i])), time)
+
+
+def move_tendons(meshcat: Any, bones: Skeleton, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
+    """Adds the tendons to a frame: angles (joints,) [rad], and linear RGB (tendons, 3) [-]."""
+    for piece in bones.pieces:
+        path = tendon_path(bones, piece)
+        if piece.first != piece.last:
+            middle, rotation, length = along(*span(bones, piece, angle))
+            meshcat.SetTransform(path, pose(middle, rotation), time)
+            meshcat.SetProperty(path, "scale", [1.0, 1.0, length], time)
+        shade = colour[bones.tendons.index(piece.tendon)].tolist()
+        meshcat.SetProperty(f"{path}/<object>", "material.color", shade, time)
