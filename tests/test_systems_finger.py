@@ -122,12 +122,13 @@ def test_power_balance():
 def test_a_robot_homed_with_taut_wires_starts_at_rest(offset):
     """Under the tension of wires wound in too far, the finger of the first frame stands where statics put it."""
     robot = nominal().splice("encoder.homing_offset", {"offset": offset}, ["AF", "AE"])
-    robot = robot.with_parameters(dict.fromkeys(robot.machine.noise, 0.0))
+    locked = {"motor.J": 1.0}  # kg m2: no spool moves within the frame
+    robot = robot.with_parameters(dict.fromkeys(robot.machine.noise, 0.0) | locked)
     found = record(robot, Reference(np.full((2, 3), 1.0)), quantisation=False).signals
     tension, angle = found["tension_finger"][0], found["angle"][0]
     posture = finger_statics.posture(tension[None, :], finger_numbers())[0]
-    assert np.abs(posture - finger_numbers().q0).max() > 0.02
-    assert angle == pytest.approx(posture, abs=0.01)
+    assert np.abs(posture - finger_numbers().q0).max() > 0.015
+    assert angle == pytest.approx(posture, abs=2e-3)
 
 
 def test_a_robot_homed_right_starts_in_its_rest_posture():

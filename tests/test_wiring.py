@@ -51,7 +51,7 @@ def test_slot_beyond_the_frame():
 def test_algebraic_loop():
     first = block("finger").outputs[0]
     with pytest.raises(InputError, match=r"algebraic loop through finger, sensor"):
-        with_block("finger", outputs=(first, Output("output_tension", ("tension",), reads=("cell",))))
+        with_block("finger", outputs=(first, Output("output_tension", ("tension", "tension_spool"), reads=("cell",))))
 
 
 def texts(svg):
