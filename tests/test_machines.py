@@ -12,19 +12,19 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import (
-    carriage_offset,
     joint_bend_loss,
     joint_sag,
     joint_sheath_play,
 )
 from exodrake.effects.friction import (
-    carriage_coulomb_friction,
-    carriage_direction,
-    carriage_presliding_friction,
-    carriage_stribeck_friction,
-    carriage_viscous_friction,
     joint_drag,
+    sliding_coulomb_friction,
+    sliding_direction,
+    sliding_offset,
+    sliding_presliding_friction,
+    sliding_viscous_friction,
 )
+from exodrake.effects.friction.lugre import level
 from exodrake.effects.signal import (
     joint_coupling,
     joint_gain,
@@ -122,18 +122,18 @@ def test_a_braked_carriage_stops_after_the_way_that_energy_allows_and_stays():
     way, v = 0.0, speed
     for _ in range(20_000):
         before = v
-        v = carriage_coulomb_friction.braked(v, dt / mass, force)
+        v = sliding_coulomb_friction.braked(v, dt / mass, 0.0, force)
         way += 0.5 * dt * (before + v)
     assert v == 0.0 and way == pytest.approx(0.5 * mass * speed**2 / force, rel=1e-3)
 
 
 def test_laws_of_the_carriage():
-    assert carriage_viscous_friction.pushed(10.0, 0.1, 50.0) == pytest.approx(5.0)
-    assert carriage_offset.pushed(10.0, 0.1, -3.0) == 13.0
-    forwards, backwards = (carriage_direction.pushed(0.0, v, 30.0) for v in (0.2, -0.2))
+    assert sliding_viscous_friction.pushed(10.0, 0.1, 50.0) == pytest.approx(5.0)
+    assert sliding_offset.pushed(10.0, 0.1, -3.0) == 13.0
+    forwards, backwards = (sliding_direction.pushed(0.0, v, 30.0) for v in (0.2, -0.2))
     assert forwards == backwards == pytest.approx(-6.0)
-    assert carriage_stribeck_friction.level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
-    assert carriage_stribeck_friction.level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
+    assert level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
+    assert level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.4])
@@ -156,8 +156,8 @@ def test_presliding_friction_encloses_the_area_of_its_parallelogram():
     force, presliding, way, steps = 5.0, 1.5e-4, 2e-3, 4000
     slide, work = -1.0, 0.0
     for step in np.concatenate([np.full(steps, way / steps), np.full(steps, -way / steps)]):
-        work -= carriage_presliding_friction.pushed(0.0, 0.0, force, presliding, slide) * step
-        slide = carriage_presliding_friction.settle(1e-3, step, force, presliding, slide)
+        work -= sliding_presliding_friction.pushed(0.0, 0.0, force, presliding, slide) * step
+        slide = sliding_presliding_friction.settle(1e-3, step, force, presliding, slide)
     assert slide == -1.0
     assert work == pytest.approx(2.0 * force * (way - 2.0 * presliding), rel=1e-3)
 

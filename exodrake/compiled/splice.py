@@ -90,7 +90,8 @@ def spliced_body(
         parameters = [value_of(machine, part, effect, n, own) for n in effect.parameters]
         arguments = ", ".join([value, *context, *parameters, *states])
         call = f"{prefix(act.__module__)}__{act.__name__}({arguments})"
-        target = value if key not in effect.advances else ", ".join(states)
+        filtered = [value, *states] if key in effect.filters else [value]
+        target = ", ".join(states if key in effect.advances else filtered)
         advances = advances or key in effect.advances
         body += [f"    if {guard(machine, part, effect, own)}:", f"        {target} = {call}"]
     return body, "" if advances else value

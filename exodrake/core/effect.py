@@ -71,8 +71,9 @@ class Effect:
         source: where equation and range come from.
         at: mapping from point ("module.point") to the function that acts there.
         parameters: the effect is absent where the first one has its null value.
-        states: own states, zero at start, updated at the points in `advances`.
+        states: own states, zero at start, updated at the points in `advances` or `filters`.
         advances: points (of those in `at`) where the function returns the effect's new states instead of a value.
+        filters: points where it returns the value, then the new states: a filter of a signal that is sampled there.
         family: kind of law, e.g. "friction", "backlash", "elasticity".
         same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
             delay; those of friction or creep belong to the fitted law, and reality follows another.
@@ -94,6 +95,7 @@ class Effect:
     not_tried: str = ""
     detector: str = ""
     order: int = LAST
+    filters: tuple[str, ...] = ()
 
     @property
     def block(self) -> str:

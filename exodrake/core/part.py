@@ -7,8 +7,8 @@ compiled simulator.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from types import ModuleType
 from typing import get_args, get_type_hints
 
@@ -86,6 +86,7 @@ class Point:
     name: str
     axis: str = SCALAR
     module: ModuleType | None = None  # the module that defines it, if not the part's own
+    standard: str = ""  # the point of generic effects ("signal.shown", "sliding.braked") that this one is, if any
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ class Part:
     points: tuple[Point, ...] = ()
     group: str = ""
     fills_start: bool = False  # its `start` fills the shared start vectors that those of other parts read
+    scales: Mapping[str, tuple[float, str]] = field(default_factory=dict, hash=False)  # of generic effects: size, unit
 
     @property
     def fields(self) -> tuple[Field, ...]:

@@ -1,5 +1,8 @@
 """The effect library, a module for each effect: errors of signals in `signal/`, friction laws in `friction/`.
 
+Those called `signal.*` and `sliding.*` are generic: they suit any sensor's signal and any sliding or turning part, and
+each part with standard points gets them (`Point.standard`).
+
 Where several effects act at one point, they act in the order of their field `order`.
 """
 
@@ -13,7 +16,7 @@ from pkgutil import walk_packages
 from exodrake.core import plugins
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.part import Part, points_of
+from exodrake.core.part import Part, module_name, points_of
 
 plugins.extend(__path__, "effects")
 
@@ -49,9 +52,39 @@ LIBRARY = {effect.id: effect for effect in discover(__name__)}
 
 
 def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
-    """Effects of the library whose points are all points of these parts, in the order in which they act."""
+    """Effects of these parts, in the order in which they act: those made for their points, and the generic ones."""
+    parts = tuple(parts)
     points = set(points_of(parts))
-    return tuple(effect for effect in LIBRARY.values() if set(effect.at) <= points)
+    own = [effect for effect in LIBRARY.values() if set(effect.at) <= points]
+    return in_order([*own, *(effect for part in parts for effect in generic_effects(part))])
+
+
+def generic_effects(part: Part) -> tuple[Effect, ...]:
+    """The generic effects (`signal.*`, `sliding.*`) of a part's standard points, under ids of the part.
+
+    Ranges and units follow from the part's `scales`, and each channel of the part gets parameters of its own.
+    """
+    places = {p.standard: (f"{module_name(p.module or part.module)}.{p.name}", p.axis) for p in part.points}
+    found = (effect for effect in LIBRARY.values() if set(effect.at) <= set(places))
+    return tuple(on_part(effect, part, places) for effect in found)
+
+
+def on_part(effect: Effect, part: Part, places: Mapping[str, tuple[str, str]]) -> Effect:
+    """A generic effect on a part; places: its own point and the axis for each standard point."""
+    axis = places[next(iter(effect.at))][1]
+    parameters = {p.name: scaled(p, axis, *part.scales.get(p.unit, (1.0, p.unit))) for p in effect.parameters}
+    points = {standard: places[standard][0] for standard in effect.at}
+    states = tuple(replace(s, axis=axis, unit=part.scales.get(s.unit, (1.0, s.unit))[1]) for s in effect.states)
+    return replace(
+        for_machine(effect.id, f"{part.name}.{effect.id.split('.')[1]}", points, **parameters), states=states
+    )
+
+
+def scaled(parameter: EffectParameter, axis: str, size: float, unit: str) -> EffectParameter:
+    """A generic effect's parameter on an axis, in units of `size` [unit]."""
+    default = None if parameter.default is None else size * parameter.default
+    ends = {"null": size * parameter.null, "low": size * parameter.low, "high": size * parameter.high}
+    return replace(parameter, unit=unit, axis=axis, default=default, **ends)
 
 
 def for_machine(
@@ -77,5 +110,6 @@ def for_machine(
         at={moved.get(point, point): function for point, function in effect.at.items()},
         parameters=tuple(parameters.get(n.name, n) for n in effect.parameters),
         advances=tuple(moved.get(point, point) for point in effect.advances),
+        filters=tuple(moved.get(point, point) for point in effect.filters),
         same_meaning=False,
     )

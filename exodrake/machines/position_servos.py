@@ -8,15 +8,19 @@ from dataclasses import replace
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, NORMAL, SCALAR, Axes, Signal
-from exodrake.effects import LIBRARY
-from exodrake.systems import angle_reading, joint, joint_command
+from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
+from exodrake.effects import LIBRARY, generic_effects, in_order
+from exodrake.systems import joint, joint_command
+from exodrake.systems.reading import sensor
 
 FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
 REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
 BEND = Signal("bend", "rad", JOINTS)
+ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the sensor of the joints reads and writes
+SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 REST = (
     Signal("noise_angle", "-", JOINTS, NORMAL),
+    Signal("reading_arrival", "-", JOINTS, UNIFORM),
     Signal("command", "rad", JOINTS),
     Signal("origin", "rad", JOINTS),
     Signal("setting", "rad", JOINTS),
@@ -29,6 +33,15 @@ REST = (
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Noise standard deviation of an angle [rad]."""
     return {"angle": parameter("reading.floor")}
+
+
+def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """Generic effects of a law that the library lacks: behind a rigid servo an error of the reading is one of the aim.
+
+    Delays of reading and of command are one, too, and so are a clock's error and a delay of one motion.
+    """
+    known = {effect.family for effect in library}
+    return in_order(effect for effect in generic if effect.family not in known)
 
 
 def joint_machine(
@@ -46,12 +59,13 @@ def joint_machine(
         name: of the machine.
         part: name of the part that moves the joints.
         joints: names of the joints.
-        library: its effects.
+        library: its effects; the generic ones of its sensors join those whose family is not among them.
         frame: frame period [s].
         max_effects: effects that a diagnosis may name together.
         bent: whether logs state the bend of each joint's sheath.
     """
     references = (*REFERENCES, BEND) if bent else REFERENCES
+    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     return Machine(
         name=name,
         axes=Axes((), joints),
@@ -59,11 +73,11 @@ def joint_machine(
         parts=(
             replace(joint.PART, name=part),
             joint_command.SET_PART if bent else joint_command.PART,
-            angle_reading.PART,
+            reading,
         ),
-        inputs=(*(s.name for s in references), "noise_angle"),
+        inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
         columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
-        effects=library,
+        effects=(*library, *others(generic_effects(reading), library)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),

@@ -2,6 +2,8 @@
 
     M v' = F          x' = v
 
+The friction family (`sliding.*`) acts here; `scales`: of a drive of 200 N that moves some 0.1 m in a second.
+
 Euler's rule for the speed and the trapezium's for the place, exact for a force held over a tick. Dry friction takes
 speed away after the push, at most all of it, so that a fixed step never turns a stop into a push.
 """
@@ -27,8 +29,8 @@ def pushed(e, z, force, speed):
     return force
 
 
-def braked(e, z, speed, mobility):
-    """Point: speed [m/s] after dry friction; mobility: dt / M [s/kg]."""
+def braked(e, z, speed, mobility, load):
+    """Point: speed [m/s] after dry friction; mobility: dt / M [s/kg]; load: size of the drive's force [N]."""
     return speed
 
 
@@ -41,7 +43,7 @@ def update(x, z, n, e, dt, force):
     if x[STARTED] > 0.0:
         before = x[SPEED]
         free = before + dt * pushed(e, z, force[0], before) / n.M
-        x[SPEED] = braked(e, z, free, dt / n.M)
+        x[SPEED] = braked(e, z, free, dt / n.M, abs(force[0]))
         travel = 0.5 * dt * (before + x[SPEED])
         x[PLACE] += travel
         settle(e, z, dt, travel)
@@ -72,5 +74,6 @@ PART = Part(
     states=(State("place", SCALAR, unit="m"), State("speed", SCALAR, unit="m/s"), State("started", SCALAR)),
     tasks=(Task("update", ("force",)), Task("place", ("position_start", "speed_start"), slots=(0,))),
     outputs=(Output("output", ("position",)),),
-    points=(Point("pushed", SCALAR), Point("braked", SCALAR), Point("settle", SCALAR)),
+    points=tuple(Point(name, SCALAR, standard=f"sliding.{name}") for name in ("pushed", "braked", "settle")),
+    scales={"force": (15.0, "N"), "speed": (0.1, "m/s"), "force/speed": (150.0, "N s/m"), "length": (0.1, "m")},
 )

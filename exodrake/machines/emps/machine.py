@@ -7,16 +7,21 @@ from functools import cache
 
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, NORMAL, Axes, Signal
+from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
 from exodrake.effects import effects_of
-from exodrake.systems import carriage, linear_scale, position_drive
+from exodrake.systems import carriage, position_drive
+from exodrake.systems.reading import sensor
 
-PARTS = (carriage.PART, linear_scale.PART, position_drive.PART)
+FRAME = 1e-3  # s
+POSITION = ("position", "noise_position", "reading_arrival", "position_read")
+SCALE = sensor("scale", POSITION, unit="m", slot=1, frame=FRAME, size=0.1, channels=1)
+PARTS = (carriage.PART, SCALE, position_drive.PART)
 SIGNALS = (
     Signal("position_ref", "m", JOINTS),
     Signal("position_start", "m", JOINTS),
     Signal("speed_start", "m/s", JOINTS),
     Signal("noise_position", "-", JOINTS, NORMAL),
+    Signal("reading_arrival", "-", JOINTS, UNIFORM),
     Signal("force", "N", JOINTS),
     Signal("position", "m", JOINTS),
     Signal("position_read", "m", JOINTS),
@@ -43,13 +48,13 @@ def machine() -> Machine:
         axes=Axes((), ("carriage",)),
         signals=SIGNALS,
         parts=PARTS,
-        inputs=("position_ref", "position_start", "speed_start", "noise_position"),
+        inputs=("position_ref", "position_start", "speed_start", "noise_position", "reading_arrival"),
         columns=COLUMNS,
         effects=effects_of(PARTS),
-        frame=1e-3,
+        frame=FRAME,
         slots=16,  # so short that from reading to force takes the drive next to no time
-        noise=("scale.sigma",),
-        resolution=("scale.step",),
+        noise=("scale.sigma.carriage",),
+        resolution=("scale.step.carriage",),
         compared=("position", "force"),
         noise_std=noise_std,
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),

@@ -1,4 +1,4 @@
-"""Friction proportional to the carriage's speed.
+"""Friction proportional to speed.
 
 F_net = F - coefficient v
 """
@@ -7,17 +7,17 @@ from exodrake.core.effect import Effect, EffectParameter
 
 
 def pushed(force, speed, coefficient):
-    """Force on the mass [N]."""
+    """Force on the part [N]."""
     return force - coefficient * speed
 
 
 EFFECT = Effect(
-    id="carriage.viscous_friction",
+    id="sliding.viscous_friction",
     summary="friction proportional to speed",
     signature="force that the drive needs grows with speed, the same in both directions",
-    source="Janot, Gautier, Brunot 2019 (EMPS): 203.5 N s/m for 95 kg",
-    at={"carriage.pushed": pushed},
-    parameters=(EffectParameter("coefficient", "N s/m", null=0.0, low=20.0, high=600.0, default=150.0),),
+    source="Newton's law of a lubricated gap; Janot, Gautier, Brunot 2019 (EMPS): 203.5 N s/m for 95 kg",
+    at={"sliding.pushed": pushed},
+    parameters=(EffectParameter("coefficient", "force/speed", null=0.0, low=0.13, high=4.0, default=1.0),),
     family="friction",
     order=105,
 )

@@ -1,0 +1,97 @@
+"""Sensor of any signal: samples it once a frame, with white noise and rounding, and delivers the readings.
+
+The generic effects of a signal (`signal.*`: gain, delay, backlash, packet loss, ...) act here. A machine takes a sensor
+of its own for each signal that it measures: `sensor("reading", "angle", unit="rad", ...)`.
+"""
+
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from types import ModuleType
+from typing import Annotated, NamedTuple
+
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS
+from exodrake.systems.rounding import rounded
+
+
+def mixed(e, z, j, value, other):
+    """Point: value [SI] of channel j that the sensor sees; other: of the next channel, the first after the last."""
+    return value
+
+
+def shown(e, z, j, value, clock, period):
+    """Point: value [SI] of channel j before noise; clock, period [s]: since the first sample and since the last."""
+    return value
+
+
+def delivered(e, z, j, value, held, arrival):
+    """Point: reading [SI] of channel j as the log gets it; held: the one before; arrival: uniform in 0 .. 1."""
+    return value
+
+
+def age(x, z, n, e, dt):
+    """Time goes on from the first sample [s]."""
+    if x[-1] > 0.0:
+        x[-3] += dt
+
+
+def read(x, z, n, e, value, noise, arrival):
+    """One sample of all channels; signals [SI], standard normal, uniform draws. x: readings, clock, its last value."""
+    count = value.shape[0]
+    for j in range(count):
+        seen = mixed(e, z, j, value[j], value[j + 1 if j + 1 < count else 0])
+        noisy = shown(e, z, j, seen, x[-3], x[-3] - x[-2]) + n.sigma[j] * noise[j]
+        x[j] = delivered(e, z, j, rounded(noisy, n.step[j]), x[j], arrival[j])
+    x[-2], x[-1] = x[-3], 1.0
+
+
+def output(x, z, n, e, reading):
+    """Last readings [SI]."""
+    for j in range(reading.shape[0]):
+        reading[j] = x[j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Nothing read yet."""
+    x[:] = 0.0
+
+
+def own_module(name: str) -> ModuleType:
+    """This module once more under a name of its own, since the points of two parts cannot share one."""
+    full = f"{__name__}_{name}"
+    if full not in sys.modules:
+        spec = spec_from_file_location(full, __file__)
+        assert spec is not None and spec.loader is not None
+        sys.modules[full] = module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+    return sys.modules[full]
+
+
+def sensor(
+    name: str, signals: tuple[str, str, str, str], unit: str, slot: int, frame: float, size: float, channels: int
+) -> Part:
+    """A sensor of one machine.
+
+    Args:
+        name: of the part.
+        signals: the signal that it measures, its noise, its uniform draws of lost readings, and its readings.
+        unit: SI unit of the signal.
+        slot: in which it samples.
+        frame: time between samples [s].
+        size: by how much the signal typically moves [SI]; ranges of the generic effects scale with it.
+        channels: how many the signal has; crosstalk takes two.
+    """
+    quantity = Annotated[tuple, Unit(unit, JOINTS)]
+    fields = [("sigma", quantity), ("step", quantity), ("floor", Annotated[float, Unit(unit)])]
+    points = (Point("mixed", JOINTS, standard="signal.mixed" if channels > 1 else ""),)
+    points += tuple(Point(p, JOINTS, standard=f"signal.{p}") for p in ("shown", "delivered"))
+    return Part(
+        name=name,
+        module=own_module(name),
+        parameters=NamedTuple("Parameters", fields),
+        states=(State("reading", JOINTS, unit=unit), State("clock", unit="s", width=2), State("started")),
+        tasks=(Task("age", ()), Task("read", signals[:3], slots=(slot,))),
+        outputs=(Output("output", signals[3:]),),
+        points=points,
+        scales={"value": (size, unit), "value/s": (size, f"{unit}/s"), "period": (frame, "s")},
+    )
