@@ -251,16 +251,11 @@ PART = Part(
     ),
     points=(
         Point("router_height", JOINTS, wire_paths),
-        Point("worn_height", TENDONS, wire_paths),
-        Point("lever_height", TENDONS, wire_paths),
-        Point("stretch", TENDONS, tendon),
-        Point("elastic", TENDONS, tendon),
-        Point("near_end", TENDONS, tendon),
-        Point("far_end", TENDONS, tendon),
-        Point("transmit", TENDONS, tendon),
-        Point("at_cell", TENDONS, tendon),
-        Point("at_spool", TENDONS, tendon),
-        Point("settle", TENDONS, tendon),
+        *(Point(name, TENDONS, wire_paths) for name in ("worn_height", "lever_height")),
+        *(
+            Point(name, TENDONS, tendon)
+            for name in ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
+        ),
         Point("passive", JOINTS, finger),
         Point("external", SCALAR, finger),
         Point("relax", JOINTS, finger),
