@@ -11,7 +11,7 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.compiled.inputs import Reference
 from exodrake.simulation.simulate import record
-from exodrake.systems import finger_statics
+from exodrake.systems import finger_at_rest, finger_statics, tendon_finger
 from exodrake.systems.finger import coriolis, inertia, mass_matrix
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from exodrake.systems.tendon_finger import PART, Parameters
@@ -119,19 +119,23 @@ def test_power_balance():
 
 
 @pytest.mark.parametrize("offset", [0.5e-3, 1e-3, 2e-3])
-def test_a_robot_homed_with_taut_wires_starts_at_rest(offset):
-    """Under the tension of wires wound in too far, the finger of the first frame stands where statics put it."""
-    robot = nominal().splice("encoder.homing_offset", {"offset": offset}, ["AF", "AE"])
-    locked = {"motor.J": 1.0}  # kg m2: no spool moves within the frame
-    robot = robot.with_parameters(dict.fromkeys(robot.machine.noise, 0.0) | locked)
-    found = record(robot, Reference(np.full((2, 3), 1.0)), quantisation=False).signals
-    tension, angle = found["tension_finger"][0], found["angle"][0]
-    posture = finger_statics.posture(tension[None, :], finger_numbers())[0]
-    assert np.abs(posture - finger_numbers().q0).max() > 0.015
-    assert angle == pytest.approx(posture, abs=2e-3)
+def test_a_finger_homed_with_taut_wires_is_switched_on_at_rest(monkeypatch, offset):
+    """Under the tension of wires wound in too far, it stands where statics put it, and stays there."""
+    parameters, x, z, e = finger_numbers(), np.zeros(22), np.zeros(0), np.zeros(0)
+    monkeypatch.setattr(tendon_finger, "rests_before", finger_at_rest.rests_before)
+    stroke = np.zeros(3)
+    tendon_finger.start(x, z, parameters, e, stroke)
+    stroke += offset * np.array((1.0, 0.0, 1.0))
+    for _ in range(5):
+        tendon_finger.update(x, z, parameters, e, 0.002, stroke, np.zeros(3))
+        tension = x[tendon_finger.PULL : tendon_finger.PULL + 3]
+        posture = finger_statics.posture(tension[None, :], parameters)[0]
+        assert np.abs(posture - parameters.q0).max() > 0.015
+        assert x[:3] == pytest.approx(posture, abs=1e-4)
+    assert np.abs(x[3:6]).max() < 1e-3 and x[tendon_finger.CLOCK] == pytest.approx(0.01)
 
 
-def test_a_robot_homed_right_starts_in_its_rest_posture():
+def test_a_finger_homed_right_starts_in_its_rest_posture():
     robot = nominal().with_parameters(dict.fromkeys(nominal().machine.noise, 0.0))
     found = record(robot, Reference(np.full((2, 3), 0.0)), quantisation=False).signals
     assert found["angle"][0] == pytest.approx(np.array(finger_numbers().q0), abs=1e-6)

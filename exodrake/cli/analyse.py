@@ -25,7 +25,12 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @robot_option("file")
 @click.option("--set", "parameters", **MANY, help="controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
 @click.option("--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]. Repeatable.")
-@click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")
+@click.option(
+    "--part",
+    "parts",
+    **MANY,
+    help="A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable.",
+)
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: tension references [N].")
 @click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for figures and analysis.json.")

@@ -30,7 +30,12 @@ MANY = {"multiple": True, "metavar": "TEXT"}
 @click.option(
     "--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."
 )
-@click.option("--part", "parts", **MANY, help="A variant part: controller_as_printed, routers_as_printed. Repeatable.")
+@click.option(
+    "--part",
+    "parts",
+    **MANY,
+    help="A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable.",
+)
 @click.option("--seed", type=int, default=None, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")

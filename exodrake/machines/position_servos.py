@@ -70,11 +70,7 @@ def joint_machine(
         name=name,
         axes=Axes((), joints),
         signals=(*references, *REST),
-        parts=(
-            replace(joint.PART, name=part),
-            joint_command.SET_PART if bent else joint_command.PART,
-            reading,
-        ),
+        parts=(replace(joint.PART, name=part), joint_command.SET_PART if bent else joint_command.PART, reading),
         inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
         columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
         effects=(*library, *others(generic_effects(reading), library)),

@@ -48,8 +48,7 @@ class Parameters(NamedTuple):
 
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
 STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
-PULLING = 0.1  # tension with which a finger is not at rest in q0 [N], ten times the cells' noise; assumed
-RESTS, RESTING = 100, 0.02  # ticks, and length of one [s], of a finger that comes to rest: 40 time constants B / kappa
+RESTING = 0.02  # length of a tick before the log begins [s]
 NUDGE, NUDGE_WIRE = 1e-6, 1e-7  # of difference quotients [rad], [m]
 
 
@@ -125,8 +124,8 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
 
 
 def update(x, z, n, e, dt, stroke, wire_speed):
-    """One tick of length dt [s]; signals [m], [m/s]. Before the first one, a finger under tension comes to rest."""
-    rests = RESTS if x[CLOCK] == 0.0 and drawn_tight(x, z, n, e, stroke) else 0
+    """One tick of length dt [s]; signals [m], [m/s]. Before the first one, the finger may come to rest."""
+    rests = rests_before(pulled_at_start(x, z, n, e, stroke)) if x[CLOCK] == 0.0 else 0
     for k in range(rests + 1):
         if k < rests:
             tick(x, z, n, e, RESTING, stroke, (0.0, 0.0, 0.0))
@@ -135,12 +134,17 @@ def update(x, z, n, e, dt, stroke, wire_speed):
             tick(x, z, n, e, dt, stroke, wire_speed)
 
 
-def drawn_tight(x, z, n, e, stroke):
-    """Whether a wire pulls at the finger before it has moved; stroke [m]."""
+def rests_before(tension):
+    """Ticks of rest before the log begins, by the tension in the wires [N]: none, it begins in q0 however they pull."""
+    return 0
+
+
+def pulled_at_start(x, z, n, e, stroke):
+    """Largest tension in the wires before the finger has moved [N]; stroke [m]."""
     t0 = cell_tension(e, z, 0, stretched_by(e, z, 0, stroke[0] - x[TAKEN], 0.0), 0.0, n.k[0])
     t1 = cell_tension(e, z, 1, stretched_by(e, z, 1, stroke[1] - x[TAKEN + 1], 0.0), 0.0, n.k[1])
     t2 = cell_tension(e, z, 2, stretched_by(e, z, 2, stroke[2] - x[TAKEN + 2], 0.0), 0.0, n.k[2])
-    return max(t0, t1, t2) > PULLING
+    return max(t0, t1, t2)
 
 
 def stand_still(x):
@@ -247,16 +251,11 @@ PART = Part(
     ),
     points=(
         Point("router_height", JOINTS, wire_paths),
-        Point("worn_height", TENDONS, wire_paths),
-        Point("lever_height", TENDONS, wire_paths),
-        Point("stretch", TENDONS, tendon),
-        Point("elastic", TENDONS, tendon),
-        Point("near_end", TENDONS, tendon),
-        Point("far_end", TENDONS, tendon),
-        Point("transmit", TENDONS, tendon),
-        Point("at_cell", TENDONS, tendon),
-        Point("at_spool", TENDONS, tendon),
-        Point("settle", TENDONS, tendon),
+        *(Point(name, TENDONS, wire_paths) for name in ("worn_height", "lever_height")),
+        *(
+            Point(name, TENDONS, tendon)
+            for name in ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
+        ),
         Point("passive", JOINTS, finger),
         Point("external", SCALAR, finger),
         Point("relax", JOINTS, finger),

@@ -17,6 +17,7 @@ from exodrake.systems import (
     controller,
     controller_as_printed,
     encoder,
+    finger_at_rest,
     mocap,
     motor,
     routers_as_printed,
@@ -106,6 +107,7 @@ def machine() -> Machine:
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         variants_available={
             "controller_as_printed": ("controller.damping", controller_as_printed.damping),
+            "finger_at_rest": ("tendon_finger.rests_before", finger_at_rest.rests_before),
             "routers_as_printed": ("routers.applied_arm", routers_as_printed.applied_arm),
         },
         reference_limits=("F_min", "F_max"),
