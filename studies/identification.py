@@ -127,9 +127,7 @@ def page(found: Recordings, judged: list[Sessions], per_case: int) -> str:
     shares = [(name, 100 * inside[3 + 6 * k :][:3].mean(), 100 * inside[6 + 6 * k :][:3].mean())
               for k, name in enumerate(names[1:])]  # fmt: skip
     lines = [f"{name} gradient {gradient:.0f} %, intercept {intercept:.0f} %" for name, gradient, intercept in shares]
-    angles = ", ".join(
-        f"{name} {np.rad2deg(value):.2f}" for name, value in zip(names, np.sqrt(np.mean(found.angles**2, axis=0)))
-    )
+    angles = ", ".join(f"{name} {np.rad2deg(value):.2f}" for name, value in zip(names, found.angles.mean(axis=0)))
     zeros = [
         f"| {f'{one.wire} {1e3 * one.shift:.1f} mm' if one.wire else 'none'} | {100 * one.flagged:.0f} % |"
         f" {one.before:.3f} | {one.after:.3f} | {100 * one.coverage:.0f} % |"
@@ -146,7 +144,7 @@ TEXT = """# Identification and estimator, measured
 
 Simulated cases with known truth, each with a seed of its own. This page is written by
 
-    python -m studies.identification --out docs/identification.md
+    python -m studies.identification --out docs/identification.md --recordings {count} --sessions {sessions}
 
 ## Finger kinematics from markers
 
@@ -161,7 +159,7 @@ them. {count} recordings of a synthetic hand, {seconds:.0f} s at {rate:.0f} Hz, 
 {lengths}
 
 All 21 values: {all:.1f} % within their 95 % intervals; {lines}.
-RMS error of the angles [deg]: {angles}.
+Mean RMSE of the angles [deg]: {angles}.
 
 The intervals count what markers can show. Skin that slides with the angle deforms the triads, which widens the
 intervals, but it also moves joint centres, which no marker shows.
