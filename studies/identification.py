@@ -124,11 +124,10 @@ def page(found: Recordings, judged: list[Sessions], per_case: int) -> str:
         f" {1e3 * half.mean():.2f} | {100 * share:.0f} % |"
         for name, error, half, share in zip(("proximal", "middle", "distal"), found.errors.T, found.halves.T, inside)
     ]
-    lines = [f"gradient {100 * inside[3 + 6 * k : 6 + 6 * k].mean():.0f} %, intercept"
-             f" {100 * inside[6 + 6 * k : 9 + 6 * k].mean():.0f} % ({name})" for k, name in enumerate(names[1:])]  # fmt: skip
-    angles = ", ".join(
-        f"{name} {np.rad2deg(value):.2f}" for name, value in zip(names, np.sqrt(np.mean(found.angles**2, axis=0)))
-    )
+    shares = [(name, 100 * inside[3 + 6 * k :][:3].mean(), 100 * inside[6 + 6 * k :][:3].mean())
+              for k, name in enumerate(names[1:])]  # fmt: skip
+    lines = [f"{name} gradient {gradient:.0f} %, intercept {intercept:.0f} %" for name, gradient, intercept in shares]
+    angles = ", ".join(f"{name} {np.rad2deg(value):.2f}" for name, value in zip(names, found.angles.mean(axis=0)))
     zeros = [
         f"| {f'{one.wire} {1e3 * one.shift:.1f} mm' if one.wire else 'none'} | {100 * one.flagged:.0f} % |"
         f" {one.before:.3f} | {one.after:.3f} | {100 * one.coverage:.0f} % |"
@@ -145,21 +144,22 @@ TEXT = """# Identification and estimator, measured
 
 Simulated cases with known truth, each with a seed of its own. This page is written by
 
-    python -m studies.identification --out docs/identification.md
+    python -m studies.identification --out docs/identification.md --recordings {count} --sessions {sessions}
 
 ## Finger kinematics from markers
 
-`exodrake identify kinematics` adjusts finger, hand poses and joint angles to all markers together (bundle adjustment): one
-least-squares problem over 12 marker positions, four axes with moving centres, and ten unknowns a frame, which the
-Schur complement eliminates. Its inverse normal matrix gives the intervals; errors that last for several frames
-widen them. {count} recordings of a synthetic hand, {seconds:.0f} s at {rate:.0f} Hz, {noise:.1f} mm noise per axis, {gaps:.0f} gaps per marker and minute:
+`exodrake identify kinematics` adjusts finger, hand poses and joint angles to all markers together (bundle adjustment):
+one least-squares problem over 12 marker positions, four axes with moving centres, and ten unknowns a frame, which the
+Schur complement eliminates. Its inverse normal matrix gives the intervals; errors that last for several frames widen
+them. {count} recordings of a synthetic hand, {seconds:.0f} s at {rate:.0f} Hz, {noise:.1f} mm noise per axis,
+{gaps:.0f} gaps per marker and minute:
 
 | phalanx | RMS error [mm] | largest | mean half width | within 95 % interval |
 |---|---|---|---|---|
 {lengths}
 
 All 21 values: {all:.1f} % within their 95 % intervals; {lines}.
-RMS error of the angles [deg]: {angles}.
+Mean RMSE of the angles [deg]: {angles}.
 
 The intervals count what markers can show. Skin that slides with the angle deforms the triads, which widens the
 intervals, but it also moves joint centres, which no marker shows.
@@ -167,8 +167,8 @@ intervals, but it also moves joint centres, which no marker shows.
 ## Zeros of a new session
 
 Re-donning shifts the zeros of the strokes. From tensions and strokes alone, `exodrake estimate` finds the shift of a
-log, tests it, and corrects it. {sessions} sessions a case of {sweeps} sweeps each, after training on 48 sweeps of the same
-simulated robot:
+log, tests it, and corrects it. {sessions} sessions a case of {sweeps} sweeps each, after training on 48 sweeps of the
+same simulated robot:
 
 | zero shifted | flagged | RMSE as trained [rad] | corrected | within 95 % interval |
 |---|---|---|---|---|

@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 
 from studies.paper import arms, equations, hardware, loop_sign
-from studies.paper.claim import AGREES, DOES_NOT, QUICK, VERDICTS, count
-from studies.paper.page import claims_csv, page
+from studies.paper.claim import AGREES, DOES_NOT, QUICK, UNKNOWN, VERDICTS, count
+from studies.paper.page import claims_csv, docs_page, page
 from studies.paper.reproduce import reproduce
-from studies.paper.study import CREEP_STIFFNESS, DATA, HELD_OUT, MODEL, MU_PHI, worn_robot
+from studies.paper.study import CREEP_STIFFNESS, DATA, HELD_OUT, MODEL, MU_PHI, loading, worn_robot
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +68,26 @@ def test_data_beats_model_on_sweeps_it_never_saw(found):
     assert f"{study.error(DATA):.3f} against {study.error(MODEL):.3f} rad" in claim(found, "data-driven").ours
 
 
+def test_factor_is_said_to_follow_the_assumed_friction(found, html):
+    """The first line, the register and the documentation name the factor without friction beside the one with it."""
+    with_friction, without = f"{found.study.ratio:.1f}", f"{found.study.clean_ratio:.1f}"
+    page_of_docs = docs_page(found)
+    assert f"{without} × without" in html and "of assumed size" in html
+    assert "follows the assumed friction" in claim(found, "data-driven").reason
+    assert f"{with_friction} times better" in page_of_docs and f"{without} times without" in page_of_docs
+    assert "&#39;" not in page_of_docs and "&gt;" not in page_of_docs
+
+
+def test_loading_rows_end_at_the_largest_tension(found):
+    from estimator_sweeps import as_sweeps, worn_sweeps
+
+    sweeps = as_sweeps(worn_sweeps(3, seed=0, rows=60))
+    mask = loading(sweeps)
+    for number in range(3):
+        assert np.count_nonzero(mask[sweeps.sweep == number]) == pytest.approx(30, abs=1)
+    assert [one.method for one in found.study.recorded] == ["36 up and down", "12 up and down", "36 loading only"]
+
+
 def test_drawn_estimates_are_those_that_were_judged(found):
     study = found.study
     for guess, method in ((study.mean, DATA), (study.model, MODEL)):
@@ -95,7 +115,11 @@ def test_worn_robot_is_worn():
         ("K.M. area", "4297 fingertip", DOES_NOT),
         ("extensor (S)", "61.93°", AGREES),
         ("DIP alone", "> 0 in", DOES_NOT),
-        ("PIP alone", "MF 0.0", AGREES),
+        ("PIP alone", "MF 0.0", UNKNOWN),
+        ("+ kd dF/dt", "overshoot 0 % printed", UNKNOWN),
+        ("‖Q‖ = ‖v‖/‖w‖", "35.36 mm", AGREES),
+        ("one CAN bus", "2 to 6 ms", AGREES),
+        ("linear in the angle", "R²", UNKNOWN),
         ("M.F. alone", "PIP +0.00", AGREES),
     ],
 )
@@ -135,8 +159,10 @@ def test_command_writes_both_files(found, tmp_path, monkeypatch):
     from studies.paper.__main__ import command
 
     monkeypatch.setattr("studies.paper.reproduce.reproduce", lambda effort, seed: found)
-    run = CliRunner().invoke(command, ["--quick", "--out", str(tmp_path / "deep" / "out")])
+    docs = tmp_path / "paper.md"
+    run = CliRunner().invoke(command, ["--quick", "--out", str(tmp_path / "deep" / "out"), "--docs", str(docs)])
     assert run.exit_code == 0, run.output
+    assert docs.read_text() == docs_page(found)
     assert {path.name for path in (tmp_path / "deep" / "out").iterdir()} == {"paper.html", "claims.csv"}
     assert "Fig. 11, simulated, whole sweeps held out" in run.output
 

@@ -65,7 +65,7 @@ def zeros_text(zeros: "Zeros", corrected: bool) -> str:
     shifts = ", ".join(f"{wire} {shift:+.2f} ± {half:.2f}" for wire, shift, half in parts)
     text = f"zeros of the strokes since the training: {shifts} mm"
     if zeros.unlike:
-        return f"{text}\nand the rest is no constant: contact, another wearer or robot? Nothing was corrected."
+        return f"{text}\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
     if not zeros.moved:
         return f"{text}: not moved"
     done = "corrected" if corrected else "not corrected, as asked"

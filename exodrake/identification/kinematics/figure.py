@@ -48,7 +48,7 @@ def _panel(panel, joint: Joint, number: int, colour: str, height: float) -> None
     panel.plot(joint.angle[used], 1e3 * joint.centre[used, number], ".", **dots)
     band = {"color": "0.15", "alpha": 0.25, "lw": 0, "label": "95 % band of the line"}
     panel.fill_between(span, middle - half, middle + half, **band)
-    panel.plot(span, middle, color="0.15", lw=1.4, label="weighted line")
+    panel.plot(span, middle, color="0.15", lw=1.4, label="line, of all frames together")
     edge = joint.smallest_angle
     panel.axvspan(max(joint.range[0], -edge), edge, color="0.93", lw=0, zorder=0, label="angle too small, left out")
     panel.set_ylim(np.mean(middle) - height / 2, np.mean(middle) + height / 2)

@@ -69,8 +69,10 @@ def notes(found: Kinematics) -> list[str]:
     residuals = ", ".join(f"{name} {1e3 * value:.2f}" for name, value in zip(SEGMENTS, found.residuals, strict=True))
     return [
         f"Median residual of the triads after smoothing [mm]: {residuals}.",
-        "Half widths (95 %) include only the noise of the moving frames; skin motion with the angle, and the noise"
-        " of the posture at the start, come on top and cannot be seen in the markers alone.",
+        f"Noise of the markers {1e3 * found.noise:.2f} mm per axis; errors that last for several frames make the"
+        f" variances of the intervals {found.inflation:.1f} times those of independent noise.",
+        "Half widths (95 %) include noise and what deforms the triads; skin that carries a whole triad along with the"
+        " angle comes on top and cannot be seen in the markers alone.",
         "The distal length runs from the DIP axis to the tip marker, along the straight finger.",
         *found.remarks,
     ]
