@@ -47,11 +47,10 @@ def effect_pages() -> Iterator[tuple[str, str | bytes]]:
         for effect in robot.machine.effects:
             shown, svg = effect_figure(robot, effect)
             column = max(shown.columns, key=lambda name: shown.columns[name][0] / shown.columns[name][1])
-            path = path_of(name, effect)
-            link = f"[`{effect.id}`]({path.removeprefix('reference/')})"
+            link = f"[`{effect.id}`](effects/{name}/{effect.id}.md)"
             index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {shown.size:.2g} |\n"
-            yield path, effect_page(robot, effect, shown)
-            yield path.removesuffix("md") + "svg", svg
+            yield path_of(name, effect), effect_page(robot, effect, shown)
+            yield path_of(name, effect).removesuffix("md") + "svg", svg
     yield "reference/effects.md", index
 
 
@@ -98,7 +97,7 @@ def sentence(text: str) -> str:
 
 def linked(source: str) -> str:
     """A source with links to the sections and keys of the page on physics."""
-    physics = "../../explain/physics.md"
+    physics = "../../../explain/physics.md"
     source = re.sub(r"\[S:(\w+)\]", lambda key: f"[[S:{key[1]}]]({physics}#{key[1].lower()})", source)
     named = re.sub(r"physics\.md ((?:\d\.\w)(?:, \d\.\w| and \d)*)", lambda found: sections(found[1], physics), source)
     return named.replace("[A]", f"[[A]]({physics}#provenance)").replace("[D]", f"[[D]]({physics}#provenance)")
