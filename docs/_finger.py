@@ -11,8 +11,9 @@ import numpy as np
 from PIL import Image
 
 import exodrake as exo
+from exodrake.core.skeleton import Skeleton
 from exodrake.data.plot import STYLE, new_figure
-from exodrake.diagrams.meshcat.shapes import HAND_END, Skeleton, skeleton, span, turn
+from exodrake.diagrams.meshcat.shapes import skeleton, span, turn
 
 EVERY, DPI, COLOURS = 5, 100, 24  # frames of 20 ms, dots per inch, colours of the picture
 NOMINAL, WITH, SKIN = "#b3bcc6", "#1d4ed8", "#f1ddd0"
@@ -32,7 +33,7 @@ def draw_finger(axes, bones: Skeleton, angle: np.ndarray, colour: str, ghost: bo
     """Draw phalanges and tendons at angles (joints,) [rad] from the side."""
     frames = places(bones, angle)
     ends = [origin for origin, _ in frames[1:]] + [frames[-1][0] + frames[-1][1] @ [bones.lengths[-1], 0.0, 0.0]]
-    line = 1e3 * np.array([[HAND_END, 0.0, 0.0], *ends])[:, (0, 2)]
+    line = 1e3 * np.array([[bones.base, 0.0, 0.0], *ends])[:, (0, 2)]
     axes.plot(*line.T, color=NOMINAL if ghost else SKIN, lw=20, alpha=0.45 if ghost else 1, solid_capstyle="round")
     axes.plot(*line.T, color=colour, lw=1.6, marker="o", ms=3.5)
     for piece in () if ghost else bones.pieces:
