@@ -58,7 +58,8 @@ def identified(seed: int, seconds: float = SECONDS, rate: float = RATE) -> tuple
         line = joint.line
         errors += [line.gradient - axis.slope, line.intercept - axis.point]
         halves += [line.gradient_interval, line.intercept_interval]
-    angles = np.stack([found.joints[0].abduction, *(joint.angle for joint in found.joints)], axis=1)
+    abduction = np.asarray(found.joints[0].abduction)
+    angles = np.stack([abduction, *(joint.angle for joint in found.joints)], axis=1)
     return np.concatenate(errors), np.concatenate(halves), np.sqrt(np.nanmean((angles - truth.angles) ** 2, axis=0))
 
 

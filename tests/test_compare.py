@@ -56,7 +56,7 @@ def test_the_command_prints_units_and_writes_figure_and_numbers(tmp_path):
     result = run("compare", tmp_path / "a.csv", tmp_path / "b.csv", "--out", figure, "--json", numbers)
     assert result.exit_code == 0 and "angle_PIP only in" in result.output
     (row,) = (line.split() for line in result.output.splitlines() if line.startswith("tension AF"))
-    assert row[2:5] == ["N", "0.500", "0.500"]
+    assert row[2:5] == ["N", "0.5", "0.5"]
     assert figure.read_bytes().startswith(b"\x89PNG")
     assert json.loads(numbers.read_text())["signals"]["tension_AF"]["rms"] == pytest.approx(0.5)
     assert run("compare", tmp_path / "a.csv", tmp_path / "none.csv").exit_code == 2

@@ -61,14 +61,13 @@ def show(found: Comparison, log: Log, machine: Machine) -> None:
 
     from exodrake.core.display import display_of
     from exodrake.core.units import kind_of
-    from exodrake.report.number_format import digits
     from exodrake.report.terminal import table
 
     rows = []
     for name, one in found.signals.items():
         kind = kind_of(name) or name
         display = display_of(kind, machine, one.unit)
-        cells = (digits(display.factor * x) for x in (one.rms, one.mean, one.largest))
+        cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
         channel = name.removeprefix(kind).strip("_")
         rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
     console = Console()

@@ -68,7 +68,6 @@ def signals(robot: Robot, log: Log, nominal: Log | None, peak: int | None) -> Ta
     from rich.markup import escape
 
     from exodrake.core.display import display_of
-    from exodrake.report.number_format import digits
     from exodrake.report.terminal import table
 
     machine, rows = robot.machine, []
@@ -82,7 +81,7 @@ def signals(robot: Robot, log: Log, nominal: Log | None, peak: int | None) -> Ta
             for other, wanted in errors:
                 known = other.has(wanted)
                 cells.append(np.sqrt(np.mean((values - display.factor * other[wanted]) ** 2)) if known else np.nan)
-            texts = ["" if np.isnan(cell) else digits(float(cell)) for cell in cells]
+            texts = ["" if np.isnan(cell) else f"{float(cell):.3g}" for cell in cells]
             rows.append((f"{column.kind} {channel}".rstrip(), escape(display.unit), *texts))
     titles = ["signal", "unit", ">lowest", ">highest", *([] if peak is None else [f">at\n{log.time[peak]:.2f} s"])]
     titles += [">in the\nend", ">RMS from\nreference", *([">RMS from\nnominal"] if nominal is not None else [])]

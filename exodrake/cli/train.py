@@ -39,9 +39,9 @@ def command(logs: tuple[Path, ...], out: Path, points: int, robot: str, one_swee
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 
+    mark = signature(robot_yaml(robot) or robot) if robot else ""
     read = [read_log(path) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
-    mark = signature(robot_yaml(robot) or robot) if robot else ""
     prior = learn(sweeps, points)
     estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))
     scores = validate(prior, sweeps, points, seed)

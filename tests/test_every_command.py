@@ -1,0 +1,126 @@
+"""Every command with every built-in machine: it works, or says in one sentence why it does not."""
+
+import os
+
+import click
+import pytest
+from click.testing import CliRunner
+
+import exodrake as exo
+from exodrake.cli.main import cli
+from exodrake.cli.options import OTHERS
+from exodrake.core.errors import MAX_MESSAGE
+from exodrake.diagnosis import pipeline
+from exodrake.machines.library import machine_folders, machine_names
+
+SHORT = "steps:dwell=2"
+# command -> its arguments besides --robot; {} is a folder with a log of the machine
+ALL = {
+    "simulate": [SHORT, "--out", "{}/run"],
+    "compare": ["{}/log.csv", "{}/log.csv", "--out", "{}/c.png"],
+    "robot": [],
+    "effects": [],
+    "draw": ["--out", "{}/wiring.svg"],
+    "watch": ["{}/log.csv", "--until-idle", "0"],
+    "export": ["{}/log.csv", "--out", "{}/log.npz"],
+    "check": ["{}/log.csv", "--effects", "{effect}"],
+    "diagnose": ["{}/log.csv"],  # up to the diagnosis itself, which takes minutes
+    "calibrate": ["--case", "{}/absent"],  # a refusal: with robots it takes minutes
+    "alarm-limits": ["--robots", "2", "--minutes", "0.5", "--jobs", "1"],
+}
+SOME = {
+    "analyse": [],
+    "show": ["{}/log.csv", "--out", "{}/page.html"],
+    "workspace": ["--samples", "300", "--steps", "3", "--out", "{}/areas"],
+    "grasp": ["caging", "--size", "1 m", "--out", "{}/grasp"],
+    "train": ["{}/log.csv", "--out", "{}/e.npz"],
+    "estimate": ["{}/log.csv", "--estimator", "{}/absent.npz"],
+}
+NONE = ("demo", "identify", "blind", "import", "new-machine", "warm-up")  # of one machine, or none, by their nature
+REFUSED = {"calibrate", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
+LONG = {"analyse", "workspace"}  # for the machine that they are made for, tested elsewhere
+MADE_FOR = "exo_index"
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A folder with a short log of each machine."""
+    found = {}
+    for name in machine_names():
+        found[name] = tmp_path_factory.mktemp(name)
+        robot = exo.load_robot(name)
+        motion = f"steps:dwell={max(1.0, 40 * robot.machine.frame):g}"  # 100 frames at least
+        exo.write_log(exo.simulate(robot, motion), found[name] / "log.csv")
+    return found
+
+
+def assert_one_sentence(result, name):
+    """Status 2, one red line of bearable length, no traceback."""
+    assert result.exit_code == 2, result.output
+    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1 and len(lines[0]) <= MAX_MESSAGE + len("error: "), result.stderr
+    assert "Traceback" not in result.output, name
+
+
+def test_no_command_is_left_out():
+    assert {*ALL, *SOME, *NONE} == set(cli.list_commands(click.Context(cli)))
+    assert not (set(ALL) & set(SOME)) and set(ALL) <= {*ALL, "export"}
+
+
+@pytest.mark.parametrize("machine", machine_names())
+@pytest.mark.parametrize("name", ALL)
+def test_a_command_for_any_machine_works_with_each(name, machine, folders, monkeypatch):
+    def ended(*_, **__):
+        raise exo.InputError("the diagnosis began")
+
+    monkeypatch.setattr(pipeline, "diagnose", ended)
+    effect = exo.load_robot(machine).machine.effects[0].id  # one, since many take minutes
+    words = [word.replace("{}", str(folders[machine])).replace("{effect}", effect) for word in ALL[name]]
+    result = run(name, *words, *([] if name == "export" else ["--robot", machine]))
+    if name == "diagnose":
+        assert_one_sentence(result, name)
+        assert "the diagnosis began" in result.stderr or "frames" in result.stderr, result.stderr
+    elif name in REFUSED:
+        assert_one_sentence(result, name)
+        assert "absent" in result.stderr
+    else:
+        assert result.exit_code in (0, 1 if name == "watch" else 0), result.output
+
+
+@pytest.mark.parametrize("machine", machine_names())
+@pytest.mark.parametrize("name", SOME)
+def test_a_command_for_one_machine_says_why_it_takes_no_other(name, machine, folders):
+    if machine == MADE_FOR and name in LONG:
+        return
+    words = [word.replace("{}", str(folders[machine])) for word in SOME[name]]
+    result = run(name, *words, "--robot", machine)
+    if machine == MADE_FOR and name not in REFUSED:
+        assert result.exit_code == 0, result.output
+        return
+    assert_one_sentence(result, name)
+    if machine != MADE_FOR and name not in ("train", "estimate"):
+        assert machine in result.stderr
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_command_without_machines_of_ones_own_says_why(name):
+    command = cli.get_command(click.Context(cli), name)
+    part = list(command.commands) if isinstance(command, click.Group) else []
+    if "--machine" in {word for p in command.params if not getattr(p, "hidden", False) for word in p.opts}:
+        return
+    result = run(name, *part[:1], "--machine", machine_folders()["emps"])
+    assert_one_sentence(result, name)
+    assert OTHERS[name][:40] in result.stderr
+
+
+@pytest.mark.parametrize("name", [name for name in [*ALL, *SOME] if name != "export"])
+def test_an_unknown_robot_is_refused_with_those_that_there_are(name, folders):
+    words = [word.replace("{}", str(folders[MADE_FOR])) for word in {**ALL, **SOME}[name]]
+    result = run(name, *words, "--robot", "foo")
+    assert_one_sentence(result, name)
+    assert name == "estimate" or ("foo" in result.stderr and (name == "train" or "tendon_sheath" in result.stderr))
+    assert not os.path.exists("foo")
