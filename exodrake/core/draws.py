@@ -17,7 +17,10 @@ def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
     machine, values = robot.machine, robot.values.copy()
     groups = [
-        (group, n) for group in machine.tolerances for pattern in group.parameters for n in expanded(pattern, machine.axes)
+        (group, n)
+        for group in machine.tolerances
+        for pattern in group.parameters
+        for n in expanded(pattern, machine.axes)
     ]
     for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
         x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
