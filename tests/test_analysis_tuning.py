@@ -7,8 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
+from exodrake.analysis.assessment import Requirements, missed_of
 from exodrake.analysis.candidate import Performance, plant_of
-from exodrake.analysis.tuning import Requirements, compliance, cost_of, missed_of, tune
+from exodrake.analysis.tuning import compliance, cost_of, tune
 from exodrake.cli.main import cli
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate

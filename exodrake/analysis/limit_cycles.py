@@ -27,6 +27,7 @@ AMPLITUDES = np.geomspace(2e-3, 10.0, 12)  # of the command, in units of its ans
 FACTORS = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)  # simulated factors, in units of the gain margin
 RUN, SEEN = 1000, 250  # frames simulated; last ones in which an oscillation is measured
 POKE = 1e-4  # command for a frame that starts a small motion, in the same unit
+LEAST = 1e-4  # of the open loop where it crosses the real axis, below which it does not
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
 
 
@@ -39,7 +40,8 @@ class LimitCycles:
         limit: linear gain margin of that loop without the nonlinearity.
         amplitude: (k,) of the command [SI], with the predicted factor (k,) on the loop gain and frequency (k,) [Hz];
             nan where L never turns by 180 degrees.
-        factors: (m,) simulated. swing: (m,) amplitude of the command [SI] and beat (m,) its frequency [Hz]; 0 at rest.
+        factors: (m,) simulated, with the amplitude of the command, swing (m,) [SI], and its swing_frequency (m,) [Hz],
+            both 0 at rest.
     """
 
     label: str
@@ -51,7 +53,7 @@ class LimitCycles:
     frequency: np.ndarray
     factors: np.ndarray
     swing: np.ndarray
-    beat: np.ndarray
+    swing_frequency: np.ndarray
 
     def predicted(self, factor: float = 1.0) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the smallest stable limit cycle at a factor; 0 and 0 without any."""
@@ -65,7 +67,7 @@ class LimitCycles:
     def simulated(self) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the simulated command with the robot's own gains; 0 and 0 at rest."""
         k = int(np.flatnonzero(self.factors == 1.0)[0])
-        return float(self.swing[k]), float(self.beat[k])
+        return float(self.swing[k]), float(self.swing_frequency[k])
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +203,7 @@ def crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]
             continue
         share = a.imag / (a.imag - b.imag)
         real = (1.0 - share) * a.real + share * b.real
-        if real < 0.0 and not -1.0 / real >= best[0]:
+        if real < -LEAST and not -1.0 / real >= best[0]:
             best = (-1.0 / real, (1.0 - share) * frequency[k] + share * frequency[k + 1])
     return best
 

@@ -51,18 +51,23 @@ def closed_loop_numbers(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()
             "robustness": result.robust.numbers,
             "bands": {b.name: band_numbers(b) for b in result.bands},
             "limit_cycles": {c.label: {k: v for k, v in vars(c).items() if k != "label"} for c in cycles},
-            "stability_map": {
-                "gains": {name: unit_of(result, name) for name in result.gains.names},
-                "first": result.gains.first,
-                "second": result.gains.second,
-                "spectral_radius": result.gains.radius,
-                "limit of the first": result.gains.limit,
-                "nominal": result.gains.nominal,
-            },
+            "stability_map": map_numbers(result),
             "latency": latency
             and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
         }
     )
+
+
+def map_numbers(result: ClosedLoop) -> dict[str, Any]:
+    """Spectral radius over the two gains."""
+    return {
+        "gains": {name: unit_of(result, name) for name in result.gains.names},
+        "first": result.gains.first,
+        "second": result.gains.second,
+        "spectral_radius": result.gains.radius,
+        "limit of the first": result.gains.limit,
+        "nominal": result.gains.nominal,
+    }
 
 
 def model_numbers(result: ClosedLoop) -> dict[str, Any]:

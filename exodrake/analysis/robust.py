@@ -120,7 +120,7 @@ def closed_numbers(loop: FrameMap, point: OperatingPoint, model: FrameModel) -> 
 
 
 def band(name: str, robots: Iterable[tuple[str, Robot]], at: Mapping[str, float] | str | None = None) -> Band:
-    """Robustness of each labelled robot at an operating point; robots without one are told."""
+    """Robustness of each labelled robot at an operating point; robots without one are failures."""
     return gathered(name, ((label, robot, at) for label, robot in robots))
 
 

@@ -4,78 +4,31 @@
 
 The maxima run over steps of every channel, the machine's operating points and robots drawn within the tolerances. The
 search is on linear models (`candidate`), by differential evolution over the logarithms of the gains; the answer is then
-judged by nonlinear steps of other robots (`robust`).
+judged by nonlinear steps of other robots (`assessment`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from exodrake.analysis.assessment import NOISE_FACTOR, Requirements, Tuned, assessed
 from exodrake.analysis.candidate import Performance, Plant, performance, plant_of
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.populations import within_tolerances
-from exodrake.analysis.robust import Band, band, points_band
-from exodrake.analysis.steps import StepResponse, step_response
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
-DESIGN_SEED, JUDGE_SEED = 1, 2  # of the robots that the search sees, and of those that judge it
+DESIGN_SEED = 1  # of the robots that the search sees
 SLACK = 0.04  # by which the search keeps away from each requirement, since steps are linear there
 PENALTY = 20.0  # cost of a requirement missed by 100 %, in units of the robot's own settling
 SEARCH: dict[str, Any] = {"maxiter": 14, "popsize": 8, "seed": 0, "polish": False, "init": "sobol", "tol": 1e-3}
 OWN = "as it is"
-
-
-@dataclass(frozen=True)
-class Requirements:
-    """What a loop shall hold; the settling time is made as short as it can be and then compared.
-
-    Attributes:
-        settling: to 2 % of a step [s]; None: as short as possible.
-        overshoot: fraction of a step.
-        disk_margin: of all commands at once.
-        noise: standard deviation of a command [SI]; None: what the robot has now, times `NOISE_FACTOR`.
-    """
-
-    settling: float | None = None
-    overshoot: float = 0.05
-    disk_margin: float = 0.6
-    noise: float | None = None
-
-
-NOISE_FACTOR = 2.0
-
-
-@short_repr
-@dataclass(frozen=True, eq=False)
-class Tuned:
-    """A controller, tuned, and how it does.
-
-    Attributes:
-        name: of its structure. robot: with it. gains: parameter -> value [SI] that was searched.
-        steps: nonlinear, of the robot itself at its own operating point.
-        bands: over tolerances and operating points.
-        settling [s], overshoot, disk_margin, noise [SI]: the worst of these; nan where one is unstable.
-        missed: requirements that it does not hold, a phrase each.
-    """
-
-    name: str
-    robot: Robot
-    gains: dict[str, float]
-    steps: tuple[StepResponse, ...]
-    bands: tuple[Band, ...]
-    settling: float
-    overshoot: float
-    disk_margin: float
-    noise: float
-    missed: tuple[str, ...]
 
 
 @short_repr
@@ -122,7 +75,7 @@ def tune(
     only: tuple[str, ...] = (),
     draws: int = 4,
     judges: int = 12,
-    told: Callable[[str], None] = lambda name: None,
+    progress: Callable[[str], None] = lambda name: None,
 ) -> Tuning:
     """Tunes each controller structure of the machine's loop and compares them.
 
@@ -132,7 +85,7 @@ def tune(
         only: names of structures; all if empty.
         draws: robots within the tolerances that the search sees, beside the nominal one at every operating point.
         judges: other robots within the tolerances that judge the answer.
-        told: called with the name of each structure before its search.
+        progress: called with the name of each structure before its search.
 
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
@@ -144,21 +97,25 @@ def tune(
             raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {', '.join(known)}")
     plants = [plant_of(robot, at) for at in loop.points]
     plants += [plant_of(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
-    own = [performance(p, {}) for p in plants]
-    wanted = requirements or Requirements()
-    if wanted.noise is None:
-        noise = max((p.noise for p in own if np.isfinite(p.noise)), default=np.inf)
-        wanted = replace(wanted, noise=NOISE_FACTOR * noise)
-    compared = [judged(OWN, robot, {}, wanted, judges)]
+    wanted = with_noise(requirements or Requirements(), plants)
+    compared = [assessed(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
-            told(structure.name)
+            progress(structure.name)
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
             gains = searched(plants, structure, fixed, wanted)
             source = f"tuned by exodrake as {structure.name}"
             changed = robot.with_parameters(spread(robot, {**fixed, **gains}), source)
-            compared.append(judged(structure.name, changed, gains, wanted, judges))
+            compared.append(assessed(structure.name, changed, gains, wanted, judges))
     return Tuning(robot, wanted, tuple(compared))
+
+
+def with_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:
+    """The requirements with a largest noise of the commands, from that of the robot's own controller where none is."""
+    if wanted.noise is not None:
+        return wanted
+    noises = [noise for plant in plants if np.isfinite(noise := performance(plant, {}).noise)]
+    return replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
 
 
 def spread(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
@@ -228,45 +185,3 @@ def cost_of(p: Performance, wanted: Requirements, frame: float) -> float:
         max(0.0, p.noise / (most * (1.0 - SLACK)) - 1.0),
     )
     return p.settling / frame + 300.0 * PENALTY * sum(missed)
-
-
-def judged(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, judges: int) -> Tuned:
-    """A robot's loop by nonlinear steps and linear margins, over its operating points and tolerances."""
-    from exodrake.analysis.operating import operating_point
-
-    loop = FrameMap.of(robot)
-    point = operating_point(loop)
-    steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
-    bands = (points_band(robot), band("tolerances", within_tolerances(robot, judges, JUDGE_SEED)))
-    members = list(chain.from_iterable(b.members for b in bands))
-    kind, unit = loop.column(loop.loop.command), robot.machine.signal[loop.loop.command].unit
-
-    def worst(prefix: str, suffix: str, most: bool = True) -> float:
-        names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
-        found = [m.numbers.get(n, np.nan) for m in members for n in names]
-        return float(np.max(found) if most else np.min(found))
-
-    settling, overshoot = worst("settling", " [s]"), worst("overshoot", "")
-    disk, noise = worst("", "disk margin", most=False), worst(f"noise of {kind}", f" [{unit}]")
-    missed = missed_of(wanted, settling, overshoot, disk, noise, unit)
-    if failures := sum(len(b.failures) for b in bands):
-        missed = (*missed, f"{failures} robots without rest")
-    return Tuned(name, robot, gains, steps, bands, settling, overshoot, disk, noise, missed)
-
-
-def missed_of(
-    wanted: Requirements, settling: float, overshoot: float, disk: float, noise: float, unit: str
-) -> tuple[str, ...]:
-    """The requirements that are not held, a phrase each; nan holds nothing."""
-    missed = []
-    if not np.isfinite(settling):
-        missed.append("does not settle")
-    elif wanted.settling is not None and settling > wanted.settling:
-        missed.append(f"settles in {settling:.3g} s")
-    if not overshoot <= wanted.overshoot:
-        missed.append(f"overshoots {100.0 * overshoot:.2g} %")
-    if not disk >= wanted.disk_margin:
-        missed.append(f"disk margin {disk:.2g}")
-    if wanted.noise is not None and not noise <= wanted.noise:
-        missed.append(f"command noise {noise:.2g} {unit}")
-    return tuple(missed)

@@ -13,8 +13,10 @@ from exodrake.data.plot import new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from exodrake.analysis.tuning import Tuned, Tuning
+    from exodrake.analysis.assessment import Tuned
+    from exodrake.analysis.tuning import Tuning
 
+BOX = {"fc": "white", "ec": "none", "pad": 0.6, "alpha": 0.9}
 COLOURS = ("#5b6470", "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9")
 
 
@@ -76,7 +78,9 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
         top = max(top, limit or 0.0, 1e-12)
         for row, value in zip(rows, values):
             text = f"{value:.3g}" if np.isfinite(value) else "unstable"
-            axes.text(max(np.nan_to_num(value), 0.0) + 0.02 * top, row, text, va="center", fontsize=7, color=DARK)
+            axes.text(
+                max(np.nan_to_num(value), 0.0) + 0.02 * top, row, text, va="center", fontsize=7, color=DARK, bbox=BOX
+            )
         if limit is not None:
             axes.axvline(limit, color="black", lw=1.0, ls=(0, (3, 2)))
             side = 0.0 if above else limit

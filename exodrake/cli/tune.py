@@ -11,7 +11,8 @@ import click
 from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
-    from exodrake.analysis.tuning import Tuned, Tuning
+    from exodrake.analysis.assessment import Tuned
+    from exodrake.analysis.tuning import Tuning
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
@@ -45,15 +46,16 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     """
     from rich.console import Console
 
-    from exodrake.analysis.results import plain
-    from exodrake.analysis.tuning import Requirements, tune
+    from exodrake.analysis.assessment import Requirements
+    from exodrake.analysis.tuning import tune
     from exodrake.core.files import write_bytes
+    from exodrake.core.plain import plain
     from exodrake.machines.robot_file import load_robot, write_robot
 
     robot = load_robot(file)
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
     with Console(stderr=True).status("tuning") as status:
-        tuning = tune(robot, wanted, only, draws, told=lambda name: status.update(f"tuning: {name}"))
+        tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
     show(tuning)
     if target:
         write_bytes(target, (json.dumps(plain(tuning.to_dict()), indent=1, allow_nan=False) + "\n").encode())
