@@ -44,7 +44,8 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
         (["--at", "AF=4"], "MF"), (["--at", "AF:4"], "AF:4"), (["--at", "AF=4,AF=3"], "AF=3"),
         (["--set", "controller.kpp=1"], "kpp"), (["--effect", "no.such"], "no.such"), (["--part", "x"], "'x'"),
         (["--robot", "absent.yaml"], "absent.yaml"), (["--set", "controller.kp=0"], "kp = 0"),
-        (["--at", "AF=nan,MF=1,AE=1"], "AF"),
+        (["--at", "AF=nan,MF=1,AE=1"], "AF"), (["--at", "smal"], "did you mean small"),
+        (["--diagnosis", "absent.json"], "absent.json"), (["--diagnosis", __file__], "not JSON"),
     ],
 )  # fmt: skip
 def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):

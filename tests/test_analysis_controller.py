@@ -93,8 +93,8 @@ def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant
     assert found.disk_margin == pytest.approx(there.numbers["disk margin"], rel=5e-3)
     assert found.noise == pytest.approx(max(v for k, v in there.numbers.items() if k.startswith("noise")), rel=1e-4)
     steps = [step_response(loop, point, j) for j in range(3)]
-    assert found.settling == pytest.approx(max(s.settling for s in steps), abs=0.06)
-    assert found.overshoot == pytest.approx(max(s.overshoot for s in steps), abs=0.01)
+    assert found.settling == pytest.approx(max(s.settling for s in steps), abs=0.12)
+    assert found.overshoot == pytest.approx(max(s.overshoot for s in steps), abs=0.025)
 
 
 def test_the_matrices_of_a_law_are_those_of_its_formula(plant):

@@ -185,10 +185,9 @@ def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.nd
     Raises:
         InputError: an unknown point or channel, a missing one, or a reference outside its limits.
     """
-    robot, points, channels = loop.robot, loop.loop.points, loop.channels
-    if isinstance(at, str) and at not in points:
-        raise InputError(f"no operating point {at!r}{nearest(at, list(points))}; there are {', '.join(points)}")
-    values = points[at] if isinstance(at, str) else next(iter(points.values())) if at is None else at
+    robot, channels = loop.robot, loop.channels
+    at = next(iter(loop.loop.points)) if at is None else at
+    values = named_point(loop, at) if isinstance(at, str) else at
     for name in values:
         if name not in channels:
             raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
@@ -205,3 +204,12 @@ def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.nd
                 f"operating point {name} = {values[name]:g} {unit} is outside {low:g} .. {highest[i]:g} {unit}"
             )
     return np.array([float(values[name]) for name in channels])
+
+
+def named_point(loop: FrameMap, name: str) -> dict[str, float]:
+    """References [SI] of one of the machine's operating points, within the robot's limits. InputError without such."""
+    points = loop.loop.points
+    if name not in points:
+        raise InputError(f"no operating point {name!r}{nearest(name, list(points))}; there are {', '.join(points)}")
+    lowest, highest = loop.robot.reference_limits()
+    return {c: float(np.clip(points[name][c], *ends)) for c, *ends in zip(loop.channels, lowest, highest)}

@@ -109,12 +109,16 @@ class CommandedLoop:
 
 
 def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: float, cycles: int) -> complex:
-    """First harmonic of the reading over that of the command, a sine of so many cycles in the window."""
+    """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
+
+    A cosine moves the actuator about where it rests, a sine to one side.
+    """
     phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
-    command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.sin(phase[n]))
-    sine = np.exp(-1j * phase[WINDOW:])
-    drift = np.polyval(np.polyfit(phase[WINDOW:], reading[WINDOW:], 1), phase[WINDOW:]) if cycles > 1 else 0.0
-    return complex((reading[WINDOW:] - drift) @ sine / (command[WINDOW:] @ sine))
+    command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))
+    basis = np.column_stack([np.cos(phase), np.sin(phase), phase, np.ones_like(phase)])[WINDOW:]  # a drift, too
+    harmonic = np.linalg.lstsq(basis, np.column_stack([command, reading])[WINDOW:], rcond=None)[0][:2]
+    sent, read = harmonic[0] - 1j * harmonic[1]
+    return complex(read / sent)
 
 
 def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> tuple[LimitCycles, ...]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from exodrake.analysis.assessment import NOISE_FACTOR, Requirements, Tuned, assessed
 from exodrake.analysis.candidate import Performance, Plant, performance, plant_of
+from exodrake.analysis.closed_loop import remarks
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.populations import within_tolerances
 from exodrake.core.errors import InputError
@@ -34,11 +35,12 @@ OWN = "as it is"
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Controllers compared, the robot's own first. `best` is the fastest that misses nothing, or None."""
+    """Controllers compared, the robot's own first, and notes on the linear model. `best` misses nothing, or is None."""
 
     robot: Robot
     requirements: Requirements
     compared: tuple[Tuned, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def best(self) -> Tuned | None:
@@ -61,7 +63,12 @@ class Tuning:
             | {"gains": t.gains, "misses": list(t.missed)}
             for t in self.compared
         }
-        return {"required": required, "compared": compared, "best": self.best and self.best.name}
+        return {
+            "required": required,
+            "compared": compared,
+            "best": self.best and self.best.name,
+            "notes": list(self.notes),
+        }
 
     @property
     def units(self) -> dict[str, str]:
@@ -107,7 +114,8 @@ def tune(
             source = f"tuned by exodrake as {structure.name}"
             changed = robot.with_parameters(spread(robot, {**fixed, **gains}), source)
             compared.append(assessed(structure.name, changed, gains, wanted, judges))
-    return Tuning(robot, wanted, tuple(compared))
+    plant = plants[0]
+    return Tuning(robot, wanted, tuple(compared), remarks(plant.loop, plant.point, plant.model, ()))
 
 
 def with_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:

@@ -103,6 +103,8 @@ def show(tuning: Tuning) -> None:
         + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
         + (f", settling within {w.settling:g} s" if w.settling is not None else "")
     )
+    for note in tuning.notes:
+        click.echo(f"note: {note}")
     best = tuning.best
     if best is None:
         click.echo("no controller holds all of them")
