@@ -48,7 +48,7 @@ LOOP = Loop(
     points={"middle": {"carriage": 0.0}},
     controllers=(Controller("cascade", GAINS),),
     resolution="scale.step",
-    nonlinear=("carriage.coulomb_friction",),
+    nonlinear=("scale.quantisation", "carriage.coulomb_friction"),
 )
 
 
