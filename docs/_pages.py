@@ -27,7 +27,7 @@ GROUPS = {
     ),
     "Logs and cases": ("Log", "read_log", "write_log", "regularise", "Case", "CaseLog", "read_case", "write_case"),
     "Diagnosis": ("diagnose", "Diagnosis"),
-    "The closed loop": ("analyse", "ClosedLoop"),
+    "The closed loop": ("analyse", "ClosedLoop", "tune", "Requirements", "Tuning"),
     "Drake systems": (
         *("TendonFinger", "MotorDynamics", "TensionSensor", "Encoder", "MotionCapture", "AdmittanceController"),
         *("MotorBus", "GPEstimator"),

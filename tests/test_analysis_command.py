@@ -8,6 +8,13 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 
+FIGURES = {
+    f"{name}.png"
+    for name in (
+        "steps", "poles", "stability", "bode", "margins", "nyquist", "robust", "root_locus", "delays", "limit_cycles"
+    )
+}  # fmt: skip
+
 
 def run(*arguments):
     return CliRunner().invoke(cli, ["analyse", *map(str, arguments)])
@@ -18,13 +25,15 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
     assert found.exit_code == 0, found.output
     assert "spectral radius 0.96" in found.output and "stable up to" in found.output
     names = {path.name for path in (tmp_path / "a").iterdir()}
-    assert names == {"steps.png", "poles.png", "stability.png", "bode.png", "margins.png", "analysis.json"}
+    assert names == FIGURES | {"analysis.json"}
     assert (tmp_path / "a" / "bode.png").read_bytes().startswith(b"\x89PNG")
     parameters = json.loads((tmp_path / "b.json").read_text())
     assert parameters["stable"] and parameters["margins"]["MF"]["gain_margin"] > 2.0
-    assert parameters["steps"]["AF"]["overshoot"] < 0.02 and abs(parameters["steps"]["AF"]["steady_error [N]"]) < 1e-3
-    limit = dict(zip(parameters["stability_map"]["kd [m/N]"], parameters["stability_map"]["kp_limit [m/(s N)]"]))
-    assert max(v for v in limit.values() if v) == pytest.approx(0.0209, abs=0.001)
+    assert parameters["steps"]["AF"]["overshoot"] < 0.02 and abs(parameters["steps"]["AF"]["steady_error"]) < 1e-3
+    limit = parameters["stability_map"]["limit of the first"]
+    assert max(v for v in limit if v) == pytest.approx(0.0209, abs=0.001)
+    ranges = parameters["bands"]["tolerances"]["range over stable members"]
+    assert ranges["max sigma(S)"][0] < parameters["robustness"]["max sigma(S)"] < ranges["max sigma(S)"][1]
     with np.load(tmp_path / "m.npz") as model:
         assert float(model["dt"]) == 0.02 and model["A"].shape[0] == len(model["states"])
 
@@ -35,7 +44,8 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
         (["--at", "AF=4"], "MF"), (["--at", "AF:4"], "AF:4"), (["--at", "AF=4,AF=3"], "AF=3"),
         (["--set", "controller.kpp=1"], "kpp"), (["--effect", "no.such"], "no.such"), (["--part", "x"], "'x'"),
         (["--robot", "absent.yaml"], "absent.yaml"), (["--set", "controller.kp=0"], "kp = 0"),
-        (["--at", "AF=nan,MF=1,AE=1"], "AF"),
+        (["--at", "AF=nan,MF=1,AE=1"], "AF"), (["--at", "smal"], "did you mean small"),
+        (["--diagnosis", "absent.json"], "absent.json"), (["--diagnosis", __file__], "not JSON"),
     ],
 )  # fmt: skip
 def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
@@ -45,7 +55,9 @@ def test_bad_input_is_a_line_and_leaves_nothing(tmp_path, arguments, word):
     assert not (tmp_path / "a").exists()
 
 
-def test_a_machine_without_tension_loop_is_refused_in_one_sentence():
-    result = CliRunner().invoke(cli, ["analyse", "--robot", "emps"])
+@pytest.mark.parametrize("machine", ["tendon_sheath", "so101", "dvrk_wrist"])
+@pytest.mark.parametrize("name", ["analyse", "tune"])
+def test_a_machine_without_a_loop_is_refused_in_one_sentence(machine, name):
+    result = CliRunner().invoke(cli, [name, "--robot", machine])
     assert result.exit_code == 2
-    assert "emps: no tension loop to analyse (it lacks tension_ref" in result.output
+    assert f"{machine}: no closed loop to analyse" in result.output and len(result.output.splitlines()) == 1

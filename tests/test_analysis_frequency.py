@@ -1,30 +1,31 @@
 """Frequency response, margins, python-control: one way of finding each number against another."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
 from exodrake.analysis.frequency import bandwidth, frequency_response, multisine, odd_lines
+from exodrake.analysis.limit_cycles import CommandedLoop, grows
 from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
-from exodrake.analysis.margins import delayed_loop, gain_margin, grows, margins, open_loop, phase_margin
+from exodrake.analysis.margins import gain_margins, margins, phase_margin
+from exodrake.analysis.open_loop import cut, opened
 
 TENDONS = ("AF", "MF", "AE")
 
 
 def integrator(gain):
-    """y_{n+1} = y_n + v_n, v_n = gain (r_n - y_n): L = gain / (z - 1), poles at 1 - gain."""
+    """y_{n+1} = y_n + v_n, v_n = gain (r_n - y_n), opened: L = gain / (z - 1), poles at 1 - gain."""
     one = np.ones((1, 1))
     c, d = np.array([[1.0], [-gain]]), np.array([[0.0], [gain]])
     outputs = ("tension_AF", "speed_cmd_AF")
-    return FrameModel((1.0 - gain) * one, gain * one, c, d, 0.02, ("y",), ("tension_ref_AF",), outputs)
+    model = FrameModel((1.0 - gain) * one, gain * one, c, d, 0.02, ("y",), ("tension_ref_AF",), outputs)
+    return cut(model, np.array([False]), "speed_cmd", "tension", ("AF",))
 
 
 def test_margins_of_an_integrator():
     """Held integrator: limit gain 2, so the gain margin is 2 / gain; |L| = 1 where 2 sin(w T / 2) = gain."""
-    found = margins(integrator(0.5), "AF")
+    found = margins(integrator(0.5), 0)
     assert found.gain_limit == pytest.approx(4.0, rel=1e-6)
     assert found.gain_margin == pytest.approx(4.0, rel=1e-3)
     angle = 2.0 * np.arcsin(0.25)
@@ -60,41 +61,35 @@ def test_noise_spreads_the_measured_response(loop, point, model):
 
 @pytest.mark.parametrize("wire", range(3))
 def test_margins_agree_with_poles_and_simulation(loop, point, model, wire):
-    found = margins(model, TENDONS[wire])
+    whole = opened(loop, model)
+    found = margins(whole, wire)
     assert found.gain_margin == pytest.approx(found.gain_limit, rel=1e-3)
     assert found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
-    assert not grows(loop, point, wire, 0.97 * found.gain_limit)
-    assert grows(loop, point, wire, 1.03 * found.gain_limit)
+    assert found.consistent and found.encirclements == 0
+    commanded = CommandedLoop(loop, point.references, whole.D, wire)
+    assert not grows(commanded, point.state, 0.97 * found.gain_limit)
+    assert grows(commanded, point.state, 1.03 * found.gain_limit)
 
 
 @pytest.mark.parametrize("frames", [1.0, 2.5, 6.0])
 def test_the_delayed_loop_is_the_loop_with_command_latency(loop, point, model, frames):
-    late = model
-    for wire in TENDONS:
-        a = delayed_loop(late, wire, frames)
-        extra = len(a) - len(late.A)
-        b, c = np.vstack([late.B, np.zeros((extra, 3))]), np.hstack([late.C, np.zeros((len(late.C), extra))])
-        b[len(late.A)] = late.D[late.outputs.index(f"speed_cmd_{wire}")]
-        j = TENDONS.index(wire)
-        b[: len(late.A), j] = max(0.0, 1.0 - frames) * late.B[:, j]
-        late = replace(late, A=a, B=b, C=c)
     there = loop.with_values({"timing.command_latency.frames": frames})
     expected = linearise(there, point.state, point.references).spectral_radius
-    assert spectral_radius(late.A) == pytest.approx(expected, abs=1e-5)
+    assert spectral_radius(opened(loop, model).delayed(frames)) == pytest.approx(expected, abs=1e-5)
 
 
-def test_python_control_reads_the_same_model(model):
+def test_python_control_reads_the_same_model(loop, model):
     control = pytest.importorskip("control")
     system = to_control(model)
     assert system.dt == 0.02 and system.nstates == len(model.A)
     assert list(system.output_labels)[:3] == ["tension_AF", "tension_MF", "tension_AE"]
     z = np.exp(2j * np.pi * 1.5 * 0.02)
-    here = model.select("tension", "angle").response(np.array([1.5]))[0]
+    here = model.response(np.array([1.5]))[0]
     assert system(z) == pytest.approx(here, abs=1e-9)
-    loop_l = open_loop(model, "MF", np.linspace(0.01, 25.0, 2000))
+    loop_l = opened(loop, model).single(1).ratio(np.linspace(0.01, 25.0, 2000))[:, 0, 0]
     frd = control.frd(loop_l, 2.0 * np.pi * np.linspace(0.01, 25.0, 2000))
     gain, phase, _, _, _, _ = control.stability_margins(frd)
-    assert gain == pytest.approx(gain_margin(loop_l), rel=1e-2)
+    assert gain == pytest.approx(gain_margins(loop_l)[1], rel=1e-2)
     assert np.radians(phase) == pytest.approx(phase_margin(np.linspace(0.01, 25.0, 2000), loop_l)[0], rel=1e-2)
     with pytest.raises(exo.InputError, match="colour"):
         to_control(model, "colour")
@@ -111,7 +106,7 @@ def test_without_python_control_a_sentence(model, monkeypatch):
 def test_no_gain_no_loop(loop, point):
     open_ended = loop.with_values({"controller.kp": 0.0})
     with pytest.raises(exo.InputError, match="kp = 0"):
-        margins(linearise(open_ended, point.state, point.references), "AF")
+        opened(open_ended, linearise(open_ended, point.state, point.references))
 
 
 def test_bandwidth_of_a_first_order_lag():

@@ -22,11 +22,12 @@ def toy():
     scale = np.array([1e-3, 1.0, 1e3])
     a = block * scale[:, None] / scale
 
-    def step(x, r):
+    def step(x, r, e):
         after = a @ x[:3] + scale * (0.1 * r[0] + 0.01 * (x[:3] / scale) ** 2)
         return np.append(after, x[3] + 0.02), after[:1]
 
-    return SimpleNamespace(stepper=lambda: step), np.append(scale, 1.0)
+    nothing = SimpleNamespace(step=1.0)
+    return SimpleNamespace(stepper=lambda: step, noises=(), loop=nothing), np.append(scale, 1.0)
 
 
 def test_a_toy_loop_has_its_known_poles():
@@ -48,7 +49,7 @@ def test_poles_read_as_in_continuous_time():
 
 
 def test_operating_point_is_at_rest(loop, point):
-    assert point.tension == pytest.approx([4.0, 3.0, 1.0], abs=1e-6)
+    assert point.output == pytest.approx([4.0, 3.0, 1.0], abs=1e-6)
     assert point.steady and not point.slack and point.residual < 1e-7
 
 
@@ -75,7 +76,7 @@ def test_the_linear_model_follows_a_small_step(loop, point, model):
     x, push = np.zeros(len(model.A)), np.array([0.0, 1e-3, 0.0])
     for n in range(80):
         y = model.C @ x + model.D @ push
-        seen = wires[n, loop.signals["tension_read"]] - point.tension
+        seen = wires[n, loop.signals["tension_read"]] - point.output
         assert seen == pytest.approx(y[:3], abs=1e-6)
         x = model.A @ x + model.B @ push
 
@@ -91,7 +92,7 @@ def test_radius_above_one_is_divergence(loop, point):
         rows = np.tile(point.references, (600, 1))
         rows[0] += 1e-4
         _, wires = late.run(point.state, rows)
-        away = np.abs(wires[:, loop.signals["tension"]] - point.tension).max(axis=1)
+        away = np.abs(wires[:, loop.signals["tension"]] - point.output).max(axis=1)
         assert (away[-50:].max() > away[:50].max()) == (here.spectral_radius > 1.0)
         decided.append(here.spectral_radius > 1.0)
     assert 4 < sum(decided) < len(decided) - 4
@@ -116,7 +117,7 @@ def test_latency_ends_stability(loop, point):
     late = loop.with_values({"timing.command_latency.frames": 6.0})
     rows = np.tile(point.references, (800, 1))
     rows[0] += 1e-4
-    away = np.abs(late.run(point.state, rows)[1][:, loop.signals["tension"]] - point.tension).max(axis=1)
+    away = np.abs(late.run(point.state, rows)[1][:, loop.signals["tension"]] - point.output).max(axis=1)
     assert away[-50:].max() > away[50:100].max()
 
 
@@ -133,7 +134,7 @@ def test_an_unstable_loop_is_linearised_where_it_would_rest():
 )
 def test_bad_operating_points_are_named(at, word):
     with pytest.raises(exo.InputError, match=word):
-        references_of(exo.load_robot(), at)
+        references_of(FrameMap.of(exo.load_robot()), at)
 
 
 def test_first_crossing():
@@ -161,7 +162,7 @@ def test_friction_is_told_as_a_kink_and_simulation_decides():
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.kink > 0.1
-    assert any("kink" in note for note in remarks(point, model, ()))
+    assert any("kink" in note for note in remarks(loop, point, model, ()))
     assert returns(loop, point)
 
 

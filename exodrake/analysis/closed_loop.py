@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.analysis.delays import DelayBudget, delay_budget
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.frequency import FrequencyResponse, frequency_response
 from exodrake.analysis.linear import FrameModel, linearise
 from exodrake.analysis.margins import Margins, margins
+from exodrake.analysis.open_loop import OUTSIDE, OpenLoop, opened
 from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.robust import Band, Robustness, robustness
 from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
 from exodrake.analysis.steps import StepResponse, step_response
 from exodrake.core.errors import InputError
@@ -22,7 +25,8 @@ from exodrake.core.short_repr import short_repr
 if TYPE_CHECKING:
     import control
 
-KICK, KICKED = 0.1, 1000  # reference step of one frame [N]; frames simulated
+KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
+HARD = 1.0  # the same for a loop that a small kick does not move
 KINK, ROUGH = 0.02, 1e-3  # one-sided slopes, and step sizes, that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
 
@@ -34,8 +38,10 @@ class ClosedLoop:
 
     Attributes:
         robot: analysed. point: where it rests. model: linear, one step per frame.
-        steps, responses, margins: one per tendon, in the machine's order.
-        gains: stability over kp and kd. latency: over command latency; None where the robot knows no such effect.
+        opened: the same opened at its commands.
+        steps, responses, margins, delays: one per channel, in the machine's order.
+        robust: all commands at once. bands: the same over populations.
+        gains: stability over two gains. latency: over command latency; None where the robot knows no such effect.
         returns: whether the nonlinear simulation comes back to rest after a kick, the witness where poles mean little.
         notes: what a reader must know before trusting the numbers, a sentence each.
     """
@@ -43,72 +49,102 @@ class ClosedLoop:
     robot: Robot
     point: OperatingPoint
     model: FrameModel
+    opened: OpenLoop
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
     margins: tuple[Margins, ...]
+    delays: tuple[DelayBudget, ...]
+    robust: Robustness
     gains: StabilityMap
     latency: LatencySweep | None
     returns: bool
     notes: tuple[str, ...]
+    bands: tuple[Band, ...] = ()
 
     @property
     def stable(self) -> bool:
-        """Whether all poles lie inside the unit circle; at a kink, where they mean little, whether the loop returns."""
-        return self.returns if self.kinked else self.model.spectral_radius < 1.0
+        """Whether all poles lie inside the unit circle; where they mean little, whether the loop returns to rest."""
+        return self.returns if self.witnessed else self.model.spectral_radius < 1.0
 
     @property
-    def kinked(self) -> bool:
-        """Whether the loop rests at a kink, such as stuck friction, where a linear model means little."""
-        return self.model.kink > KINK
+    def witnessed(self) -> bool:
+        """Whether the simulation decides: at a kink, such as stuck friction, and at a pole on the unit circle."""
+        return self.model.kink > KINK or marginal(self.model)
 
     def to_control(self, *kinds: str) -> control.StateSpace:
         """The linear model as a python-control `StateSpace` with dt = one frame; see `to_control` below."""
         return to_control(self.model, *kinds)
 
 
-def analyse(robot: Robot, at: Mapping[str, float] | None = None, seed: int | None = None) -> ClosedLoop:
+def marginal(model: FrameModel) -> bool:
+    """Whether the spectral radius is 1 as far as differences can tell."""
+    return abs(model.spectral_radius - 1.0) <= OUTSIDE
+
+
+def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
     """Step responses, poles, margins, frequency response and stability maps of a robot's closed loop.
 
     Args:
         robot: to be analysed.
-        at: operating point, tendon -> tension reference [N]; the machine's own by default.
+        at: operating point, channel -> reference [SI] or the name of one of the machine's; its first by default.
         seed: of sensor noise in the measured frequency response; None measures without noise and rounding.
 
     Raises:
-        InputError: no tension loop, unknown tendon, reference outside its limits, kp = 0, or no state of rest.
+        InputError: no closed loop, unknown channel, reference outside its limits, kp = 0, or no state of rest.
     """
     loop = FrameMap.of(robot)
     point = operating_point(loop, at)
     model = linearise(loop, point.state, point.references)
-    tendons = robot.machine.axes.tendons
-    steps = tuple(step_response(loop, point, i) for i in range(len(tendons)))
-    found = tuple(margins(model, name) for name in tendons)
-    responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in range(len(tendons)))
+    whole = opened(loop, model)
+    channels = range(len(loop.channels))
+    steps = tuple(step_response(loop, point, i) for i in channels)
+    found = tuple(margins(whole, i) for i in channels)
+    responses = tuple(frequency_response(loop, point, model, i, seed=seed) for i in channels)
     maps = stability_map(loop, point), latency_sweep(loop, point)
     back = returns(loop, point)
-    return ClosedLoop(robot, point, model, steps, responses, found, *maps, back, remarks(point, model, steps))
+    return ClosedLoop(
+        robot, point, model, whole, steps, responses, found, delay_budget(loop, found),
+        robustness(loop, point, model, "this robot"), *maps, back,
+        (*remarks(loop, point, model, steps), *margin_remarks(model, found)),
+    )  # fmt: skip
 
 
 def returns(loop: FrameMap, point: OperatingPoint) -> bool:
-    """Whether the nonlinear loop rests again, to within 1 %, 20 s after a reference of 0.1 N more for a frame."""
-    rows = np.tile(point.references, (KICKED, 1))
-    rows[0] += KICK
-    tension = loop.run(point.state, rows)[1][:, loop.signals["tension"]]
-    speed = np.abs(np.diff(tension, axis=0)).max(axis=1)
-    return bool(speed[-50:].max() < 0.01 * speed.max())
+    """Whether the nonlinear loop rests again, to within 1 %, after a reference of a tenth of a step for a frame.
+
+    A loop that this does not move gets the whole step.
+    """
+    for kick in (KICK, HARD):
+        rows = np.tile(point.references, (KICKED, 1))
+        rows[0] += kick * loop.loop.step
+        output = loop.run(point.state, rows)[1][:, loop.signals[loop.loop.output]]
+        speed = np.abs(np.diff(output, axis=0)).max(axis=1)
+        if speed.max() > 1e-6 * loop.loop.step:
+            return bool(speed[-50:].max() < 0.01 * speed.max())
+    return True
 
 
-def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]) -> tuple[str, ...]:
+def remarks(
+    loop: FrameMap, point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]
+) -> tuple[str, ...]:
     """Conditions under which the results mean little, a sentence each."""
     notes = []
     if not point.steady:
         notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
     if point.residual > 1e-6:
         notes.append(f"something slow still moves ({point.residual:.1g} of its excursion a frame)")
-    if model.spectral_radius >= 1.0 and model.kink <= KINK:
-        notes.append("the loop is unstable here: its step and frequency responses are those of a growing oscillation")
+    if marginal(model):
+        notes.append(
+            f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
+            "within a dead zone or does not act: only the simulated kick says whether it is stable"
+        )
+    elif model.spectral_radius > 1.0 and model.kink <= KINK:
+        notes.append(
+            "the loop is unstable here: its step and frequency responses are those of a growing oscillation, "
+            "and it has no margins"
+        )
     if point.slack:
-        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack tendons, not for taut ones")
+        notes.append(f"slack at rest: {', '.join(point.slack)}; poles hold for slack channels, not for taut ones")
     if model.kink > KINK:
         notes.append(
             f"one-sided slopes differ ({model.where}, {model.kink:.2g}): a kink such as friction; "
@@ -116,11 +152,25 @@ def remarks(point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse,
         )
     if model.convergence > ROUGH:
         notes.append(f"difference quotients depend on their step ({model.convergence:.2g}): rounding or a kink nearby")
+    unit = loop.robot.machine.signal[loop.loop.output].unit
     for step in steps:
         if abs(step.steady_error) > STEADY_ERROR * abs(step.size):
             notes.append(
-                f"{step.channel} ends {step.steady_error:+.3f} N off its reference after {step.time[-1]:.0f} s"
+                f"{step.channel} ends {step.steady_error:+.3g} {unit} off its reference after {step.time[-1]:.3g} s"
             )
+    return tuple(notes)
+
+
+def margin_remarks(model: FrameModel, found: tuple[Margins, ...]) -> tuple[str, ...]:
+    """What to know of the margins, a sentence each."""
+    notes = []
+    if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
+        notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")
+    if odd := [m.channel for m in found if not m.consistent]:
+        notes.append(f"encirclements and poles disagree for {', '.join(odd)}: no margins")
+    for m in found:
+        if m.gain_low > 0.0:
+            notes.append(f"{m.channel} is conditionally stable: {m.gain_low:.2g} of its loop gain is too little")
     return tuple(notes)
 
 
@@ -129,7 +179,7 @@ def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
 
     Args:
         model: to be converted.
-        kinds: of outputs: "tension", "angle", "stroke", "speed_cmd"; tension and angle by default.
+        kinds: of outputs, such as "tension", "stroke"; all by default.
 
     Raises:
         InputError: python-control is not installed, or a kind is unknown.
@@ -142,7 +192,7 @@ def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
     for kind in kinds:
         if kind not in known:
             raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
-    m = model.select(*(kinds or ("tension", "angle")))
+    m = model.select(*(kinds or known))
     names = [name.replace(".", "_") for name in m.states]
     return StateSpace(
         m.A,

@@ -8,54 +8,69 @@ import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.drawing import DARK, draw_damping_grid, styled
-from exodrake.analysis.frequency import FrequencyResponse, reference_to_tension
+from exodrake.analysis.frequency import FrequencyResponse, closed_response
+from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.margins import Margins
-from exodrake.analysis.stability import LatencySweep, StabilityMap
+from exodrake.analysis.robust_figures import (
+    plot_delays,
+    plot_limit_cycles,
+    plot_nyquist,
+    plot_robust,
+    plot_root_locus,
+)
+from exodrake.analysis.stability_figures import plot_stability
 from exodrake.analysis.steps import StepResponse
-from exodrake.core.display import colour_of
+from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import new_figure, png_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
-INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
-OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
 WHITE = {"fc": "white", "ec": "none", "pad": 1.0}
 NOTE = {"va": "center", "fontsize": 8, "color": DARK, "bbox": WHITE}
 
 
 @styled
 def plot_steps(result: ClosedLoop) -> Figure:
-    """Tension of all tendons when each reference steps, one panel per tendon that is stepped."""
-    figure = new_figure(7.0, 2.7)
+    """Output of all channels when each reference steps, one panel per channel that is stepped."""
+    figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
     panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
-    channels = result.robot.machine.axes.tendons
+    slowest = max((s.settling for s in result.steps if np.isfinite(s.settling)), default=np.inf)
+    shown = min(1.4 * slowest, result.steps[0].time[-1])
+    channels = result.opened.channels
     for axes, step in zip(panels, result.steps):
-        change = (step.tension - result.point.tension) / step.size
+        change = (step.output - result.point.output) / step.size
         for j, name in enumerate(channels):
             look = {"lw": 1.5} if name == step.channel else {"lw": 0.9, "alpha": 0.75}
             axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
-        shown = 2.5 if not step.settling > 2.3 else 1.2 * step.settling
-        axes.set(xlim=(-0.1, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
+        axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
         axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
-    panels[0].set(ylabel="Change of tension / step [-]", ylim=panel_limits(result))
+    panels[0].set(
+        ylabel=f"{display_of(output_kind(result), result.robot.machine).label} / step [-]", ylim=panel_limits(result)
+    )
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
     return figure
 
 
 def panel_limits(result: ClosedLoop) -> tuple[float, float]:
     """Ordinates that show every step without letting an unstable one hide the rest."""
-    change = [(s.tension - result.point.tension) / s.size for s in result.steps]
+    change = [(s.output - result.point.output) / s.size for s in result.steps]
     low, high = min(float(c.min()) for c in change), max(float(c.max()) for c in change)
     return max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5)
 
 
 def step_words(step: StepResponse) -> str:
     """Figures of a step in three lines."""
-    lines = [f"rise {step.rise:.2f} s", f"overshoot {100 * step.overshoot:.1f} %", f"settles in {step.settling:.2f} s"]
+    lines = [f"rise {step.rise:.3g} s", f"overshoot {100 * step.overshoot:.1f} %", f"settles in {step.settling:.3g} s"]
     return "\n".join(line for line in lines if "nan" not in line)
+
+
+def output_kind(result: ClosedLoop) -> str:
+    """Kind of the columns that show the loop's reading."""
+    machine = result.robot.machine
+    assert machine.loop is not None
+    return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
 @styled
@@ -80,55 +95,10 @@ def plot_poles(result: ClosedLoop) -> Figure:
 
 
 @styled
-def plot_stability(result: ClosedLoop) -> Figure:
-    """Spectral radius over kp and kd with its boundary, and over added command latency."""
-    latency = result.latency
-    figure = new_figure(7.0 if latency else 4.4, 3.3)
-    panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
-    draw_gains(figure, panels[0], result.gains)
-    if latency:
-        draw_latency(panels[1], latency, result.model.period)
-    return figure
-
-
-def draw_gains(figure: Figure, axes: Any, gains: StabilityMap) -> None:
-    """Spectral radius over the gains; blue stable, orange not, the boundary black."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    kp, kd = 1e3 * gains.kp, 1e3 * gains.kd
-    colours = ListedColormap(INSIDE + OUTSIDE).with_extremes(under="#0b5570", over="#a83a12")
-    norm = BoundaryNorm(LEVELS, colours.N)
-    filled = axes.contourf(kp, kd, gains.radius, LEVELS, cmap=colours, norm=norm, extend="both")
-    if gains.radius.min() < 1.0 < gains.radius.max():
-        axes.contour(kp, kd, gains.radius, [1.0], colors="black", linewidths=1.4)
-    axes.axhline(0.0, color="#555", lw=0.6, ls=(0, (4, 2)))
-    if kp[0] <= 1e3 * gains.nominal[0] <= kp[-1] and kd[0] <= 1e3 * gains.nominal[1] <= kd[-1]:
-        axes.plot(
-            1e3 * gains.nominal[0], 1e3 * gains.nominal[1], "o", ms=6, mfc="white", mec="black", label="this robot"
-        )
-        axes.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none")
-    axes.text(0.98, 0.03, "kd < 0: reversed sign", transform=axes.transAxes, ha="right", fontsize=7.5, color=DARK)
-    axes.set(xlabel="kp [mm/(s N)]", ylabel="kd [mm/N]", title="Spectral radius; black line: 1", xlim=(kp[0], kp[-1]))
-    axes.grid(False)
-    figure.colorbar(filled, ax=axes, ticks=LEVELS, format="%g")
-
-
-def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
-    """Spectral radius over added latency, its limit marked."""
-    axes.plot(latency.frames, latency.radius, color="#0072b2")
-    axes.axhline(1.0, color="black", lw=0.9)
-    axes.set_ylabel("Spectral radius")
-    if latency.limit > 0.0:  # neither nan nor unstable from the start
-        axes.plot(latency.limit, 1.0, "o", ms=6, mfc="white", mec="black")
-        words = f"{latency.limit:.1f} frames\n({1e3 * period * latency.limit:.0f} ms)"
-        axes.annotate(words, (latency.limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)
-    axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
-
-
-@styled
 def plot_bode(result: ClosedLoop) -> Figure:
-    """Frequency response from reference to tension per tendon, measured and linear, and its coherence."""
-    figure, count = new_figure(7.0, 5.2), len(result.responses)
+    """Frequency response from reference to reading per channel, measured and linear, and its coherence."""
+    count = len(result.responses)
+    figure = new_figure(min(7.0, 1.6 + 2.4 * count), 5.2)
     rows = figure.subplots(3, count, sharex=True, sharey="row", squeeze=False, height_ratios=[1.4, 1.2, 0.7])
     for j, response in enumerate(result.responses):
         draw_response(rows[:, j], result, response, colour_of(response.channel, j, result.robot.machine))
@@ -140,11 +110,12 @@ def plot_bode(result: ClosedLoop) -> Figure:
 
 
 def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, colour: str) -> None:
-    """Gain, phase and coherence of one tendon: a line from the frame map, dots from the multisine."""
+    """Gain, phase and coherence of one channel: a line from the frame map, dots from the multisine."""
     gain, phase, coherence = column
     f, size = response.frequency, np.abs(response.measured)
     fine = np.geomspace(f[0], f[-1], 400)
-    linear = reference_to_tension(result.model, response.channel, fine)
+    kinds = result.model.inputs[0].rsplit("_", 1)[0], output_kind(result)
+    linear = closed_response(result.model, response.channel, kinds, fine)
     low, high = np.maximum(size - response.spread, 1e-6), size + response.spread
     gain.fill_between(f, decibel(low), decibel(high), color=colour, alpha=0.25, lw=0)
     gain.plot(fine, decibel(np.abs(linear)), color="black", lw=0.9, label="frame map")
@@ -156,7 +127,7 @@ def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, 
         gain.axvline(response.bandwidth, color="#555", lw=0.7, ls=(0, (4, 2)))
         words = f"-3 dB at {response.bandwidth:.2f} Hz"
         gain.text(0.97, 0.95, words, transform=gain.transAxes, ha="right", va="top", fontsize=8, color=DARK)
-    gain.set(title=f"{response.channel}: reference to tension", xscale="log", ylim=(-42, 12))
+    gain.set(title=f"{response.channel}: reference to reading", xscale="log", ylim=(-42, 12))
     phase.set(ylim=(-400, 20), yticks=[-360, -270, -180, -90, 0])
     coherence.set(xlabel="Frequency [Hz]", ylim=(-0.05, 1.08))
 
@@ -168,8 +139,8 @@ def decibel(size: np.ndarray) -> np.ndarray:
 
 @styled
 def plot_margins(result: ClosedLoop) -> Figure:
-    """Open loop of each tendon, broken at its speed command, with gain and phase margins."""
-    figure = new_figure(7.0, 4.2)
+    """Open loop of each channel, opened at its command, with gain and phase margins."""
+    figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
     rows = figure.subplots(2, len(result.margins), sharex=True, sharey="row", squeeze=False)
     for j, m in enumerate(result.margins):
         draw_open_loop(rows[0, j], rows[1, j], m, colour_of(m.channel, j, result.robot.machine))
@@ -181,8 +152,8 @@ def plot_margins(result: ClosedLoop) -> Figure:
 
 def draw_open_loop(gain: Any, phase: Any, m: Margins, colour: str) -> None:
     """Bode lines of one open loop."""
-    shown = m.frequency >= 0.02
-    f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop)))[shown]
+    shown = (m.frequency >= 8e-4 * m.frequency[-1]) & (np.abs(m.loop) > 0.0)
+    f, angle = m.frequency[shown], np.degrees(np.unwrap(np.angle(m.loop[shown])))
     gain.plot(f, decibel(np.abs(m.loop[shown])), color=colour)
     phase.plot(f, angle, color=colour)
     gain.axhline(0.0, color="black", lw=0.8)
@@ -198,10 +169,13 @@ def draw_open_loop(gain: Any, phase: Any, m: Margins, colour: str) -> None:
 
 def margin_words(m: Margins) -> str:
     """Margins in a few lines; those that are infinite left out."""
+    if m.closed_unstable:
+        return "unstable: no margins"
     lines = [f"gain margin {m.gain_margin:.2f}"] if np.isfinite(m.gain_margin) else []
+    lines += [f"and down to {m.gain_low:.2g}"] if m.gain_low > 0.0 else []
     if np.isfinite(m.delay_margin):
         lines += [f"phase {np.degrees(m.phase_margin):.0f} deg at {m.crossover:.2f} Hz"]
-        lines += [f"delay {1e3 * m.delay_margin:.0f} ms"]
+        lines += [f"delay {1e3 * m.delay_margin:.3g} ms"]
     return "\n".join(lines)
 
 
@@ -211,9 +185,14 @@ DRAWINGS = {
     "stability": plot_stability,
     "bode": plot_bode,
     "margins": plot_margins,
+    "nyquist": plot_nyquist,
+    "robust": plot_robust,
+    "root_locus": plot_root_locus,
+    "delays": plot_delays,
 }
 
 
-def figures_of(result: ClosedLoop) -> dict[str, bytes]:
-    """File name -> PNG of every figure."""
-    return {f"{name}.png": png_of(draw(result)) for name, draw in DRAWINGS.items()}
+def figures_of(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
+    """File name -> PNG of every figure; that of limit cycles where there are any."""
+    figures = {f"{name}.png": png_of(draw(result)) for name, draw in DRAWINGS.items()}
+    return figures | ({"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {})

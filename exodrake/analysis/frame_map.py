@@ -1,12 +1,13 @@
-"""The whole sampled-data loop as one map over a 20 ms frame: x_{n+1} = f(x_n, r_n), w_n = g(x_n, r_n).
+"""The whole sampled-data loop as one map over a frame: x_{n+1} = f(x_n, r_n, e_n), w_n = g(x_n, r_n, e_n).
 
-x holds the states of all parts at the frame's start, r the tension references [N], w all signals at the frame's end.
-The map is the compiled simulator, run for one frame without noise and without rounding. Drake's `Linearize` refuses
-multi-rate diagrams; this map has one rate.
+x holds the states of all parts at the frame's start, r the loop's references, e the sensors' standard normal noise, w
+all signals at the frame's end. Further references of the machine are 0. The map is the compiled simulator, run for one
+frame without noise and without rounding. Drake's `Linearize` refuses multi-rate diagrams; this map has one rate.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,18 +16,12 @@ from types import ModuleType
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
-from exodrake.core.errors import InputError
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.loop import Loop
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
-
-LOOP_SIGNALS = ("tension_ref", "tension", "tension_read", "speed_cmd", "angle")
-GAINS = ("controller.kp", "controller.kd")
-
-
-def has(machine: Machine, name: str) -> bool:
-    """Whether a machine has a signal or a parameter of that name."""
-    return name in machine.signal or any(p == name or p.startswith(f"{name}.") for p in machine.index)
+from exodrake.core.signal import NORMAL
 
 
 @dataclass(frozen=True)
@@ -68,11 +63,35 @@ class FrameMap:
 
     @staticmethod
     def of(robot: Robot) -> FrameMap:
-        """The frame map of a robot. InputError if a parameter is missing, or the machine has no tension loop."""
-        missing = [name for name in (*LOOP_SIGNALS, *GAINS) if not has(robot.machine, name)]
-        if missing:
-            raise InputError(f"{robot.machine.name}: no tension loop to analyse (it lacks {', '.join(missing)})")
+        """The frame map of a robot. InputError if a parameter is missing, or the machine declares no loop."""
+        if robot.machine.loop is None:
+            raise InputError(
+                f"{robot.machine.name}: no closed loop to analyse (its machine.py declares none: its parts follow "
+                "their references without a controller that is simulated)"
+            )
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
+
+    @property
+    def loop(self) -> Loop:
+        """Which signals and gains make the loop."""
+        assert self.robot.machine.loop is not None  # `of` sees to it
+        return self.robot.machine.loop
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the loop's channels, in the order of its references."""
+        return self.robot.machine.axes.of(self.robot.machine.signal[self.loop.reference].axis)
+
+    @property
+    def noises(self) -> tuple[str, ...]:
+        """Names of the elements of e: sensor noise."""
+        machine = self.robot.machine
+        signals = [machine.signal[n] for n in machine.inputs if machine.signal[n].distribution == NORMAL]
+        return tuple(f"{s.name}_{channel}" for s in signals for channel in machine.axes.of(s.axis))
+
+    def column(self, signal: str) -> str:
+        """Kind of the log columns that show a signal of the loop."""
+        return next(c.kind for c in self.robot.machine.columns if c.signal == signal)
 
     @cached_property
     def signals(self) -> dict[str, slice]:
@@ -90,7 +109,7 @@ class FrameMap:
 
         Args:
             state: (states,) array at the first frame's start.
-            references: (frames, tendons) array of tensions [N].
+            references: (frames, channels) array of the loop's references [SI].
             seed: of the sensors' noise; None runs without.
 
         Returns:
@@ -110,31 +129,44 @@ class FrameMap:
         x, w, rows = state.copy(), np.zeros(signal_count(machine)), np.zeros((frames, signal_count(machine)))
         noise_inputs = NoiseInputs.draw(frames, seed, machine)
         self.module.run(
-            self.parameters, x, w, *input_rows(machine, references, noise_inputs).values(), machine.slot, 1, rows, fine,
-            NOTHING,
+            self.parameters, x, w, *input_rows(machine, self.all_references(references), noise_inputs).values(),
+            machine.slot, 1, rows, fine, NOTHING,
         )  # fmt: skip
         return x, rows, fine
 
+    @cached_property
+    def _place(self) -> tuple[int, slice]:
+        """Width of all references of the machine, and where those of the loop lie among them."""
+        machine, at = self.robot.machine, 0
+        for column in machine.references:
+            if column.signal == self.loop.reference:
+                break
+            at += machine.width(machine.signal[column.signal].axis)
+        return reference_width(machine), slice(at, at + len(self.channels))
+
+    def all_references(self, references: np.ndarray) -> np.ndarray:
+        """References of the machine, (frames, all) [SI], from the loop's (frames, channels); the others are 0."""
+        width, place = self._place
+        whole = np.zeros((len(references), width))
+        whole[:, place] = references
+        return whole
+
     def stepper(self):
-        """A function (x, r) -> (x', w) of one frame, with its buffers made once; x and r are left as they are."""
+        """A function (x, r, e = 0) -> (x', w) of one frame, with its buffers made once; arguments are left alone."""
         machine = self.robot.machine
-        calm, row = NoiseInputs.draw(1, None, machine), np.zeros((1, signal_count(machine)))
+        noise, row = NoiseInputs.draw(1, None, machine), np.zeros((1, signal_count(machine)))
+        normal = [n for n in noise if machine.signal[n].distribution == NORMAL]
         run, parameters, slot = self.module.run, self.parameters, machine.slot
         w = np.zeros(signal_count(machine))
 
-        def step(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            x = x.copy()
-            run(
-                parameters,
-                x,
-                w,
-                *input_rows(machine, r[None, :], calm).values(),
-                slot,
-                1,
-                row,
-                NOTHING,
-                NOTHING,
-            )
+        def step(x: np.ndarray, r: np.ndarray, e: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+            x, at = x.copy(), 0
+            for name in normal:
+                width = noise[name].shape[1]
+                noise[name][0] = 0.0 if e is None else e[at : at + width]
+                at += width
+            rows = input_rows(machine, self.all_references(r[None, :]), noise).values()
+            run(parameters, x, w, *rows, slot, 1, row, NOTHING, NOTHING)
             return x, row[0].copy()
 
         return step
@@ -147,21 +179,37 @@ class FrameMap:
         return replace(self, parameters=parameters)
 
 
-def references_of(robot: Robot, at: Mapping[str, float] | None) -> np.ndarray:
-    """Tension references (tendons,) [N] of an operating point; the machine's own without `at`.
+def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
+    """References (channels,) [SI] of an operating point, by its name or channel by channel; the machine's own without.
 
     Raises:
-        InputError: an unknown tendon, a missing one, or a tension outside 0 .. F_max.
+        InputError: an unknown point or channel, a missing one, or a reference outside its limits.
     """
-    tendons = robot.machine.axes.tendons
-    at = robot.machine.operating_point if at is None else at
-    for name in at:
-        if name not in tendons:
-            raise InputError(f"operating point names tendon {name!r}; the robot has {', '.join(tendons)}")
-    for name in tendons:
-        if name not in at:
-            raise InputError(f"operating point lacks tendon {name}; wanted {', '.join(tendons)}")
-        top = robot.limits.get("F_max", {}).get(name, np.inf)
-        if not 0.0 <= at[name] <= top:
-            raise InputError(f"operating point {name} = {at[name]:g} N is outside 0 .. {top:g} N")
-    return np.array([float(at[name]) for name in tendons])
+    robot, channels = loop.robot, loop.channels
+    at = next(iter(loop.loop.points)) if at is None else at
+    values = named_point(loop, at) if isinstance(at, str) else at
+    for name in values:
+        if name not in channels:
+            raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
+    lowest, highest = robot.reference_limits()
+    if not robot.machine.reference_limits:
+        lowest = -highest
+    unit = robot.machine.signal[loop.loop.reference].unit
+    for i, name in enumerate(channels):
+        if name not in values:
+            raise InputError(f"operating point lacks {name}; wanted {', '.join(channels)}")
+        low = min(lowest[i], 0.0)
+        if not math.isfinite(values[name]) or not low <= values[name] <= highest[i]:
+            raise InputError(
+                f"operating point {name} = {values[name]:g} {unit} is outside {low:g} .. {highest[i]:g} {unit}"
+            )
+    return np.array([float(values[name]) for name in channels])
+
+
+def named_point(loop: FrameMap, name: str) -> dict[str, float]:
+    """References [SI] of one of the machine's operating points, within the robot's limits. InputError without such."""
+    points = loop.loop.points
+    if name not in points:
+        raise InputError(f"no operating point {name!r}{nearest(name, list(points))}; there are {', '.join(points)}")
+    lowest, highest = loop.robot.reference_limits()
+    return {c: float(np.clip(points[name][c], *ends)) for c, *ends in zip(loop.channels, lowest, highest)}

@@ -1,6 +1,6 @@
-"""Frequency response from reference to tension: measured by multisine on the nonlinear loop, and from the frame map.
+"""Frequency response from reference to reading: measured by multisine on the nonlinear loop, and from the frame map.
 
-The multisine has 500 frames (10 s), all odd harmonics of 0.1 Hz up to 25 Hz at one amplitude, and random phases. It
+The multisine has 500 frames (10 s at 20 ms), all odd harmonics of its period at one amplitude, and random phases. It
 repeats; the first period is thrown away as transient, so the second is periodic and free of leakage. Several draws of
 the phases give mean and spread: what varies between draws is noise and nonlinearity (even distortion falls on even
 lines, which carry no signal). Pintelon and Schoukens, System Identification, ch. 2 to 4.
@@ -19,18 +19,19 @@ from exodrake.compiled.inputs import prepared
 
 PERIOD = 500  # frames
 DRAWS = 4
+RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
 HALF_POWER = 0.5**0.5
 
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Frequency response from reference to tension of one tendon.
+    """Frequency response from reference to reading of one channel.
 
     Attributes:
-        channel: name of the tendon. frequency: (lines,) [Hz].
+        channel: its name. frequency: (lines,) [Hz].
         measured: (lines,) complex mean over the draws. spread: (lines,) standard deviation over the draws.
-        coherence: (lines,) share of the tension's power that the reference explains, over the draws.
+        coherence: (lines,) share of the reading's power that the reference explains, over the draws.
         linear: (lines,) complex, from the frame map.
         bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; bandwidth_measured: from the
             multisine, against the same; nan if none.
@@ -60,16 +61,15 @@ def odd_lines(period: int) -> np.ndarray:
 
 
 def frequency_response(
-    loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, rms: float = 0.05, seed: int | None = None
+    loop: FrameMap, point: OperatingPoint, model: FrameModel, channel: int, seed: int | None = None
 ) -> FrequencyResponse:
-    """Frequency response of a tendon from its reference to its tension reading.
+    """Frequency response of a channel from its reference to its reading.
 
     Args:
         loop: the frame map.
         point: operating point.
         model: linear model there.
-        channel: index of the tendon.
-        rms: of the excitation [N].
+        channel: its index.
         seed: of the sensors' noise, then readings are rounded too; None measures without.
     """
     machine = loop.robot.machine
@@ -79,31 +79,37 @@ def frequency_response(
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
     for draw in range(DRAWS):
         rows = np.tile(point.references, (2 * PERIOD, 1))
-        rows[:, channel] += np.tile(multisine(rms, lines, PERIOD, rng), 2)
+        rows[:, channel] += np.tile(multisine(RMS * loop.loop.step, lines, PERIOD, rng), 2)
         _, signals = loop.run(point.state, rows, None if seed is None else seed + draw)
-        tension = signals[PERIOD:, loop.signals["tension_read"]][:, channel]
-        sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(tension)[lines]
+        reading = signals[PERIOD:, loop.signals[loop.loop.measured]][:, channel]
+        sent[draw], read[draw] = np.fft.rfft(rows[PERIOD:, channel])[lines], np.fft.rfft(reading)[lines]
     frequency = lines / (PERIOD * machine.frame)
     ratio = read / sent
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
-    name = machine.axes.tendons[channel]
+    coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
+    name, kinds = loop.channels[channel], (loop.loop.reference, loop.column(loop.loop.measured))
     fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
-    static = float(abs(reference_to_tension(model, name, fine[:1])[0]))
+    static = float(abs(closed_response(model, name, kinds, fine[:1])[0]))
     return FrequencyResponse(
-        name, frequency, ratio.mean(0), ratio.std(0, ddof=1), np.abs(cross) ** 2 / power,
-        reference_to_tension(model, name, frequency),
-        bandwidth(fine, static, reference_to_tension(model, name, fine)), bandwidth(frequency, static, ratio.mean(0)),
+        name, frequency, ratio.mean(0), ratio.std(0, ddof=1), coherence,
+        closed_response(model, name, kinds, frequency),
+        bandwidth(fine, static, closed_response(model, name, kinds, fine)), bandwidth(frequency, static, ratio.mean(0)),
     )  # fmt: skip
 
 
-def reference_to_tension(model: FrameModel, channel: str, frequency: np.ndarray) -> np.ndarray:
-    """Complex response (n,) of a tendon's tension reading to its own reference, from the linear model."""
-    row, column = model.outputs.index(f"tension_{channel}"), model.inputs.index(f"tension_ref_{channel}")
+def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], frequency: np.ndarray) -> np.ndarray:
+    """Complex response (n,) of a channel's reading to its own reference, from the linear model.
+
+    kinds: of the reference and of the reading, as the model's inputs and outputs are named.
+    """
+    row, column = model.outputs.index(f"{kinds[1]}_{channel}"), model.inputs.index(f"{kinds[0]}_{channel}")
     return model.response(frequency)[:, row, column]
 
 
 def bandwidth(frequency: np.ndarray, static: float, response: np.ndarray) -> float:
     """Lowest frequency [Hz] at which the response is 3 dB below the static gain; nan if none, or if the first is."""
+    if not static > 0.0:
+        return float("nan")
     share = np.abs(response) / static
     below = np.flatnonzero(share < HALF_POWER)
     if not len(below) or below[0] == 0:

@@ -1,6 +1,6 @@
 """The frame map differentiated at an operating point: a linear model with one step per frame, and its poles.
 
-    x_{n+1} = A x_n + B r_n        y_n = C x_n + D r_n          (all deviations from the operating point)
+    x_{n+1} = A x_n + B r_n + N e_n        y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
 
 Central differences, each state moved by a fraction of its own excursion under a small reference step. The fraction is
 chosen where two successive ones agree best. States on which no output depends, however late, are left out: clocks,
@@ -10,14 +10,14 @@ register of m frames would make A defective, and its zero poles would appear at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, state_names
 
-NUDGE = 0.02  # reference step that measures excursions [N]
+NUDGE = 0.02  # reference step that measures excursions, as a share of the loop's step
 FRAMES = 8  # frames of it
 UNMOVED = 1e-3  # excursion assumed of a state that does not move
 FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
@@ -25,12 +25,12 @@ FRACTION = 0.05  # where one will do
 
 
 def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """How far each state moves when a reference steps by 0.02 N, (states,); channels of one state share the largest."""
+    """How far each state moves when a reference steps by a little, (states,); the largest of all its channels."""
     names = state_names(loop.robot.machine)
     size = np.zeros(len(state))
     for i in range(len(references)):
         rows = references.copy()
-        rows[i] += NUDGE
+        rows[i] += NUDGE * loop.loop.step
         moved, still = state, state
         for _ in range(FRAMES):
             moved, _ = loop.run(moved, rows[None, :])
@@ -50,7 +50,7 @@ class Slopes:
     """Difference quotients of the frame map, in SI.
 
     Attributes:
-        central: (states + w, states + tendons): rows x' then all signals w, columns x then r.
+        central: (states + w, states + channels + noises): rows x' then all signals w, columns x, r, e.
         bend: same shape: (forward - backward) / 2; zero where the map is smooth.
     """
 
@@ -61,13 +61,14 @@ class Slopes:
 def differences(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
 ) -> Slopes:
-    """Slopes in some columns (places in x then r); the others stay zero. size: excursions (states,)."""
-    step, n = loop.stepper(), len(state)
-    point = np.concatenate([state, references])
-    moves = fraction * np.concatenate([size, np.full(len(references), NUDGE)])
+    """Slopes in some columns (places in x, r, e); the others stay zero. size: excursions (states,)."""
+    step, n, noises = loop.stepper(), len(state), len(loop.noises)
+    after = n + len(references)
+    point = np.concatenate([state, references, np.zeros(noises)])
+    moves = fraction * np.concatenate([size, np.full(len(references), NUDGE * loop.loop.step), np.ones(noises)])
 
     def image(p: np.ndarray) -> np.ndarray:
-        return np.concatenate(step(p[:n], p[n:]))
+        return np.concatenate(step(p[:n], p[n:after], p[after:]))
 
     here = image(point)
     central, bend = np.zeros((len(here), len(point))), np.zeros((len(here), len(point)))
@@ -113,8 +114,9 @@ class FrameModel:
     """Linear model of the loop, one step per frame.
 
     Attributes:
-        A (n, n), B (n, tendons), C (outputs, n), D (outputs, tendons): SI.
+        A (n, n), B (n, channels), C (outputs, n), D (outputs, channels): SI.
         period: [s]. states, inputs, outputs: names; outputs are log columns.
+        N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
         step: fraction of the excursions used. convergence: change of A, in excursions, against the next fraction.
         kink: largest difference of one-sided slopes, in excursions, and `where`, the state that shows it.
     """
@@ -131,6 +133,8 @@ class FrameModel:
     convergence: float = 0.0
     kink: float = 0.0
     where: str = ""
+    N: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    M: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def spectral_radius(self) -> float:
@@ -153,12 +157,24 @@ class FrameModel:
     def select(self, *kinds: str) -> FrameModel:
         """The model with the outputs of these column kinds only, e.g. "tension", "angle"."""
         rows = [i for i, name in enumerate(self.outputs) if name.rsplit("_", 1)[0] in kinds]
-        return replace(self, C=self.C[rows], D=self.D[rows], outputs=tuple(self.outputs[i] for i in rows))
+        noise = self.M[rows] if self.M.size else self.M
+        return replace(self, C=self.C[rows], D=self.D[rows], M=noise, outputs=tuple(self.outputs[i] for i in rows))
 
 
 def spectral_radius(a: np.ndarray) -> float:
     """Largest modulus of an eigenvalue."""
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
+
+
+def stationary(a: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Covariance P = A P A' + N N' (n, n) of a stable x' = A x + N e, e white with unit variance; by doubling."""
+    found = noise @ noise.T
+    while np.abs(a).max() > np.finfo(float).tiny:
+        more = a @ found @ a.T
+        found, a = found + more, a @ a
+        if np.abs(more).max() <= np.finfo(float).eps * np.abs(found).max():
+            break
+    return found
 
 
 def pole_of(z: complex, period: float, state: str = "") -> Pole:
@@ -175,7 +191,7 @@ def best_slopes(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray
 ) -> tuple[Slopes, float, float]:
     """Slopes with the step of best agreement, that step as a fraction of excursions, and the disagreement."""
-    n, columns = len(state), np.arange(len(state) + len(references))
+    n, columns = len(state), np.arange(len(state) + len(references) + len(loop.noises))
     tried = [differences(loop, state, references, size, f, columns) for f in FRACTIONS]
     scaled = [t.central[:n, :n] * size / size[:, None] for t in tried]
     gaps = [float(np.abs(a - b).max()) for a, b in pairwise(scaled)]
@@ -198,14 +214,13 @@ def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> Fram
     size = excursions(loop, state, references)
     slopes, fraction, gap = best_slopes(loop, state, references, size)
     rows, outputs = output_rows(loop)
-    a, b, c, d = (
-        slopes.central[:n, :n], slopes.central[:n, n:], slopes.central[n + rows, :n], slopes.central[n + rows, n:],
-    )  # fmt: skip
+    a, b, e = np.split(slopes.central[:n], [n, n + len(references)], axis=1)
+    c, d, m = np.split(slopes.central[n + rows], [n, n + len(references)], axis=1)
     keep = matters(a, c)
     bends = np.abs(slopes.bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
     names = tuple(state_names(machine)[i].name for i in keep)
     return FrameModel(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, names,
-        tuple(f"tension_ref_{w}" for w in machine.axes.tendons), outputs,
-        fraction, gap, float(bends.max()), names[int(bends.argmax())],
+        tuple(f"{loop.loop.reference}_{channel}" for channel in loop.channels), outputs,
+        fraction, gap, float(bends.max()), names[int(bends.argmax())], e[keep], m,
     )  # fmt: skip

@@ -14,7 +14,6 @@ from exodrake.core.errors import InputError
 CHUNK, CHUNKS = 100, 30  # frames between two looks; looks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
 SLOW = 1e-4  # the same after 60 s, below which what still moves is too slow to matter
-GENTLE = {"controller.kp": 1e-3, "controller.kd": 0.0}  # gains that bring a loop to rest whose own do not
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,17 +21,17 @@ class OperatingPoint:
     """Where the loop rests.
 
     Attributes:
-        references: (tendons,) [N]. state: (states,) at a frame's start.
-        tension: (tendons,) [N] at the cell. angle: (joints,) [rad].
+        references: (channels,) [SI]. state: (states,) at a frame's start.
+        output: (channels,) the controlled quantity [SI]. readings: column kind -> reading of each of its channels [SI].
         frames: simulated until rest. residual: largest change over one frame, in units of each state's excursion.
         steady: whether the robot's own gains brought it there, rather than gentler ones.
-        slack: names of tendons without tension.
+        slack: names of channels whose reference is above 0 and whose output is not, such as slack tendons.
     """
 
     references: np.ndarray
     state: np.ndarray
-    tension: np.ndarray
-    angle: np.ndarray
+    output: np.ndarray
+    readings: dict[str, np.ndarray]
     frames: int
     residual: float
     steady: bool
@@ -59,13 +58,13 @@ def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, flo
     return state, CHUNKS * CHUNK, residual
 
 
-def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> OperatingPoint:
-    """The loop at rest under references `at` [N per tendon].
+def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None) -> OperatingPoint:
+    """The loop at rest under references `at` [SI per channel, or the name of a point of the machine].
 
     Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
     InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
     """
-    references = references_of(loop.robot, at)
+    references = references_of(loop, at)
     state, frames, residual = settle(loop, references)
     steady = residual < SLOW
     if not steady:
@@ -76,16 +75,18 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | None = None) -> Op
                 f"the loop does not come to rest at {in_words(loop, references)}: it still moves {residual:.2g} a frame"
             )
     _, signals = loop.run(state, references[None, :])
-    tension, angle = signals[0, loop.signals["tension"]], signals[0, loop.signals["angle"]]
-    slack = tuple(n for n, t in zip(loop.robot.machine.axes.tendons, tension) if not t > 0.0)
-    return OperatingPoint(references, state, tension, angle, frames, residual, steady, slack)
+    output, machine = signals[0, loop.signals[loop.loop.output]], loop.robot.machine
+    readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}
+    slack = tuple(n for n, r, y in zip(loop.channels, references, output) if machine.reference_limits and r > 0.0 >= y)
+    return OperatingPoint(references, state, output, readings, frames, residual, steady, slack)
 
 
 def gentle(loop: FrameMap) -> FrameMap:
     """The same loop with gentle gains."""
-    return loop.with_values(GENTLE)
+    return loop.with_values(loop.loop.gentle)
 
 
 def in_words(loop: FrameMap, references: np.ndarray) -> str:
     """References in words."""
-    return ", ".join(f"{name} = {r:g} N" for name, r in zip(loop.robot.machine.axes.tendons, references))
+    unit = loop.robot.machine.signal[loop.loop.reference].unit
+    return ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))

@@ -8,29 +8,36 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
+from exodrake.analysis.delays import DelayBudget
 from exodrake.analysis.frequency import FrequencyResponse
+from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.linear import Pole
 from exodrake.analysis.margins import Margins
+from exodrake.analysis.robust import Band
 from exodrake.analysis.steps import StepResponse
 from exodrake.core.plain import plain
 
 
-def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
+def closed_loop_numbers(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
     """All results with units in the keys."""
-    axes, point, model = result.robot.machine.axes, result.point, result.model
-    latency = result.latency
+    machine, point, model, latency = result.robot.machine, result.point, result.model, result.latency
+    readings = {
+        f"{kind} [{machine.signal[machine.column(kind).signal].unit}]": dict(
+            zip(machine.axes.of(machine.signal[machine.column(kind).signal].axis), values)
+        )
+        for kind, values in point.readings.items()
+    }
     return plain(
         {
-            "robot": result.robot.source or result.robot.machine.name,
+            "robot": result.robot.source or machine.name,
             "effects": result.robot.effects(),
             "stable": result.stable,
+            "decided_by": "simulated kick" if result.witnessed else "poles",
             "spectral_radius": model.spectral_radius,
             "returns_after_kick": result.returns,
             "notes": list(result.notes),
-            "operating_point": {
-                "tension_ref [N]": dict(zip(axes.tendons, point.references)),
-                "tension [N]": dict(zip(axes.tendons, point.tension)),
-                "angle [rad]": dict(zip(axes.joints, point.angle)),
+            "operating_point": readings
+            | {
                 "frames": point.frames,
                 "residual [excursion/frame]": point.residual,
                 "settled_by_own_gains": point.steady,
@@ -40,17 +47,27 @@ def closed_loop_numbers(result: ClosedLoop) -> dict[str, Any]:
             "steps": {s.channel: step_numbers(s) for s in result.steps},
             "frequency_response": {r.channel: response_numbers(r) for r in result.responses},
             "margins": {m.channel: margin_numbers(m) for m in result.margins},
-            "stability_map": {
-                "kp [m/(s N)]": result.gains.kp,
-                "kd [m/N]": result.gains.kd,
-                "spectral_radius": result.gains.radius,
-                "kp_limit [m/(s N)]": result.gains.limit,
-                "nominal": result.gains.nominal,
-            },
+            "delays": {d.channel: delay_numbers(d) for d in result.delays},
+            "robustness": result.robust.numbers,
+            "bands": {b.name: band_numbers(b) for b in result.bands},
+            "limit_cycles": {c.label: {k: v for k, v in vars(c).items() if k != "label"} for c in cycles},
+            "stability_map": map_numbers(result),
             "latency": latency
             and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
         }
     )
+
+
+def map_numbers(result: ClosedLoop) -> dict[str, Any]:
+    """Spectral radius over the two gains."""
+    return {
+        "gains": {name: unit_of(result, name) for name in result.gains.names},
+        "first": result.gains.first,
+        "second": result.gains.second,
+        "spectral_radius": result.gains.radius,
+        "limit of the first": result.gains.limit,
+        "nominal": result.gains.nominal,
+    }
 
 
 def model_numbers(result: ClosedLoop) -> dict[str, Any]:
@@ -70,11 +87,11 @@ def pole_numbers(pole: Pole) -> dict[str, Any]:
 def step_numbers(step: StepResponse) -> dict[str, Any]:
     """Characteristics of a step response."""
     return {
-        "size [N]": step.size,
+        "size": step.size,
         "rise_time [s]": step.rise,
         "overshoot": step.overshoot,
         "settling_time [s]": step.settling,
-        "steady_error [N]": step.steady_error,
+        "steady_error": step.steady_error,
         "crosstalk": step.crosstalk,
     }
 
@@ -93,21 +110,38 @@ def response_numbers(response: FrequencyResponse) -> dict[str, Any]:
 
 
 def margin_numbers(m: Margins) -> dict[str, Any]:
-    """Margins of one tendon."""
+    """Margins of one channel."""
+    names = {"phase_margin": "phase_margin [rad]", "crossover": "crossover [Hz]"}
+    names |= {"delay_margin": "delay_margin [s]", "delay_limit": "delay_limit [s]"}
+    return {names.get(k, k): v for k, v in vars(m).items() if k not in ("channel", "frequency", "loop")}
+
+
+def delay_numbers(d: DelayBudget) -> dict[str, Any]:
+    """Delay budget of one channel."""
+    slots = {"read": d.read_slot, "control": d.control_slot, "write": d.write_slot}
+    parts = {"reading to law [s]": d.to_control, "law to plant [s]": d.to_write, "hold [s]": d.hold}
+    return {"slots": slots, **parts, "total [s]": d.total, "margin [s]": d.margin, "margin [slots]": d.spare_slots}
+
+
+def band_numbers(b: Band) -> dict[str, Any]:
+    """Range of every number over a population, and its members."""
+    names = [n for n in b.members[0].numbers if n != "spectral radius"] if b.members else []
     return {
-        "gain_margin": m.gain_margin,
-        "gain_limit": m.gain_limit,
-        "phase_margin [rad]": m.phase_margin,
-        "crossover [Hz]": m.crossover,
-        "delay_margin [s]": m.delay_margin,
-        "delay_limit [s]": m.delay_limit,
-        "peak_sensitivity": m.peak_sensitivity,
+        "members": {m.label: m.numbers for m in b.members},
+        "range over stable members": {n: b.range(n) for n in names},
+        "unstable": b.unstable,
+        "without operating point": list(b.failures),
     }
+
+
+def unit_of(result: ClosedLoop, name: str) -> str:
+    """SI unit of a parameter, named without channel."""
+    return result.robot.machine.parameters[result.robot.indices(name)[0]].unit
 
 
 def model_bytes(result: ClosedLoop) -> bytes:
     """NPZ with A, B, C, D, dt, states, inputs, outputs: what `control.StateSpace` takes, without python-control."""
-    m, buffer = result.model.select("tension", "angle"), BytesIO()
+    m, buffer = result.model, BytesIO()
     states, inputs, outputs = np.array(m.states), np.array(m.inputs), np.array(m.outputs)
     np.savez(buffer, A=m.A, B=m.B, C=m.C, D=m.D, dt=m.period, states=states, inputs=inputs, outputs=outputs)
     return buffer.getvalue()

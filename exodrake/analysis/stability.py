@@ -10,24 +10,23 @@ from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import FRACTION, differences, excursions, spectral_radius, used
 from exodrake.analysis.operating import OperatingPoint
 
-KP, KD = "controller.kp", "controller.kd"
-LATENCY = "timing.command_latency.frames"
 GAINS = 31  # points along each gain
 LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
-KP_TOP, KD_LOW, KD_TOP = 0.03, -5e-4, 5e-4  # reach of the map [m/(s N)], [m/N]
 
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Spectral radius over the gains.
+    """Spectral radius over two gains.
 
     Attributes:
-        kp (m,) [m/(s N)], kd (n,) [m/N], radius (n, m) [-]; nominal: (kp, kd) of the robot.
-        limit: (n,) kp [m/(s N)] up to which the loop is stable at that kd; nan beyond the map's edge, 0 where none is.
+        names: of the gains. first (m,), second (n,): their values [SI]. radius: (n, m) [-].
+        nominal: values of the robot.
+        limit: (n,) first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
     """
 
-    kp: np.ndarray
-    kd: np.ndarray
+    names: tuple[str, str]
+    first: np.ndarray
+    second: np.ndarray
     radius: np.ndarray
     nominal: tuple[float, float]
     limit: np.ndarray
@@ -35,7 +34,7 @@ class StabilityMap:
 
 @dataclass(frozen=True, eq=False)
 class LatencySweep:
-    """Spectral radius (n,) over `frames` (n,) of command latency added on all tendons; `limit` [frames] or nan."""
+    """Spectral radius (n,) over `frames` (n,) of command latency added on all channels; `limit` [frames] or nan."""
 
     frames: np.ndarray
     radius: np.ndarray
@@ -61,33 +60,40 @@ def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.
 
 
 def stability_map(
-    loop: FrameMap, point: OperatingPoint, kp: np.ndarray | None = None, kd: np.ndarray | None = None
+    loop: FrameMap, point: OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
 ) -> StabilityMap:
-    """The map over kp and kd, linearised afresh at each pair; the loop rests in the same state under all gains.
+    """The map over the loop's two gains, linearised afresh at each pair; the loop rests in the same state under all.
 
     Args:
         loop: the frame map.
         point: operating point.
-        kp: (m,) rising [m/(s N)]; a grid by default.
-        kd: (n,) rising [m/N]; a grid by default. A kd below 0 is the printed sign.
+        first: (m,) rising [SI]; a grid by default.
+        second: (n,) rising [SI]; a grid by default.
     """
-    nominal = (float(loop.parameters[loop.robot.indices(KP)[0]]), float(loop.parameters[loop.robot.indices(KD)[0]]))
-    kp = np.linspace(0.0, KP_TOP, GAINS)[1:] if kp is None else np.asarray(kp, dtype=float)
-    kd = np.linspace(KD_LOW, KD_TOP, GAINS) if kd is None else np.asarray(kd, dtype=float)
+    across, up = loop.loop.gains
+    names = (across.parameter, up.parameter)
+    nominal = tuple(float(loop.parameters[loop.robot.indices(name)[0]]) for name in names)
+    x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :] if first is None else np.asarray(first, float)
+    y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
     size = excursions(loop, point.state, point.references)
-    largest = loop.with_values({KP: kp.max(), KD: np.abs(kd).max()})
+    largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
     keep = used(largest, point.state, point.references, size)
-    radius = np.array([[radius_at(loop.with_values({KP: p, KD: d}), point, size, keep) for p in kp] for d in kd])
-    return StabilityMap(kp, kd, radius, nominal, np.array([first_crossing(kp, row) for row in radius]))
+    radius = np.array(
+        [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
+    )
+    return StabilityMap(
+        names, x, y, radius, (nominal[0], nominal[1]), np.array([first_crossing(x, row) for row in radius])
+    )
 
 
 def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
-    """Spectral radius over added command latency on all tendons [frames]; None where the robot knows no such effect."""
-    if not any(name.startswith(LATENCY) for name in loop.robot.machine.index):
+    """Spectral radius over command latency added on all channels [frames]; None where the loop names no such effect."""
+    name = loop.loop.latency
+    if not name:
         return None
     size = excursions(loop, point.state, point.references)
-    own = loop.parameters[loop.robot.indices(LATENCY)[0]]
-    late = [loop.with_values({LATENCY: own + f}) for f in frames]
+    own = loop.parameters[loop.robot.indices(name)[0]]
+    late = [loop.with_values({name: own + f}) for f in frames]
     keeps = [used(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
     return LatencySweep(np.asarray(frames, dtype=float), radius, first_crossing(frames, radius))

@@ -1,4 +1,4 @@
-"""Step responses of each tendon's tension on the full nonlinear loop, without noise."""
+"""Step responses of each channel on the full nonlinear loop, without noise."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ BAND = 0.02  # settling band, as a share of the step
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """Response of one tendon's tension to a step of its reference.
+    """Response of the controlled quantity to a step of one channel's reference.
 
     Attributes:
-        channel: name of the tendon. size: of the step [N].
+        channel: whose reference steps. size: of the step [SI].
         time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
-        tension: (n, tendons) [N] at the cells.
+        output: (n, channels) [SI].
         rise: 10 to 90 % [s]. overshoot: fraction of the step.
         settling: last time outside +-2 % [s], nan if never inside.
-        steady_error: reference minus tension at the end [N].
-        crosstalk: largest change of another tendon, fraction of the step.
+        steady_error: reference minus output at the end [SI].
+        crosstalk: largest change of another channel, fraction of the step.
     """
 
     channel: str
     size: float
     time: np.ndarray
-    tension: np.ndarray
+    output: np.ndarray
     rise: float
     overshoot: float
     settling: float
@@ -57,19 +57,19 @@ def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, flo
     return crossing(time, share, 0.9) - crossing(time, share, 0.1), max(0.0, float(share.max()) - 1.0), settling
 
 
-def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float = 1.0) -> StepResponse:
-    """The loop's response when the reference of a tendon (its index) steps by `size` [N] from the operating point."""
-    machine = loop.robot.machine
+def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float | None = None) -> StepResponse:
+    """The loop's response when the reference of a channel (its index) steps by `size` [SI], the loop's own without."""
+    machine, size = loop.robot.machine, loop.loop.step if size is None else size
     rows = np.tile(point.references, (BEFORE + AFTER, 1))
     rows[BEFORE:, channel] += size
     signals = loop.ticks(point.state, rows)
-    tension = signals[:, loop.signals["tension"]]
+    output = signals[:, loop.signals[loop.loop.output]]
     time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
     later = time > 0.0
-    rise, overshoot, settling = step_figures(time[later], (tension[later, channel] - point.tension[channel]) / size)
-    others = np.delete(np.abs(tension - point.tension), channel, axis=1)
-    error = float(rows[-1, channel] - tension[-1, channel])
+    rise, overshoot, settling = step_figures(time[later], (output[later, channel] - point.output[channel]) / size)
+    others = np.delete(np.abs(output - point.output), channel, axis=1)
+    error = float(rows[-1, channel] - output[-1, channel])
     return StepResponse(
-        machine.axes.tendons[channel], size, time, tension, rise, overshoot, settling, error,
+        loop.channels[channel], size, time, output, rise, overshoot, settling, error,
         float(others.max(initial=0.0) / abs(size)),
     )  # fmt: skip

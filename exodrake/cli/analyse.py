@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,11 +14,13 @@ from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
+    from exodrake.analysis.robust import Band
     from exodrake.core.robot import Robot
 
 MANY = {"multiple": True, "metavar": "TEXT"}
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain margin": "-", "phase": "deg", "delay": "ms",
+    "disk margin": "-",
 }  # fmt: skip
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
@@ -31,7 +35,15 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     **MANY,
     help="A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable.",
 )
-@click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: tension references [N].")
+@click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
+@click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
+@click.option(
+    "--diagnosis",
+    type=click.Path(path_type=Path),
+    default=None,
+    metavar="FILE",
+    help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",
+)
 @click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for figures and analysis.json.")
 @click.option("--json", "target", type=click.Path(path_type=Path), default=None, help="File for all numbers.")
@@ -42,23 +54,28 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     default=None,
     help="NPZ with A, B, C, D, dt and names for python-control.",
 )
-def command(file, parameters, effects, parts, at, seed, out, target, model) -> None:
-    """How stable and how fast the tension loop of a robot is, seen once a 20 ms frame.
+def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, target, model) -> None:
+    """How stable, how fast and how robust the closed loop of a robot is, seen once a frame.
 
     Linearises the whole sampled loop at an operating point, and measures the full nonlinear one by steps and multisine.
+    Bands are over robots within the tolerances and over the machine's operating points.
     """
     from rich.console import Console
 
     from exodrake.analysis.closed_loop import analyse
     from exodrake.analysis.figures import figures_of
+    from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.results import closed_loop_numbers, model_bytes
     from exodrake.core.files import write_bytes
 
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)
     with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
+        answer = answer_of(diagnosis)
         result = analyse(robot, point, seed)
-        text = (json.dumps(closed_loop_numbers(result), indent=1, allow_nan=False) + "\n").encode()
-        contents = {out / name: png for name, png in figures_of(result).items()} if out else {}
+        result = replace(result, bands=bands_of(robot, point, draws, answer))
+        cycles = limit_cycles(robot, point) if out or target else ()
+        text = (json.dumps(closed_loop_numbers(result, cycles), indent=1, allow_nan=False) + "\n").encode()
+        contents = {out / name: png for name, png in figures_of(result, cycles).items()} if out else {}
         contents |= {out / "analysis.json": text} if out else {}
         contents |= {target: text} if target else {}
         contents |= {model: model_bytes(result)} if model else {}
@@ -85,10 +102,40 @@ def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], p
     return robot
 
 
-def point_of(text: str) -> dict[str, float] | None:
-    """`AF=4,MF=3,AE=1` as references [N]; None if empty. InputError naming what is not of that form."""
+def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
+    """Bands over the tolerances, the intervals of a diagnosis, and the operating points."""
+    from exodrake.analysis.populations import within_intervals, within_tolerances
+    from exodrake.analysis.robust import band, points_band
+
+    found = []
+    if draws and robot.machine.tolerances:
+        found.append(band("tolerances", within_tolerances(robot, draws), at))
+    if answer is not None:
+        found.append(band("diagnosis", within_intervals(robot, answer, draws or 12), at))
+    if robot.machine.loop and len(robot.machine.loop.points) > 1:
+        found.append(points_band(robot))
+    return tuple(found)
+
+
+def answer_of(path: Path | None) -> Any:
+    """What a diagnosis wrote, or None. InputError if the file is not JSON."""
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import read_bytes
+
+    if path is None:
+        return None
+    try:
+        return json.loads(read_bytes(path))
+    except ValueError:
+        raise InputError(f"{path}: not JSON, wanted the answer of exodrake diagnose --json") from None
+
+
+def point_of(text: str) -> dict[str, float] | str | None:
+    """`AF=4,MF=3,AE=1` as references [SI], or a name; None if empty. InputError naming what is not of that form."""
     from exodrake.core.errors import InputError
 
+    if text.strip() and "=" not in text and "," not in text and ":" not in text:
+        return text.strip()
     found: dict[str, float] = {}
     for item in filter(None, (part.strip() for part in text.split(","))):
         name, equals, value = (part.strip() for part in item.partition("="))
@@ -97,7 +144,9 @@ def point_of(text: str) -> dict[str, float] | None:
                 raise ValueError
             found[name] = float(value)
         except ValueError:
-            raise InputError(f"--at: {item!r} is not TENDON=NEWTON, each tendon once") from None
+            raise InputError(
+                f"--at: {item!r} is not CHANNEL=NUMBER, each channel once, nor the name of a point"
+            ) from None
     return found or None
 
 
@@ -121,34 +170,47 @@ def show(result: ClosedLoop) -> None:
     console, rows, poles = Console(), [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
-        margin = (m.gain_margin, 57.29577951308232 * m.phase_margin, 1e3 * m.delay_margin)
+        margin = (m.gain_margin, math.degrees(m.phase_margin), 1e3 * m.delay_margin, m.disk_margin)
         rows.append((step.channel, *(f"{v:.2f}" for v in row), *(f"{v:.3g}" for v in margin)))
     for pole in result.model.poles():
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
             rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping, pole.time_constant))
             poles.append((f"{abs(pole.z):.4f}", place, *rest, pole.state))
-    console.print(table(("tendon", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
+    console.print(table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
     titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", ">decays in\n\\[s]", "mostly in")
     console.print()
     console.print(table(titles, poles))
-    click.echo(verdict(result))
-    for note in result.notes:
-        click.echo(f"note: {note}")
+    for line in (*robust_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
+        click.echo(line)
+
+
+def robust_lines(result: ClosedLoop) -> list[str]:
+    """All commands at once, with the least and largest values over each population."""
+    names, found = ("max sigma(S)", "max sigma(T)", "disk margin"), []
+    numbers = result.robust.numbers
+    if result.robust.stable and not result.witnessed:
+        found.append("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
+    for band in result.bands:
+        ranges = [(n, band.range(n)) for n in names]
+        text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
+        counts = [f"{len(band.members)} robots" if band.name != "operating points" else f"{len(band.members)} points"]
+        counts += [f"{band.unstable} unstable"] if band.unstable else []
+        counts += [f"{len(band.failures)} without rest"] if band.failures else []
+        found.append(f"over {band.name} ({', '.join(counts)}): {text or 'none stable'}")
+    return found
 
 
 def verdict(result: ClosedLoop) -> str:
     """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
-    import math
-
     radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
-    if result.kinked:
+    if result.witnessed:
         return (
             f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
         )
     text = f"spectral radius {radius:.4f} per frame: {word}"
     if result.stable and not result.returns:
-        text += ", yet a kick of 0.1 N does not die out"
+        text += ", yet a kick does not die out"
     if result.stable and result.latency and math.isfinite(result.latency.limit):
         text += f"; stable up to {result.latency.limit:.2f} frames of added command latency"
     return text

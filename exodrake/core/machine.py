@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.loop import Loop
 from exodrake.core.measured import Column, Observer
 from exodrake.core.parameter import ParameterInfo, Tolerance
 from exodrake.core.part import Field, Part, module_name, part_modules
@@ -53,7 +54,7 @@ class Machine:
         regime: signals by which a gap is sorted; None for the first and last measured signal of a joint.
         colours: colours of channels in figures; others take theirs from a palette.
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
-        operating_point: reference of each channel [SI] at which `analyse` linearises the loop.
+        loop: the closed loop that `analyse` and `tune` look at; None where there is none.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Machine:
     regime: Regime | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
     skeleton: Callable[[Robot], Skeleton] | None = None
-    operating_point: Mapping[str, float] = field(default_factory=dict)
+    loop: Loop | None = None
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:

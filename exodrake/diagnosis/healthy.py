@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
+from exodrake.core.draws import drawn_robot
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import reference_rows
-from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
@@ -25,10 +25,7 @@ SEEDS = 2**31  # of noise and motion
 
 def healthy_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
-    parameters = nominal_parameters(robot)
-    low, high = np.array([p.bounds for p in parameters]).reshape(-1, 2).T
-    drawn = rng.standard_normal(len(parameters)) * [p.prior_std for p in parameters]
-    return replace(robot, values=apply(robot.values, parameters, np.clip(drawn, low, high)), source="healthy")
+    return replace(drawn_robot(robot, rng), source="healthy")
 
 
 def healthy_case(nominal: Robot, seed: int) -> Case:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.draws import position
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import expanded
 from exodrake.core.robot import Robot
@@ -96,13 +96,6 @@ def nominal_parameters(robot: Robot) -> tuple[Parameter, ...]:
             limit, base = group.max_deviation, float(robot.values[index[0]])
             found.append(Parameter(name, index, group.transform, base, group.prior_std, (-limit, limit)))
     return tuple(found)
-
-
-def position(machine: Machine, name: str) -> int:
-    """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
-    if name not in machine.index:
-        raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
-    return machine.index[name]
 
 
 def effect_parameters(machine: Machine, effect: Effect, channels: Iterable[str] = ()) -> tuple[Parameter, ...]:

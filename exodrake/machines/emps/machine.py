@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
+from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
@@ -34,6 +35,22 @@ COLUMNS = (
     Column("force", "force"),
 )
 
+GAINS = (Gain("drive.kp", 10.0, 400.0), Gain("drive.kv", 25.0, 1000.0))  # 1/s, V s/m: about the published ones
+LOOP = Loop(
+    reference="position_ref",
+    command="force",
+    output="position",
+    measured="position_read",
+    part="drive",
+    gains=GAINS,
+    gentle={"drive.kp": 20.0, "drive.kv": 100.0},
+    step=1e-3,
+    points={"middle": {"carriage": 0.0}},
+    controllers=(Controller("cascade", GAINS),),
+    resolution="scale.step",
+    nonlinear=("scale.quantisation", "carriage.coulomb_friction"),
+)
+
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Repeatability of position [m] and force [N]."""
@@ -60,4 +77,5 @@ def machine() -> Machine:
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
         max_effects=4,
         reference_limits=("position_min", "position_max"),
+        loop=LOOP,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.machine import Column, Machine, Observer
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
 from exodrake.effects import effects_of
+from exodrake.machines.exo_index.loop import LOOP
 from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
 from exodrake.machines.exo_index.skeleton import skeleton
 from exodrake.systems import (
@@ -64,10 +65,10 @@ COLUMNS = (
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Noise standard deviation of each kind [N, m, m/s, rad], from the sensors' parameters."""
     tension = np.sqrt(parameter("sensor.sigma_F") ** 2 + TWELFTH * parameter("sensor.q_F") ** 2)
-    damped = np.hypot(
-        parameter("controller.kp") + parameter("controller.kd") / parameter("controller.period"),
-        parameter("controller.kd") / parameter("controller.period"),
-    )
+    period, kd = parameter("controller.period"), parameter("controller.kd")
+    share = period / (period + parameter("controller.tau_D"))  # of the filtered derivative that is new in a frame
+    now, later = parameter("controller.kp") + kd * share / period, kd * share**2 / period
+    damped = np.hypot(now, later / np.sqrt(1.0 - (1.0 - share) ** 2))  # the command's own sum of squares, ki aside
     step = parameter("encoder.q_theta") * parameter("encoder.radius")
     return {
         "tension": float(tension),
@@ -121,5 +122,5 @@ def machine() -> Machine:
         end_stops=("finger.q_f", "finger.q_e"),
         colours=COLOURS,
         skeleton=skeleton,
-        operating_point={"AF": 4.0, "MF": 3.0, "AE": 1.0},
+        loop=LOOP,
     )

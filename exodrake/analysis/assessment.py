@@ -1,0 +1,101 @@
+"""What a controller holds on a robot: nonlinear steps and linear margins, the worst over points and tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.operating import operating_point
+from exodrake.analysis.populations import within_tolerances
+from exodrake.analysis.robust import Band, band, points_band
+from exodrake.analysis.steps import StepResponse, step_response
+from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
+
+SEED = 2  # of the robots within the tolerances: others than the search sees
+NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What a loop shall hold; the settling time is made as short as it can be and then compared.
+
+    Attributes:
+        settling: to 2 % of a step [s]; None: as short as possible.
+        overshoot: fraction of a step.
+        disk_margin: of all commands at once.
+        noise: standard deviation of a command [SI]; None: what the robot has now, times `NOISE_FACTOR`.
+    """
+
+    settling: float | None = None
+    overshoot: float = 0.05
+    disk_margin: float = 0.6
+    noise: float | None = None
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """A controller, tuned, and how it does.
+
+    Attributes:
+        name: of its structure. robot: with it. gains: parameter -> value [SI] that was searched.
+        steps: nonlinear, of the robot itself at its own operating point.
+        bands: over tolerances and operating points.
+        settling [s], overshoot, disk_margin, noise [SI]: the worst of these; nan where one is unstable.
+        missed: requirements that it does not hold, a phrase each.
+    """
+
+    name: str
+    robot: Robot
+    gains: dict[str, float]
+    steps: tuple[StepResponse, ...]
+    bands: tuple[Band, ...]
+    settling: float
+    overshoot: float
+    disk_margin: float
+    noise: float
+    missed: tuple[str, ...]
+
+
+def assessed(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
+    """A robot's loop by nonlinear steps and linear margins, over its operating points and tolerances."""
+    loop = FrameMap.of(robot)
+    point = operating_point(loop)
+    steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
+    bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, SEED)))
+    members = list(chain.from_iterable(b.members for b in bands))
+    kind, unit = loop.column(loop.loop.command), robot.machine.signal[loop.loop.command].unit
+
+    def worst(prefix: str, suffix: str, most: bool = True) -> float:
+        names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
+        found = [m.numbers.get(n, np.nan) for m in members for n in names]
+        return float(np.max(found) if most else np.min(found))
+
+    settling, overshoot = worst("settling", " [s]"), worst("overshoot", "")
+    disk, noise = worst("", "disk margin", most=False), worst(f"noise of {kind}", f" [{unit}]")
+    missed = missed_of(wanted, settling, overshoot, disk, noise, unit)
+    if failures := sum(len(b.failures) for b in bands):
+        missed = (*missed, f"{failures} robots without rest")
+    return Tuned(name, robot, gains, steps, bands, settling, overshoot, disk, noise, missed)
+
+
+def missed_of(
+    wanted: Requirements, settling: float, overshoot: float, disk: float, noise: float, unit: str
+) -> tuple[str, ...]:
+    """The requirements that are not held, a phrase each; nan holds nothing."""
+    missed = []
+    if not np.isfinite(settling):
+        missed.append("does not settle")
+    elif wanted.settling is not None and settling > wanted.settling:
+        missed.append(f"settles in {settling:.3g} s")
+    if not overshoot <= wanted.overshoot:
+        missed.append(f"overshoots {100.0 * overshoot:.2g} %")
+    if not disk >= wanted.disk_margin:
+        missed.append(f"disk margin {disk:.2g}")
+    if wanted.noise is not None and not noise <= wanted.noise:
+        missed.append(f"command noise {noise:.2g} {unit}")
+    return tuple(missed)

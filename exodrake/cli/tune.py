@@ -1,0 +1,124 @@
+"""`exodrake tune`: controllers of a robot's closed loop, tuned within stated requirements and compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from exodrake.cli.options import robot_option
+
+if TYPE_CHECKING:
+    from exodrake.analysis.assessment import Tuned
+    from exodrake.analysis.tuning import Tuning
+
+ABOVE = click.FloatRange(min=0.0, min_open=True)
+FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+
+
+@click.command()
+@robot_option("file")
+@click.option("--settling", type=ABOVE, default=None, help="Wanted settling time to 2 % [s]; else as short as can be.")
+@click.option("--overshoot", type=click.FloatRange(0.0, 100.0), default=5.0, help="Largest overshoot [%]. [5]")
+@click.option(
+    "--disk-margin",
+    type=click.FloatRange(0.0, 2.0, min_open=True),
+    default=0.6,
+    help="Least disk margin, all commands at once. [0.6]",
+)
+@click.option(
+    "--noise", type=ABOVE, default=None, help="Largest standard deviation of a command [SI]; else twice today's."
+)
+@click.option("--controller", "only", multiple=True, metavar="NAME", help="Tune this structure only. Repeatable.")
+@click.option(
+    "--draws", type=click.IntRange(0, 100), default=4, help="Robots within tolerances that the search sees. [4]"
+)
+@click.option("--out-robot", **FILE, help="Write the robot with the best controller.")
+@click.option("--figure", **FILE, help="PNG that compares the controllers.")
+@click.option("--json", "target", **FILE, help="File for all numbers.")
+def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robot, figure, target) -> None:
+    """Choose the gains of a robot's closed loop that settle fastest within requirements.
+
+    They hold at every operating point of the machine and for robots within the tolerances. Every controller that the
+    machine knows is tuned and compared; the fastest that holds all requirements is written as a robot file.
+    """
+    from rich.console import Console
+
+    from exodrake.analysis.assessment import Requirements
+    from exodrake.analysis.tuning import tune
+    from exodrake.core.files import write_bytes
+    from exodrake.core.plain import plain
+    from exodrake.machines.robot_file import load_robot, write_robot
+
+    robot = load_robot(file)
+    wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)
+    with Console(stderr=True).status("tuning") as status:
+        tuning = tune(robot, wanted, only, draws, progress=lambda name: status.update(f"tuning: {name}"))
+    show(tuning)
+    if target:
+        write_bytes(target, (json.dumps(plain(tuning.to_dict()), indent=1, allow_nan=False) + "\n").encode())
+    if figure:
+        from exodrake.analysis.tuning_figures import plot_tuning
+        from exodrake.data.plot import png_of
+
+        write_bytes(figure, png_of(plot_tuning(tuning)))
+    if out_robot and tuning.best:
+        write_robot(tuning.best.robot, out_robot, notes_of(tuning, tuning.best))
+    written = [str(p) for p in (target, figure, out_robot if tuning.best else None) if p]
+    if written:
+        click.echo("wrote " + ", ".join(written))
+    if out_robot and not tuning.best:
+        from exodrake.core.errors import InputError
+
+        raise InputError("no controller holds all requirements: no robot file written")
+
+
+def show(tuning: Tuning) -> None:
+    """The controllers as a table, and the best one's gains."""
+    from rich.console import Console
+
+    from exodrake.core.display import shown_unit
+    from exodrake.report.terminal import table
+
+    unit, factor = shown_unit(tuning.noise_unit)
+    titles = (
+        "controller",
+        ">settling\n\\[s]",
+        ">overshoot\n\\[%]",
+        ">disk margin\n\\[-]",
+        f">noise\n\\[{unit}]",
+        "misses",
+    )
+    rows = [
+        (t.name, f"{t.settling:.3g}", f"{100.0 * t.overshoot:.2g}", f"{t.disk_margin:.3g}", f"{factor * t.noise:.3g}",
+         ", ".join(t.missed))
+        for t in tuning.compared
+    ]  # fmt: skip
+    Console().print(table(titles, rows))
+    w = tuning.requirements
+    click.echo(
+        f"required: overshoot up to {100.0 * w.overshoot:g} %, disk margin from {w.disk_margin:g}"
+        + (f", noise of a command up to {factor * w.noise:.3g} {unit}" if w.noise is not None else "")
+        + (f", settling within {w.settling:g} s" if w.settling is not None else "")
+    )
+    for note in tuning.notes:
+        click.echo(f"note: {note}")
+    best = tuning.best
+    if best is None:
+        click.echo("no controller holds all of them")
+        return
+    own = tuning.compared[0]
+    click.echo(f"best: {best.name}, settles in {best.settling:.3g} s (now {own.settling:.3g} s)")
+    click.echo("  " + ", ".join(f"{name} = {value:.4g}" for name, value in best.gains.items()))
+
+
+def notes_of(tuning: Tuning, best: Tuned) -> str:
+    """What a robot file says of where its gains come from."""
+    w = tuning.requirements
+    return (
+        f"controller {best.name} by exodrake tune: overshoot up to {100.0 * w.overshoot:g} %, disk margin from "
+        f"{w.disk_margin:g}; worst over operating points and tolerances: settles in {best.settling:.3g} s, overshoot "
+        f"{100.0 * best.overshoot:.2g} %, disk margin {best.disk_margin:.2g}"
+    )

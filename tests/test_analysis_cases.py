@@ -1,0 +1,135 @@
+"""Stable, unstable, marginal, conditionally stable and resting loops, against python-control and closed forms."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import exodrake as exo
+from exodrake.analysis.closed_loop import margin_remarks, marginal, remarks, returns
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
+from exodrake.analysis.margins import margins
+from exodrake.analysis.open_loop import cut, opened
+from exodrake.analysis.operating import operating_point
+from exodrake.cli.main import cli
+
+PERIOD = 0.02
+
+
+def opened_from(a, b, c, gain=1.0):
+    """The loop v = gain (r - c x), x' = a x + b v, put together closed and then opened again."""
+    n = len(a)
+    closed = a - gain * np.outer(b, c)
+    model = FrameModel(
+        closed, gain * b[:, None], np.vstack([c, -gain * c]), np.array([[0.0], [gain]]), PERIOD,
+        tuple(f"x{i}" for i in range(n)), ("ref_A",), ("y_A", "v_A"),
+    )  # fmt: skip
+    return cut(model, np.zeros(n, bool), "v", "y", ("A",)), model
+
+
+def from_control(numerator, denominator, gain=1.0):
+    """The same for a continuous transfer function, sampled with a hold, by python-control."""
+    control = pytest.importorskip("control")
+    plant = control.ss(control.c2d(control.tf(numerator, denominator), PERIOD, "zoh"))
+    return (*opened_from(plant.A, plant.B[:, 0], plant.C[0], gain), gain * control.tf(plant))
+
+
+# numerator, denominator, gain, unstable poles of the closed loop, unstable poles of the open loop
+CASES = {
+    "stable lag": ([1.0], [0.1, 1.0], 5.0, 0, 0),
+    "integrator with lag": ([1.0], [0.05, 1.0, 0.0], 3.0, 0, 0),
+    "too much gain": ([1.0], [0.05, 1.0, 0.0], 300.0, 2, 0),
+    "conditionally stable": ([1.0, 2.0, 1.0], [1.0, 0.03, 2e-4, 0.0], 6.0, 0, 0),
+    "conditionally stable, too little gain": ([1.0, 2.0, 1.0], [1.0, 0.03, 2e-4, 0.0], 0.3, 2, 0),
+    "unstable plant, held": ([1.0], [0.5, -1.0], 3.0, 0, 1),
+    "unstable plant, not held": ([1.0], [0.5, -1.0], 0.5, 1, 1),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_counts_and_margins_of_a_table_of_cases(case):
+    control = pytest.importorskip("control")
+    numerator, denominator, gain, unstable, of_plant = CASES[case]
+    whole, _, transfer = from_control(numerator, denominator, gain)
+    found = margins(whole, 0)
+    assert (found.closed_unstable, found.open_unstable) == (unstable, of_plant)
+    assert found.consistent and found.encirclements == of_plant - unstable
+    assert int((np.abs(control.feedback(transfer).poles()) > 1.0 + 1e-6).sum()) == unstable
+    if unstable:
+        numbers = (found.gain_margin, found.phase_margin, found.delay_margin, found.disk_margin, found.gain_low)
+        assert np.isnan(numbers).all()
+        return
+    _, phases, _, _, crossovers, _ = control.stability_margins(transfer, returnall=True)
+
+    def radius(factor):
+        return np.abs(control.feedback(factor * transfer).poles()).max()
+
+    assert found.gain_margin == pytest.approx(found.gain_limit, rel=5e-3)
+    assert radius(0.99 * found.gain_margin) < 1.0 < radius(1.01 * found.gain_margin)
+    assert radius(max(1.01 * found.gain_low, 1e-6)) < 1.0 + 1e-6
+    assert (found.gain_low > 0.0) == (case in ("conditionally stable", "unstable plant, held"))
+    if found.gain_low > 0.0:
+        assert radius(0.99 * found.gain_low) > 1.0
+        assert found.gain_low == pytest.approx(found.gain_low_limit, rel=5e-3)
+    if len(crossovers):
+        delays = np.radians(np.asarray(phases) % 360.0) / crossovers
+        k = int(np.argmin(delays))
+        assert found.phase_margin == pytest.approx(np.radians(phases[k] % 360.0), rel=5e-3)
+        assert found.delay_margin == pytest.approx(delays[k], rel=5e-3)
+
+
+def test_a_conditionally_stable_loop_is_told():
+    whole, model, _ = from_control(*CASES["conditionally stable"][:3])
+    (note,) = margin_remarks(model, (margins(whole, 0),))
+    assert "conditionally stable" in note
+
+
+def test_a_pole_on_the_unit_circle_is_marginal():
+    """y' = y + 2 (r - y): the pole of the closed loop is -1."""
+    whole, model = opened_from(np.eye(1), np.ones(1), np.ones(1), 2.0)
+    assert marginal(model) and spectral_radius(whole.closed()) == pytest.approx(1.0)
+
+
+def test_an_unstable_robot_has_no_margins_and_says_so():
+    loop = FrameMap.of(exo.load_robot().with_parameters({"controller.kp": 0.025}))
+    point = operating_point(loop)
+    model = linearise(loop, point.state, point.references)
+    assert model.spectral_radius == pytest.approx(1.099, abs=5e-3)
+    whole = opened(loop, model)
+    for channel in range(3):
+        found = margins(whole, channel)
+        assert found.closed_unstable > 0 and found.consistent
+        assert np.isnan([found.gain_margin, found.phase_margin, found.delay_margin, found.delay_limit]).all()
+    assert any("no margins" in note for note in remarks(loop, point, model, ()))
+    assert not returns(loop, point)
+
+
+def test_a_dead_zone_rests_without_warnings(recwarn):
+    loop = FrameMap.of(exo.load_robot().splice("motor.dead_zone"))
+    point = operating_point(loop)
+    model = linearise(loop, point.state, point.references)
+    assert marginal(model) and returns(loop, point)
+    notes = (*remarks(loop, point, model, ()), *margin_remarks(model, (margins(opened(loop, model), 0),)))
+    assert any("unit circle" in note for note in notes) and any("does not act" in note for note in notes)
+    assert not any("growing" in note for note in notes)
+    assert not recwarn.list
+
+
+def test_the_command_calls_a_loop_in_its_dead_zone_stable():
+    found = CliRunner().invoke(cli, ["analyse", "--effect", "motor.dead_zone", "--draws", "0"])
+    assert found.exit_code == 0 and found.stderr == ""
+    assert "stable: simulated, a kick dies out" in found.output and "growing" not in found.output
+
+
+def test_the_loop_of_another_machine_has_the_crossover_of_its_continuous_law():
+    """EMPS, L(s) = gain kv (kp + s) / (M s^2): |L| = 1 at 22.1 Hz; 1 kHz is fast against that."""
+    robot = exo.load_robot("emps")
+    loop = FrameMap.of(robot)
+    point = operating_point(loop)
+    found = margins(opened(loop, linearise(loop, point.state, point.references)), 0)
+    kp, k = robot["drive.kp"], robot["drive.gain"] * robot["drive.kv"] / robot["carriage.M"]
+    w = np.sqrt(0.5 * (k**2 + np.sqrt(k**4 + 4.0 * (k * kp) ** 2)))
+    assert k * np.hypot(kp, w) == pytest.approx(w**2)
+    assert 2.0 * np.pi * found.crossover == pytest.approx(w, rel=0.03)
+    assert found.phase_margin == pytest.approx(np.arctan(w / kp), abs=0.03)
+    assert found.consistent and found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)

@@ -1,0 +1,77 @@
+"""Describing functions against closed forms, and limit cycles as simulated."""
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.limit_cycles import (
+    WINDOW,
+    CommandedLoop,
+    crossing,
+    describing_function,
+    limit_cycles,
+    without_effects,
+)
+from exodrake.analysis.open_loop import opened
+
+
+def commanded(robot, whole, point, channel=1):
+    return CommandedLoop(FrameMap.of(robot), point.references, whole.D, channel)
+
+
+@pytest.fixture(scope="module")
+def whole(loop, model):
+    return opened(loop, model)
+
+
+def test_without_a_nonlinearity_it_is_the_linear_plant(loop, whole, point):
+    plant = commanded(loop.robot, whole, point)
+    for cycles in (2, 8, 15):
+        found = describing_function(plant, point.state, 1e-4, cycles)
+        expected = whole.single(1).plant(np.array([cycles / (WINDOW * 0.02)]))[0, 0, 0]
+        assert found == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("ratio", [1.5, 3.0, 8.0])
+def test_of_a_dead_zone_that_passes_what_exceeds_it(loop, whole, point, ratio):
+    """N(a) = 1 - 2/pi (asin u - u sqrt(1 - u^2)), u = width / a; sampled, 60 values a cycle."""
+    width = 1e-3
+    robot = loop.robot.splice("motor.dead_zone", {"width": width})
+    u = 1.0 / ratio
+    with_zone = describing_function(commanded(robot, whole, point), point.state, ratio * width, 1)
+    plain = describing_function(commanded(loop.robot, whole, point), point.state, ratio * width, 1)
+    expected = 1.0 - 2.0 / np.pi * (np.arcsin(u) - u * np.sqrt(1.0 - u**2))
+    assert abs(with_zone / plain) == pytest.approx(expected, rel=0.06)
+
+
+def test_crossing_of_a_relay_with_a_triple_lag():
+    """L = 1 / (1 + j w)^3 crosses -1/8 at w = sqrt 3: factor 8."""
+    f = np.linspace(0.05, 1.0, 400)
+    factor, where = crossing(f, 1.0 / (1.0 + 2j * np.pi * f) ** 3)
+    assert factor == pytest.approx(8.0, rel=1e-3) and 2.0 * np.pi * where == pytest.approx(np.sqrt(3.0), rel=1e-3)
+    assert np.isnan(crossing(f, 1.0 / (1.0 + 2j * np.pi * f))).all()
+
+
+def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_none():
+    found = {c.label: c for c in limit_cycles(exo.load_robot())}
+    rounding = found["rounding, sensor.q_F"]
+    size, frequency = rounding.predicted()
+    swing, beat = rounding.simulated()
+    assert size == pytest.approx(swing, rel=0.5) and frequency == pytest.approx(beat, rel=0.25)
+    near = np.flatnonzero(rounding.factors > 0.9 * rounding.limit)[0]
+    assert rounding.predicted(float(rounding.factors[near]))[0] == pytest.approx(float(rounding.swing[near]), rel=0.7)
+    for name in ("motor.dead_zone", "tendon.coulomb_friction"):
+        assert found[name].predicted() == (0.0, 0.0) and found[name].simulated() == (0.0, 0.0)
+        beyond = found[name].factors > 1.1 * found[name].limit
+        assert (found[name].swing[beyond] > 0.0).all()
+
+
+def test_an_unstable_loop_has_no_describing_function():
+    assert limit_cycles(exo.load_robot().with_parameters({"controller.kp": 0.03})) == ()
+
+
+def test_without_effects_nothing_is_left():
+    robot = exo.load_robot()
+    spoilt = robot.splice("motor.dead_zone").splice("tendon.coulomb_friction")
+    assert np.array_equal(without_effects(spoilt).values, robot.values)

@@ -1,0 +1,168 @@
+"""Disk margins, singular values, coupling, noise and delays against python-control, identities and simulation."""
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+
+import exodrake as exo
+from exodrake.analysis.closed_loop import to_control
+from exodrake.analysis.delays import delay_budget
+from exodrake.analysis.disk import disk_margin, gain_range, phase_range
+from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.linear import linearise, spectral_radius
+from exodrake.analysis.margins import margins
+from exodrake.analysis.open_loop import opened
+from exodrake.analysis.operating import operating_point
+from exodrake.analysis.populations import within_intervals, within_tolerances
+from exodrake.analysis.robust import band, noise_of, points_band, relative_gains, robustness
+
+
+@pytest.fixture(scope="module")
+def whole(loop, model):
+    return opened(loop, model)
+
+
+@pytest.fixture(scope="module")
+def found(loop, point, model):
+    return robustness(loop, point, model)
+
+
+def test_disk_margin_of_one_loop_is_that_of_python_control(whole):
+    control = pytest.importorskip("control")
+    one = whole.single(1)
+    f = np.geomspace(0.05, 24.9, 300)
+    system = control.ss(one.A, one.B, -one.C, 0.0, whole.period)
+    expected, gain, phase = control.disk_margins(system, 2.0 * np.pi * f, skew=0.0)
+    alpha = disk_margin(1.0 / (1.0 + one.ratio(f))).min()
+    assert alpha == pytest.approx(float(expected), rel=1e-6)
+    assert 20.0 * np.log10(gain_range(alpha)) == pytest.approx(float(gain), rel=1e-5)
+    assert np.degrees(phase_range(alpha)) == pytest.approx(float(phase), rel=1e-5)
+
+
+def structured(m, points=60):
+    """mu for three complex scalars from below: the largest spectral radius of M U over diagonal unitary U."""
+    turns = np.exp(2j * np.pi * np.arange(points) / points)
+    return max(spectral_radius(m * np.array([1.0, a, b])) for a, b in product(turns, turns))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_disk_margin_of_three_loops_is_exact(seed):
+    """For up to three channels the scaled bound equals mu, which the unitary search reaches from below."""
+    rng = np.random.default_rng(seed)
+    s = rng.standard_normal((3, 3)) + 1j * rng.standard_normal((3, 3))
+    assert 1.0 / disk_margin(s[None])[0] == pytest.approx(structured(s - 0.5 * np.eye(3)), rel=5e-3)
+
+
+def test_disk_margin_of_separate_loops_is_the_least_of_them():
+    s = np.array([1.2 + 0.3j, 0.4 - 1.0j, 2.0 + 0.1j])
+    single = [disk_margin(np.array([[[v]]]))[0] for v in s]
+    assert disk_margin(np.diag(s)[None])[0] == pytest.approx(min(single))
+
+
+def test_commands_that_err_together_destabilise_at_the_disk_margin(whole, found):
+    """Gains (1 + d/2) / (1 - d/2) with real d below the margin never do; the margin's worst phase does at its edge."""
+    alpha = found.numbers["disk margin"]
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        d = rng.uniform(-1.0, 1.0, 3) * 0.98 * alpha
+        assert spectral_radius(whole.closed((1.0 + d / 2.0) / (1.0 - d / 2.0))) < 1.0
+    k = int(found.disk.argmin())
+    z = whole.circle(found.frequency[[k]])
+    s = np.linalg.inv(np.eye(3) - whole.response(z, whole.C))[0]
+    m = s - 0.5 * np.eye(3)
+    turns = np.exp(2j * np.pi * np.arange(90) / 90)
+    pairs = [np.array([1.0, a, b]) for a, b in product(turns, turns)]
+    radii = [np.abs(np.linalg.eigvals(m * u)).max() for u in pairs]
+    assert max(radii) * alpha == pytest.approx(1.0, rel=5e-3)
+
+
+def test_singular_values_are_those_of_python_control(whole, found):
+    control = pytest.importorskip("control")
+    sensitivity = control.ss(whole.closed(), whole.B, whole.C, np.eye(3), whole.period)
+    values = control.singular_values_response(sensitivity, 2.0 * np.pi * found.frequency[:-1]).magnitude
+    assert found.sigma_s[:-1] == pytest.approx(np.asarray(values).squeeze()[0], rel=1e-6)
+    assert 1.66 < found.numbers["max sigma(S)"] < 1.76 and 0.78 < found.numbers["disk margin"] < 0.85
+
+
+def test_relative_gains_of_two_loops_follow_bristol():
+    """1 / (1 - G12 G21 / (G11 G22))."""
+    g = np.array([[[2.0, 0.5], [0.8, 1.0]]])
+    assert relative_gains(g)[0] == pytest.approx([1.0 / (1.0 - 0.5 * 0.8 / 2.0)] * 2)
+
+
+def test_antagonists_couple_and_the_third_tendon_hardly(found):
+    assert found.numbers["relative gain AF"] > 1.8 and found.numbers["relative gain MF"] < 1.15
+
+
+def test_noise_of_commands_is_that_of_the_simulation(loop, point, model):
+    """Readings unrounded, 400 s after a transient."""
+    _, signals = loop.run(point.state, np.tile(point.references, (20000, 1)), seed=4)
+    simulated = signals[200:, loop.signals["speed_cmd"]].std(axis=0)
+    assert noise_of(model, "speed_cmd") == pytest.approx(simulated, rel=0.03)
+
+
+def test_the_delay_budget_reads_the_schedule(loop, whole):
+    """Slots of 2 ms: cells read in 1, 2, 3, the law in 4, drives written in 5, 6, 7, a frame of 20 ms held."""
+    found = delay_budget(loop, tuple(margins(whole, i) for i in range(3)))
+    assert [(d.read_slot, d.control_slot, d.write_slot) for d in found] == [(1, 4, 5), (2, 4, 6), (3, 4, 7)]
+    assert [1e3 * d.total for d in found] == pytest.approx([18.0] * 3)
+    assert found[1].spare_slots == pytest.approx(found[1].margin / 2e-3)
+
+
+def test_bands_over_tolerances_and_points_hold_the_nominal_robot(found):
+    robot = exo.load_robot()
+    drawn = band("tolerances", within_tolerances(robot, 6))
+    assert not drawn.failures and drawn.unstable == 0
+    low, high = drawn.range("max sigma(S)")
+    assert 1.6 < low < found.numbers["max sigma(S)"] < high < 1.8
+    points = points_band(robot)
+    assert [m.label for m in points.members] == ["middle", "small", "full"]
+    assert points.members[0].numbers == pytest.approx(found.numbers, rel=1e-6, abs=1e-9)
+
+
+def test_an_unstable_member_has_no_numbers_and_is_counted():
+    robot = exo.load_robot()
+    fast = robot.with_parameters({"controller.kp": 0.03})
+    mixed = band("two", [("own", robot), ("fast", fast), ("shaky", robot.splice("finger.tremor"))])
+    assert mixed.unstable == 1 and np.isnan(mixed.members[1].numbers["disk margin"])
+    assert len(mixed.failures) == 1 and "shaky" in mixed.failures[0]
+    assert mixed.range("disk margin")[0] == mixed.members[0].numbers["disk margin"]
+
+
+def interval(value, low, high):
+    return {"value": value, "low": low, "high": high, "unit": "m/s"}
+
+
+def test_robots_within_the_intervals_of_a_diagnosis():
+    channels = {"width": {"AF": interval(1e-3, 9e-4, 1.2e-3)}}
+    effect = {"id": "motor.dead_zone", "wires": ["AF"], "joints": [], "parameters": {}, "channels": channels}
+    answer = json.loads(json.dumps({"effects": [effect]}))
+    drawn = [r["motor.dead_zone.width.AF"] for _, r in within_intervals(exo.load_robot(), answer, 400)]
+    assert np.quantile(drawn, [0.05, 0.5, 0.95]) == pytest.approx([9e-4, 1e-3, 1.2e-3], rel=0.03)
+    assert all(r["motor.dead_zone.width.MF"] == 0.0 for _, r in within_intervals(exo.load_robot(), answer, 3))
+
+
+@pytest.mark.parametrize(
+    ("answer", "word"),
+    [([], "no list of effects"), ({"effects": []}, "names no effect"), ({"effects": [{"id": "x"}]}, "without id")],
+)
+def test_what_is_no_diagnosis_is_refused(answer, word):
+    with pytest.raises(exo.InputError, match=word):
+        list(within_intervals(exo.load_robot(), answer, 1))
+
+
+def test_python_control_closes_the_opened_loop_again(whole, model):
+    control = pytest.importorskip("control")
+    system = control.ss(whole.A, whole.B, whole.C, 0.0, whole.period)
+    again = control.feedback(system, control.ss([], [], [], np.eye(3), whole.period), sign=1)
+    assert np.sort(np.abs(again.poles()))[-5:] == pytest.approx(np.sort(np.abs(to_control(model).poles()))[-5:])
+
+
+def test_the_loop_of_another_machine_has_a_robustness():
+    loop = FrameMap.of(exo.load_robot("emps"))
+    point = operating_point(loop)
+    numbers = robustness(loop, point, linearise(loop, point.state, point.references)).numbers
+    assert numbers["disk margin"] == pytest.approx(numbers["disk margin carriage"])
+    assert numbers["relative gain carriage"] == pytest.approx(1.0)

@@ -1,0 +1,121 @@
+"""Tuning: requirements held, structures compared, files written, bad input refused."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import exodrake as exo
+from exodrake.analysis.assessment import Requirements, missed_of
+from exodrake.analysis.candidate import Performance, plant_of
+from exodrake.analysis.tuning import compliance, cost_of, tune
+from exodrake.cli.main import cli
+from exodrake.simulation import protocols
+from exodrake.simulation.simulate import simulate
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, ["tune", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tune")
+    names = ("--figure", "tune.png", "--json", "tune.json", "--out-robot", "tuned.yaml")
+    options = [folder / v if i % 2 else v for i, v in enumerate(names)]
+    found = run("--robot", "emps", "--disk-margin", 0.7, "--overshoot", 20, "--draws", 2, *options)
+    return folder, found
+
+
+def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
+    folder, found = tuned
+    assert found.exit_code == 0, found.output
+    assert (folder / "tune.png").read_bytes().startswith(b"\x89PNG")
+    numbers = json.loads((folder / "tune.json").read_text())
+    best = numbers["compared"][numbers["best"]]
+    assert best["disk_margin"] >= 0.7 and best["overshoot"] <= 0.2 and best["misses"] == []
+    loop = exo.analyse(exo.load_robot(folder / "tuned.yaml"))
+    assert loop.robot["drive.kp"] == pytest.approx(best["gains"]["drive.kp"])
+    assert loop.robust.numbers["disk margin"] >= best["disk_margin"] - 1e-6
+    assert loop.steps[0].settling <= best["settling [s]"] + 1e-6
+
+
+def test_the_tuned_loop_settles_no_later_than_one_that_holds_the_same(tuned):
+    """A grid of gains, each by its own analysis of the plain loop, has none that is much better."""
+    from exodrake.analysis.candidate import performance
+
+    folder, _ = tuned
+    numbers = json.loads((folder / "tune.json").read_text())
+    best, most = numbers["compared"][numbers["best"]], numbers["required"]["noise [N]"]
+    plant = plant_of(exo.load_robot("emps"))
+    grid = [(a, b) for a in np.geomspace(20.0, 400.0, 9) for b in np.geomspace(50.0, 1000.0, 9)]
+    found = [performance(plant, {"drive.kp": a, "drive.kv": b}) for a, b in grid]
+    held = [p.settling for p in found if p.disk_margin >= 0.75 and p.overshoot <= 0.18 and p.noise <= 0.9 * most]
+    assert best["settling [s]"] <= 1.15 * min(held)
+
+
+def test_compliance_is_the_inverse_of_the_tension_jacobian():
+    """1 mm of wire taken in slowly at one tendon, by the nonlinear simulation of the tendons' tension."""
+    robot = exo.load_robot()
+    plant = plant_of(robot)
+    c = np.column_stack(list(compliance(plant, robot.machine.loop.controllers[-1]).values()))
+    assert np.linalg.eigvals(c).real.min() > 1.0 / (1.2 * 2700.0)  # no stiffer than the tendon itself
+    assert c == pytest.approx(c.T, abs=2e-5)  # elastic: forces have a potential
+    loop, start = plant.loop, plant.point
+    rows = np.tile(start.references + np.array([0.05, 0.0, 0.0]), (600, 1))
+    moved = loop.run(start.state, rows)[1][-1, loop.signals["stroke"]] - start.readings["stroke"]
+    assert moved == pytest.approx(0.05 * c[:, 0], rel=0.02, abs=1e-6)
+
+
+def test_a_controller_with_feed_forward_runs_on_both_engines():
+    robot = exo.load_robot()
+    values = {**compliance(plant_of(robot), robot.machine.loop.controllers[-1])}
+    full = {f"{n}.{t}": float(v) for n, col in values.items() for t, v in zip(robot.machine.axes.tendons, col)}
+    more = {"controller.ki": 0.01, "controller.tau_D": 0.01, "controller.tau_R": 0.1, "controller.feed": 1.0}
+    changed = robot.with_parameters({**full, **more})
+    reference = protocols.steps(changed)
+    reference = type(reference)(reference.tension[:100], "steps")
+    logs = [simulate(changed, reference, seed=1, engine=engine) for engine in ("compiled", "drake")]
+    for column in logs[0].columns:
+        assert np.array_equal(logs[0][column], logs[1][column]), column
+
+
+def test_missed_requirements_are_phrases():
+    wanted = Requirements(0.5, 0.05, 0.6, 1e-4)
+    assert missed_of(wanted, 0.4, 0.04, 0.7, 1e-5, "m/s") == ()
+    assert len(missed_of(wanted, 0.6, 0.06, 0.5, 2e-4, "m/s")) == 4
+    assert missed_of(wanted, np.nan, np.nan, np.nan, np.nan, "m/s")[0] == "does not settle"
+
+
+def test_the_search_prefers_stable_then_held_then_fast():
+    wanted = Requirements(None, 0.05, 0.6, 1e-4)
+    costs = [
+        cost_of(p, wanted, 0.02)
+        for p in (
+            Performance(0.9, 0.5, 0.0, 0.8, 5e-5), Performance(0.9, 1.0, 0.0, 0.8, 5e-5),
+            Performance(0.9, 0.5, 0.0, 0.5, 5e-5), Performance(1.01, np.inf, np.inf, 0.0, np.inf),
+        )
+    ]  # fmt: skip
+    assert costs == sorted(costs)
+
+
+def test_what_cannot_be_held_writes_no_robot(tmp_path):
+    found = run("--robot", "emps", "--disk-margin", 1.99, "--draws", 0, "--out-robot", tmp_path / "r.yaml")
+    assert found.exit_code == 2 and "no controller holds all requirements" in found.output
+    assert not (tmp_path / "r.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [(["--controller", "PDD"], "PDD"), (["--robot", "absent.yaml"], "absent"), (["--disk-margin", "3"], "disk-margin"),
+     (["--noise", "-1"], "noise"), (["--overshoot", "x"], "overshoot")],
+)  # fmt: skip
+def test_bad_input_is_refused(arguments, word):
+    found = run(*arguments)
+    assert found.exit_code == 2 and word in found.output
+
+
+def test_no_controller_is_tuned_without_a_loop():
+    with pytest.raises(exo.InputError, match="no closed loop"):
+        tune(exo.load_robot("so101"))
