@@ -48,6 +48,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         found = preflight(case, nominal, tried_of(robot, only, without), allow_outside)
     console = Console(highlight=False, width=None if waiting.is_terminal else 120)
     show_recordings(console, found, nominal)
+    show_problems(console, found)
     show_effects(console, found)
     if figure:
         write_bytes(figure, figure_of(found))
@@ -92,6 +93,12 @@ def show_recordings(console: Console, found: Preflight, robot: Robot) -> None:
         for e in found.excitations
     ]  # fmt: skip
     console.print(table(("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"), rows))
+
+
+def show_problems(console: Console, found: Preflight) -> None:
+    """What is wrong with the recordings, a line each."""
+    from rich.markup import escape
+
     console.print()
     for problem in found.problems:
         console.print(f"[yellow]note[/yellow]    {escape(problem)}")

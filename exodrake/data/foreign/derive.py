@@ -117,12 +117,16 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
     at = int(course.argmax())
     if course[at] < LEAST:
         raise InputError(f"{where}: correlation {course[at]:.2f} at best, so no lag can be told")
-    part = 0.0
-    if 0 < at < len(course) - 1:
-        before, top, after = course[at - 1 : at + 2]
-        bend = before - 2.0 * top + after
-        part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return (at - reach + part) * step, float(course[at])
+    return (at + vertex(course, at) - reach) * step, float(course[at])
+
+
+def vertex(course: np.ndarray, at: int) -> float:
+    """How far the top of the parabola through the samples about the largest of `course` (n,) [-] lies from it."""
+    if not 0 < at < len(course) - 1:
+        return 0.0
+    before, top, after = course[at - 1 : at + 2]
+    bend = before - 2.0 * top + after
+    return float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
 
 
 def known(track: Track) -> Track:
