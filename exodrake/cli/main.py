@@ -30,6 +30,7 @@ COMMANDS = {
     "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
     "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, stability map."),
+    "feedforward": ("exodrake.cli.feedforward", "Commands that make a robot do what is wanted, by its model."),
     "identify": ("exodrake.cli.identify", "Find the finger's kinematics in a marker recording."),
     "workspace": ("exodrake.cli.workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
     "train": ("exodrake.cli.train", "Train the joint-angle estimator on logs."),

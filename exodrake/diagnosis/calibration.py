@@ -82,9 +82,7 @@ def calibration_notes(machine: Machine) -> tuple[str, ...]:
     """What a verdict says of a machine whose tests are not calibrated; nothing of others."""
     found = []
     if not tolerances(machine):
-        found.append(
-            f"{machine.name} states no tolerances, so no nominal parameter was retuned and each counts as exact"
-        )
+        found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
     if not calibration_of(machine).source:
         folder = single_machines().get(machine.name)
         option = f"--machine {folder.name}" if folder else f"--robot {machine.name}"
