@@ -1,6 +1,6 @@
 """Feed-forward control by iterative learning on a model: the commands that make a robot do what is wanted.
 
-    u_{k+1}(n) = u_k(n) + gain (r(n) - y_k(n + d))          r wanted, y simulated, d the delay of the channel [frames]
+    u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
 
 (Arimoto, Kawamura, Miyazaki 1984). It needs no law of the robot but its simulation, so that play, delay, sag and gain
 of an improved robot file are made up for as far as the file is right. Commands stay within the robot file's limits.
@@ -19,6 +19,7 @@ from exodrake.core.short_repr import short_repr
 from exodrake.simulation.simulate import simulate
 
 ROUNDS, GAIN = 40, 0.6  # simulations; share of the error that is made up for in each: assumed
+TINY = 1e-12  # [SI] keeps a channel that has no error from dividing by 0
 LATEST = 25  # frames of delay that are looked for
 
 
@@ -70,13 +71,14 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     commands = best = wanted
     moved = motion(commands)
     late = [delay(wanted[:, k], moved[:, k]) for k in range(width)]
-    least = before = rms(wanted - moved)
+    least, before = 1.0, rms(wanted - moved)
     for _ in range(ROUNDS):
         error = np.column_stack([ahead(wanted[:, k], moved[:, k], late[k]) for k in range(width)])
         commands = np.clip(commands + GAIN * error, low, high)
         moved = motion(commands)
         found = rms(wanted - moved)
-        best, least = np.where(found < least, commands, best), np.minimum(found, least)
+        if np.mean(found / np.maximum(before, TINY)) < least:  # of all channels together, since they may be coupled
+            best, least = commands, float(np.mean(found / np.maximum(before, TINY)))
     return Feedforward(sent(best), before, rms(wanted - motion(best)), kind)
 
 
@@ -95,9 +97,9 @@ def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
 
 
 def ahead(wanted: np.ndarray, moved: np.ndarray, frames: int) -> np.ndarray:
-    """What is wanted (n,) less the motion (n,) some frames later [SI]; 0 where the log has ended by then."""
+    """What is wanted (n,) less the motion (n,), both some frames later [SI]; 0 where the log has ended by then."""
     error = np.zeros(len(wanted))
-    error[: len(wanted) - frames] = wanted[: len(wanted) - frames] - moved[frames:]
+    error[: len(wanted) - frames] = wanted[frames:] - moved[frames:]
     return error
 
 
