@@ -1,12 +1,14 @@
 """Plugins: a machine, a file format and a part from folders of one's own act through the command line."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
@@ -225,3 +227,148 @@ def test_a_plugin_does_not_replace_a_built_in_machine(puppet, tmp_path):
     puppet.rename(tmp_path / "emps")
     drawn = exodrake("draw", "--machine", tmp_path / "emps", "--out", tmp_path / "emps.svg")
     assert drawn.returncode == 2 and "emps" in drawn.stderr
+
+
+BROKEN = {
+    "import nothing_there\n": "machine.py, line 1: ModuleNotFoundError: No module named 'nothing_there'",
+    "\ndef machine(:\n": "machine.py, line 2: SyntaxError",
+    "def machine():\n    return 1 / 0\n": "machine.py, line 2: ZeroDivisionError",
+    "machine = 3\n": "defines no function machine()",
+}
+
+
+@pytest.mark.parametrize("text", BROKEN)
+def test_an_error_in_a_machine_is_shown_with_its_line(puppet, text):
+    (puppet / "machine.py").write_text(text)
+    drawn = exodrake("draw", "--machine", puppet)
+    assert drawn.returncode == 2 and BROKEN[text] in drawn.stderr and "Traceback" not in drawn.stderr, drawn.stderr
+
+
+def test_a_machine_of_an_installed_package_is_found_by_its_entry_point(puppet, tmp_path):
+    package = tmp_path / "installed" / "my_package"
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("raise SystemExit('imported')")
+    puppet.rename(package / "puppet")
+    info = tmp_path / "installed" / "my_package-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my_package\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[exodrake.plugins]\npuppet = my_package.puppet\n")
+    load = "import exodrake; print(exodrake.load_robot('puppet'))"
+    script = f"import sys; sys.path.insert(0, {str(info.parent)!r}); {load}"
+    root = Path(__file__).parent.parent
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=root)
+    assert "Robot(puppet" in found.stdout, found.stderr
+
+
+PUMP = {
+    "machine.py": """
+from exodrake.core.machine import Column, Machine
+from exodrake.core.segment import Segment
+from exodrake.core.signal import JOINTS, NORMAL, Axes, Signal
+from exodrake.machines.pump import leak, meter
+
+
+def machine():
+    signals = ("demand", "m", JOINTS, ""), ("noise_flow", "-", JOINTS, NORMAL), ("flow_read", "m", JOINTS, "")
+    return Machine(
+        name="pump", axes=Axes((), ("main",)), signals=tuple(Signal(*s) for s in signals), parts=(meter.PART,),
+        inputs=("demand", "noise_flow"), effects=(leak.EFFECT,), slots=2, noise=("meter.sigma",), max_effects=1,
+        columns=(Column("flow_ref", "demand"), Column("flow", "flow_read")), compared=("flow",),
+        noise_std=lambda parameter: {"flow": parameter("meter.sigma")}, segments=(Segment("meter", "flow"),),
+        reference_limits=("low", "high"),
+    )
+""",
+    "meter.py": """
+import sys
+from typing import Annotated, NamedTuple
+
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+
+
+class Parameters(NamedTuple):
+    gain: Annotated[float, Unit("-")]
+    sigma: Annotated[float, Unit("m")]
+
+
+def passed(e, z, flow):
+    return flow
+
+
+def read(x, z, n, e, demand, noise_flow):
+    x[0] = passed(e, z, n.gain * demand[0]) + n.sigma * noise_flow[0]
+
+
+def output(x, z, n, e, flow_read):
+    flow_read[0] = x[0]
+
+
+def start(x, z, n, e, start_stroke):
+    x[:] = 0.0
+
+
+PART = Part(
+    "meter", sys.modules[__name__], Parameters, (Task("read", ("demand", "noise_flow"), slots=(1,)),),
+    (Output("output", ("flow_read",)),), (State("reading"),), (Point("passed"),),
+)
+""",
+    "leak.py": """
+from exodrake.core.effect import Effect, EffectParameter
+
+
+def passed(flow, share):
+    return flow - share * flow * flow
+
+
+SHARE = EffectParameter("share", "1/m", 0.0, 0.01, 0.5, default=0.1)
+EFFECT = Effect("meter.leak", "a leak", "less flow", "assumed", {"meter.passed": passed}, (SHARE,))
+""",
+    "robot.yaml": """
+machine: pump
+parameters: {meter: {gain: 1.0, sigma: 0.001}}
+limits: {low: {main: 0.0}, high: {main: 1.0}}
+""",
+}
+ALL = """
+import shlex, sys
+from click.testing import CliRunner
+from exodrake.cli.main import cli
+for line in sys.stdin.read().splitlines():
+    result = CliRunner().invoke(cli, [*shlex.split(line), "--machine", "pump"])
+    print(f"{line}: {result.exit_code} {result.stdout} {result.stderr} {result.exception!r}".replace(chr(10), " "))
+"""
+
+
+def test_a_machine_of_unknown_kinds_without_a_tick_or_tolerances_takes_every_command(tmp_path):
+    """Its columns are of no kind in the table, no task runs on the plant's tick, and no parameter has a tolerance."""
+    (tmp_path / "pump").mkdir()
+    for name, text in PUMP.items():
+        (tmp_path / "pump" / name).write_text(text)
+    leaking = "random-motion:duration=20 --effect meter.leak:share=0.2"
+    lines = [
+        f"simulate {leaking} --out run", "check run/log.csv",
+        "diagnose run/log.csv --report report.html --out-robot better.yaml", "effects", "draw --out pump.svg",
+        "simulate --reference run/log.csv --robot better.yaml --out again", "watch run/log.csv --until-idle 0",
+        "feedforward random-motion:duration=5 --robot better.yaml --out commands.csv",
+        "import run/log.csv --out log.npz", "analyse", "show run/log.csv",
+    ]  # fmt: skip
+    root = Path(__file__).parent.parent
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (str(root), os.environ.get("PYTHONPATH"))))}
+    options = {"capture_output": True, "text": True, "cwd": tmp_path, "env": environment}
+    run = subprocess.run([sys.executable, "-c", ALL], input="\n".join(lines), **options)
+    said = dict(zip(lines, run.stdout.splitlines(), strict=True))
+    for line in lines[:-2]:
+        assert said[line].startswith(f"{line}: 0 "), said[line]
+    for line in lines[-2:]:
+        assert said[line].startswith(f"{line}: 2 ") and "error: pump" in said[line] and "SystemExit(2)" in said[line]
+    assert "NAMED" in said[lines[2]] and "states no tolerances" in said[lines[2]]
+    share = yaml.safe_load((tmp_path / "better.yaml").read_text())["effects"]["meter.leak"]["share"]
+    assert share == pytest.approx(0.2, rel=0.02)
+    assert "flow" in (tmp_path / "report.html").read_text()
+
+
+def test_a_column_in_a_unit_that_its_kind_cannot_have_is_refused(puppet):
+    wrong = "replace(s, unit='N') if s.name == 'angle_read' else s for s in made.signals"
+    ending = f"made = machine()\nmachine = replace(made, signals=tuple({wrong}))\n"
+    (puppet / "machine.py").write_text(f"from dataclasses import replace\n{MACHINE}\n\n{ending}")
+    drawn = exodrake("draw", "--machine", puppet)
+    assert drawn.returncode == 2 and "column angle in [N], wanted [rad]" in drawn.stderr, drawn.stderr

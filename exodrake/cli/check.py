@@ -48,6 +48,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
         found = preflight(case, nominal, tried_of(robot, only, without), allow_outside)
     console = Console(highlight=False, width=None if waiting.is_terminal else 120)
     show_recordings(console, found, nominal)
+    show_problems(console, found)
     show_effects(console, found)
     if figure:
         write_bytes(figure, figure_of(found))
@@ -65,17 +66,10 @@ def show_recordings(console: Console, found: Preflight, robot: Robot) -> None:
         display = display_of(column.rsplit("_", 1)[0], robot.machine)
         return f"{display.factor * value:.3g} {display.unit}"
 
-    rows: list[Any] = [
-        (
-            escape(c.file),
-            f"{c.rows}",
-            f"{c.duration:.4g} s",
-            f"{1e3 * c.step:.4g} ms",
-            f"{c.jitter:.1%}",
-            f"{c.missing}",
-        )
-        for c in found.clocks
-    ]
+    rows: list[Any] = []
+    for c in found.clocks:
+        times = f"{c.duration:.4g} s", f"{1e3 * c.step:.4g} ms", f"{c.jitter:.1%}"
+        rows.append((escape(c.file), str(c.rows), *times, str(c.missing)))
     console.print(table(("log", ">rows", ">duration", ">step", ">jitter", ">missing frames"), rows))
     console.print()
     rows = [
@@ -84,14 +78,17 @@ def show_recordings(console: Console, found: Preflight, robot: Robot) -> None:
     ]
     console.print(table(("channel", ">motion (std)", ">fast noise (std)", ">missing", ">at its ends"), rows))
     console.print()
-    rows = [
-        (
-            e.column, shown(e.column, e.span), "" if e.share != e.share else f"{e.share:.0%}", f"{e.band:.2g} Hz",
-            str(e.reversals), f"{e.rest:.0%}",
-        )
-        for e in found.excitations
-    ]  # fmt: skip
+    rows = []
+    for e in found.excitations:
+        share = "" if e.share != e.share else f"{e.share:.0%}"
+        rows.append((e.column, shown(e.column, e.span), share, f"{e.band:.2g} Hz", str(e.reversals), f"{e.rest:.0%}"))
     console.print(table(("reference", ">span", ">of its limits", ">95 % below", ">turns", ">at rest"), rows))
+
+
+def show_problems(console: Console, found: Preflight) -> None:
+    """What is wrong with the recordings, a line each."""
+    from rich.markup import escape
+
     console.print()
     for problem in found.problems:
         console.print(f"[yellow]note[/yellow]    {escape(problem)}")

@@ -63,8 +63,9 @@ def command(
 
 
 def own_mapping(machine: str | None) -> Path | None:
-    """mapping.yaml of the machine that --machine names."""
-    return None if machine is None else machine_folders()[machine] / MAPPING
+    """mapping.yaml of the machine that --machine names, if it has one."""
+    file = None if machine is None else machine_folders()[machine] / MAPPING
+    return file if file is not None and file.is_file() else None
 
 
 def imported_logs(recordings: tuple[Path, ...], mapping: Path | None, unit: str, episodes: str) -> dict[str, Imported]:

@@ -31,6 +31,7 @@ COMMANDS = {
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
     "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, robustness."),
     "tune": ("exodrake.cli.tune", "Choose the controller's gains within requirements."),
+    "feedforward": ("exodrake.cli.feedforward", "Commands that make a robot do what is wanted, by its model."),
     "identify": ("exodrake.cli.identify", "Find the finger's kinematics in a marker recording."),
     "workspace": ("exodrake.cli.workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
     "train": ("exodrake.cli.train", "Train the joint-angle estimator on logs."),

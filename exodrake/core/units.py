@@ -36,7 +36,7 @@ SPELLINGS = {
 COMMON = ("m/s", "mm/s", "m/s2", "rad/s", "deg/s", "N/m", "N/mm", "N s/m", "N m", "N mm", "mN m", "N m/rad", "1/s")
 
 # kind: SI units it may have; the first is the one a simulated log gets
-KINDS: Mapping[str, tuple[str, ...]] = {
+KINDS: dict[str, tuple[str, ...]] = {
     "time": ("s",),
     "tension": ("N",), "tension_ref": ("N",), "tension_true": ("N",), "tension_finger": ("N",),
     "stroke": ("m",), "stroke_ref": ("m",), "speed": ("m/s", "rad/s"), "speed_cmd": ("m/s", "rad/s"),
@@ -50,6 +50,13 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "torque": ("N m",), "torque_ref": ("N m",), "force": ("N",), "force_ref": ("N",),
     "effort": ("N m", "N", "A"), "effort_ref": ("N m", "N", "A"), "temperature": ("K",),
 }  # fmt: skip
+
+
+def add_kind(kind: str, unit: str, where: str) -> None:
+    """Adds the kind of a machine's column to the table. InputError for a known kind in a unit that it cannot have."""
+    if unit not in KINDS.setdefault(kind, (unit,)):
+        wanted = " or ".join(f"[{known}]" for known in KINDS[kind])
+        raise InputError(f"{where}: column {kind} in [{unit}], wanted {wanted}; or call it otherwise")
 
 
 class Conversion(NamedTuple):

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from exodrake.core.machine import Machine
+from exodrake.core.plugins import single_machines
 from exodrake.core.schema import anything, mapping, number, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.diagnosis.parameter import expanded
@@ -79,9 +80,14 @@ def spread(count: int) -> float:
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
     """What a verdict says of a machine whose tests are not calibrated; nothing of others."""
-    if calibration_of(machine).source:
-        return ()
-    return (f"the tests of {machine.name} are not calibrated; `exodrake calibrate --robot {machine.name}`",)
+    found = []
+    if not tolerances(machine):
+        found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
+    if not calibration_of(machine).source:
+        folder = single_machines().get(machine.name)
+        option = f"--machine {folder.name}" if folder else f"--robot {machine.name}"
+        found.append(f"the tests of {machine.name} are not calibrated; `exodrake calibrate {option}`")
+    return tuple(found)
 
 
 def calibration_text(found: Calibration, rests_on: Mapping[str, int], rates: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from exodrake.core import plugins
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
+from exodrake.core.units import add_kind
 
 ROBOT = "robot.yaml"
 
@@ -58,6 +59,8 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
         raise InputError(f"{machine_folders()[name]}: machine.py defines no function machine() that returns a Machine")
     if found.name != name:
         raise InputError(f"{machine_folders()[name]}: the machine calls itself {found.name!r}, not {name!r}")
+    for column in found.columns:
+        add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
     return replace(found, tolerances=tolerances)
 
 

@@ -9,9 +9,9 @@ from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
+from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import check_case, suspicions
 from exodrake.diagnosis.checks.compare import compare
-from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import columns_of, required_of
 from exodrake.preflight.identifiability import Identifiability, identifiability
 from exodrake.preflight.signals import Channel, Clock, Excitation, channels, clocks, excitations
@@ -60,7 +60,5 @@ def preflight(
     comparison = compare(case, robot)
     parts = clocks(Path(path), robot.machine.frame), channels(comparison), excitations(case, robot)
     sentences = [sentence for part in parts for item in part for sentence in item.problems()]
-    if not nominal_parameters(robot):
-        sentences.append(f"{robot.source}: no tolerances, so no nominal parameter is retuned and each counts as exact")
-    problems = (*case.notes, *sentences, *suspicions(case, robot))
+    problems = (*case.notes, *sentences, *suspicions(case, robot), *calibration_notes(robot.machine))
     return Preflight(case, *parts, identifiability(case, robot, tried), tuple(dict.fromkeys(problems)))

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.preflight.check import Preflight
 from exodrake.preflight.identifiability import SEEN, Direction, Identifiability
 
+LISTED = 2  # rivals that are named
 CEILING = 1000.0  # standard deviations; what stands out further is as clear as can be
 COLOURS = ("#009e73", "#e69f00", "#b0b7bf")  # told apart, could be mistaken, not seen
 
@@ -21,9 +20,9 @@ def figure_of(found: Preflight) -> bytes:
     effects = list(dict.fromkeys(d.effect for d in found.told.directions))
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.0, 1.9 + 0.2 * max(len(effects), 8))
-        left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15), sharey=True)
+        left, right = figure.subplots(1, 2, width_ratios=(1.0, 0.9), sharey=True)
         bars(left, found.told, effects)
-        matrix(right, figure, found.told, effects)
+        rivals(right, found.told, effects)
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
         return png_of(figure)
 
@@ -45,20 +44,19 @@ def bars(axes: Any, told: Identifiability, effects: list[str]) -> None:
     axes.set_xlim(0.08, 1.4 * CEILING)
     axes.set_yticks(range(len(effects)), effects, fontsize=7.5)
     axes.set_ylim(len(effects) - 0.5, -0.5)
-    axes.set_xlabel("change of the logs by an effect of typical size [standard deviations]")
+    axes.set_xlabel("change of the logs by an effect of typical size\n[noise standard deviations]")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, handletextpad=0.2, columnspacing=1.0)
 
 
-def matrix(axes: Any, figure: Any, told: Identifiability, effects: list[str]) -> None:
-    """What is left of each effect (row) when another one (column) is taken for it; only where that is little."""
-    table = np.full((len(effects), len(effects)), np.nan)
-    for d in told.directions:
-        for other, left in d.taken_for.items():
-            at = effects.index(d.effect), effects.index(other)
-            table[at] = np.nanmin([table[at], left])
-    image = axes.imshow(table, cmap="YlOrBr_r", vmin=0.0, vmax=SEEN, aspect="auto", interpolation="none")
-    axes.set_xticks(range(len(effects)), effects, rotation=90, fontsize=7.5)
-    axes.tick_params(labelleft=False)
-    axes.grid(True, color="#eef0f3")
-    axes.set_title("could be taken for", fontsize=9, loc="left")
-    figure.colorbar(image, ax=axes, label="what that leaves [standard deviations]", shrink=0.7)
+def rivals(axes: Any, told: Identifiability, effects: list[str]) -> None:
+    """What could be taken for each effect, and the share of its change that this would leave."""
+    axes.set_axis_off()
+    axes.set_title("could be taken for (share of the change left)", fontsize=9, loc="left")
+    for row, effect in enumerate(effects):
+        left: dict[str, float] = {}
+        for direction in (d for d in told.directions if d.effect == effect):
+            for other, share in direction.taken_for.items():
+                left[other] = min(share, left.get(other, 1.0))
+        words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]
+        more = f" and {len(words) - LISTED} more" if len(words) > LISTED else ""
+        axes.text(0.0, row, ", ".join(words[:LISTED]) + more, va="center", fontsize=7.5, color="#8a5a00")

@@ -31,7 +31,9 @@ from exodrake.diagnosis.refine import bounded
 
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
 FRAMES = 4000  # of the case that are simulated for each direction
-SENSOR = 0.002  # noise of a sensor that is not there yet, as a share of what its signal spans: assumed, a good one
+SENSOR = (
+    5e-4  # noise of a sensor that is not there yet, as a share of what its signal spans: assumed, an encoder of 12 bits
+)
 EXTRA = "also"  # kind of the columns of such sensors
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
 

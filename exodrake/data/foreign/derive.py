@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import UNITS, si_unit
+from exodrake.core.units import si_unit
 from exodrake.data.foreign.mapping import Column, Derived, Sync
 from exodrake.data.foreign.track import Track
 
@@ -75,7 +75,7 @@ def derived(column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray],
             raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
         found, unit = np.gradient(found, time), RATES.get(unit, "")
     unit = si_unit(column.unit) if column.unit else unit
-    if unit not in UNITS:
+    if not unit:
         raise InputError(f"{source}: {column.name}: state its SI unit, `unit: ...`")
     return found * column.scale + column.offset, unit
 
@@ -117,12 +117,16 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
     at = int(course.argmax())
     if course[at] < LEAST:
         raise InputError(f"{where}: correlation {course[at]:.2f} at best, so no lag can be told")
-    part = 0.0
-    if 0 < at < len(course) - 1:
-        before, top, after = course[at - 1 : at + 2]
-        bend = before - 2.0 * top + after
-        part = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
-    return (at - reach + part) * step, float(course[at])
+    return (at + vertex(course, at) - reach) * step, float(course[at])
+
+
+def vertex(course: np.ndarray, at: int) -> float:
+    """How far the top of the parabola through the samples about the largest of `course` (n,) [-] lies from it."""
+    if not 0 < at < len(course) - 1:
+        return 0.0
+    before, top, after = course[at - 1 : at + 2]
+    bend = before - 2.0 * top + after
+    return float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
 
 
 def known(track: Track) -> Track:

@@ -1,0 +1,108 @@
+"""Feed-forward control by iterative learning on a model: the commands that make a robot do what is wanted.
+
+    u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
+
+(Arimoto, Kawamura, Miyazaki 1984). It needs no law of the robot but its simulation, so that play, delay, sag and gain
+of an improved robot file are made up for as far as the file is right. Commands stay within the robot file's limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.core.short_repr import short_repr
+from exodrake.simulation.simulate import simulate
+
+ROUNDS, GAIN = 40, 0.6  # simulations; share of the error that is made up for in each: assumed
+TINY = 1e-12  # [SI] keeps a channel that has no error from dividing by 0
+LATEST = 25  # frames of delay that are looked for
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Feedforward:
+    """Commands and what they are worth on the model.
+
+    Attributes:
+        commands: to be sent.
+        before: (channels,) RMS error if the wanted motion is sent as it is [SI].
+        after: (channels,) RMS error with the commands [SI].
+        kind: column kind of the motion.
+    """
+
+    commands: Reference
+    before: np.ndarray
+    after: np.ndarray
+    kind: str
+
+
+def feedforward(robot: Robot, reference: Reference) -> Feedforward:
+    """Commands that bring a robot's motion as near to a reference as its model allows.
+
+    Args:
+        robot: the model, best an improved one.
+        reference: what is wanted, as a reference of the machine.
+
+    Raises:
+        InputError: for a machine that does not measure what its first reference asks for.
+    """
+    column = robot.machine.references[0]
+    kind = column.kind.removesuffix("_ref")
+    channels = robot.machine.axes.of(robot.machine.signal[column.signal].axis)
+    if kind == column.kind or all(c.kind != kind for c in robot.machine.columns):
+        raise InputError(
+            f"{robot.machine.name} logs nothing that {column.kind} asks for, so nothing can be made up for"
+        )
+    width = len(channels)
+    wanted = reference.tension[:, :width]
+
+    def sent(commands: np.ndarray) -> Reference:
+        return replace(reference, tension=np.hstack([commands, reference.tension[:, width:]]))
+
+    def motion(commands: np.ndarray) -> np.ndarray:
+        return simulate(robot, sent(commands), seed=None, quantisation=False).array(kind, channels)
+
+    low, high = limits(robot, wanted)
+    commands = best = wanted
+    moved = motion(commands)
+    late = [delay(wanted[:, k], moved[:, k]) for k in range(width)]
+    least, before = 1.0, rms(wanted - moved)
+    for _ in range(ROUNDS):
+        error = np.column_stack([ahead(wanted[:, k], moved[:, k], late[k]) for k in range(width)])
+        commands = np.clip(commands + GAIN * error, low, high)
+        moved = motion(commands)
+        found = rms(wanted - moved)
+        if np.mean(found / np.maximum(before, TINY)) < least:  # of all channels together, since they may be coupled
+            best, least = commands, float(np.mean(found / np.maximum(before, TINY)))
+    return Feedforward(sent(best), before, rms(wanted - motion(best)), kind)
+
+
+def limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest commands (channels,) [SI]: the robot file's, else what is wanted and as much again."""
+    if robot.machine.reference_limits and robot.limits:
+        return robot.reference_limits()
+    span = np.ptp(wanted, axis=0)
+    return wanted.min(axis=0) - span, wanted.max(axis=0) + span
+
+
+def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
+    """Frames by which a motion (n,) lags what is wanted (n,) [SI], by the smallest spread of their difference."""
+    n = len(wanted)
+    return int(np.argmin([np.std(moved[d:] - wanted[: n - d]) for d in range(min(LATEST, n - 2))]))
+
+
+def ahead(wanted: np.ndarray, moved: np.ndarray, frames: int) -> np.ndarray:
+    """What is wanted (n,) less the motion (n,), both some frames later [SI]; 0 where the log has ended by then."""
+    error = np.zeros(len(wanted))
+    error[: len(wanted) - frames] = wanted[frames:] - moved[frames:]
+    return error
+
+
+def rms(error: np.ndarray) -> np.ndarray:
+    """Root mean square of each channel of an error (n, channels) [SI]."""
+    return np.sqrt(np.mean(error**2, axis=0))

@@ -1,0 +1,118 @@
+"""The page on a machine of one's own: every line of it is executed, in order, from an empty folder."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+
+from exodrake.data.log_file import read_log
+
+ROOT = Path(__file__).parent.parent
+PAGE = ROOT / "docs" / "howto" / "machine.md"
+PIECES = re.compile(r"^```(\w+)\n(.*?)^```|^    (exodrake [^\n]*)$", re.M | re.S)
+NOMINAL_WATCH = "exodrake watch growing.csv --machine my_arm --until-idle 0"
+REFUSED = [
+    f"exodrake {line} --machine my_arm"
+    for line in (
+        "blind make --seed 1 --cases 1 --out x", "blind run x", "demo", "identify", "workspace", "train x", "warm-up",
+        "estimate x", "grasp x --size 60", "analyse", "show first/log.csv", "export first/log.csv --out y.npz",
+    )
+]  # fmt: skip
+DRIVER = """
+import json, shlex, sys
+from click.testing import CliRunner
+from exodrake.cli.main import cli
+space, said = {}, []
+for kind, text in json.loads(sys.stdin.read()):
+    if kind == "python":
+        exec(compile(text, "machine.md", "exec"), space)
+        continue
+    result = CliRunner().invoke(cli, shlex.split(text)[1:])
+    broken = repr(result.exception) if result.exception and result.exc_info[0] is not SystemExit else ""
+    said.append([text, result.exit_code, result.stdout, result.stderr, broken])
+print("RESULTS" + json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """Folder after the page was followed in one process, and the result of each command."""
+    folder = tmp_path_factory.mktemp("empty")
+    pieces = [(language, block) for language, block, _ in PIECES.findall(PAGE.read_text())]
+    lines = [line for _, _, line in PIECES.findall(PAGE.read_text())]
+    steps = [
+        (language, block) if language else ("command", line + (" --json found.json" if " diagnose " in line else ""))
+        for (language, block), line in zip(pieces, lines, strict=True)
+        if language in ("", "python")
+    ]
+    steps += [("command", line) for line in (NOMINAL_WATCH, *REFUSED)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))}
+    options = {"capture_output": True, "text": True, "cwd": folder, "env": environment}
+    process = subprocess.run([sys.executable, "-c", DRIVER], input=json.dumps(steps), **options)
+    assert process.returncode == 0, process.stderr
+    found = json.loads(process.stdout.partition("RESULTS")[2])
+    names = ("exit_code", "stdout", "stderr", "broken")
+    said = {line: SimpleNamespace(**dict(zip(names, rest, strict=True))) for line, *rest in found}
+    for line, result in said.items():
+        if line not in (NOMINAL_WATCH, *REFUSED):
+            assert result.exit_code == 0, f"{line}: {result.stdout}{result.stderr}{result.broken}"
+    return folder, said
+
+
+def said_by(said, command: str):
+    """The result of the first line of a command."""
+    return next(result for line, result in said.items() if line.startswith(f"exodrake {command} "))
+
+
+def test_the_verdict_is_what_the_recordings_hide(done):
+    folder, _ = done
+    found = json.loads((folder / "found.json").read_text())
+    assert found["verdict"] == "NAMED"
+    effects = {e["id"]: e["parameters"] for e in found["effects"]}
+    assert set(effects) == {"servo.latency", "servo.play"}
+    assert effects["servo.play"]["half_width"]["value"] == pytest.approx(np.radians(2.3), rel=0.05)
+    assert effects["servo.latency"]["frames"]["value"] == pytest.approx(2.0, abs=0.2)
+    assert found["closure"]["overall"]["value"] > 0.95
+    assert (folder / "report.html").stat().st_size > 10_000
+
+
+def test_the_page_shows_the_mapping_and_the_headline_that_are_there(done):
+    folder, said = done
+    blocks = {language: block for language, block, _ in PIECES.findall(PAGE.read_text())}
+    assert yaml.safe_load(blocks["yaml"]) == yaml.safe_load((folder / "my_arm" / "mapping.yaml").read_text())
+    headline = " ".join(blocks["text"].replace("│", " ").split())
+    assert headline in " ".join(said_by(said, "diagnose").stdout.replace("│", " ").split())
+
+
+def test_the_improved_robot_follows_the_held_out_run(done):
+    folder, _ = done
+    real, nominal = read_log(folder / "case" / "run3.csv.gz", required=()), "angle_ref_elbow"
+    improved = read_log(folder / "improved" / "log.csv", required=())
+    error = np.std(improved["angle_elbow"] - real["angle_elbow"])
+    assert error < 0.05 * np.std(real[nominal] - real["angle_elbow"])
+
+
+def test_the_watch_is_silent_beside_the_improved_robot_and_not_beside_the_nominal_one(done):
+    _, said = done
+    assert "no alarm" in said_by(said, "watch").stdout
+    assert said[NOMINAL_WATCH].exit_code == 1 and "alarm" in said[NOMINAL_WATCH].stdout
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_a_command_that_takes_no_machine_of_ones_own_says_why_in_one_sentence(done, line):
+    result = done[1][line]
+    assert result.exit_code == 2 and not result.broken
+    assert len(result.stderr.strip().splitlines()) == 1 and result.stderr.startswith("error: "), result.stderr
+
+
+def test_the_folder_holds_what_a_machine_needs(done):
+    names = {path.name for path in (done[0] / "my_arm").iterdir()}
+    assert {"machine.py", "robot.yaml", "mapping.yaml", "test_machine.py", "README.md", "alarm_limits.yaml"} <= names
+    assert (done[0] / "my_arm.svg").read_text().startswith("<svg")

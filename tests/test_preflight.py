@@ -1,0 +1,126 @@
+"""What a case could tell: clocks and channels with planted faults, effects against closed forms, and the command."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from exodrake.cli.main import cli
+from exodrake.compiled.inputs import Reference
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.case_folder import write_case
+from exodrake.data.log import Log
+from exodrake.diagnosis.likelihood import CORRELATION
+from exodrake.diagnosis.linearise import PROBE
+from exodrake.machines.robot_file import load_robot
+from exodrake.preflight.check import preflight
+from exodrake.preflight.identifiability import SEEN, identifiability
+from exodrake.preflight.signals import at_ends, band_of, clock_of
+from exodrake.simulation.simulate import simulate
+
+ROBOT = load_robot("so101")
+JOINTS = ROBOT.machine.axes.joints
+FRAMES = 1500
+
+
+def case_of(command: np.ndarray, robot=ROBOT) -> Case:
+    """A log of commands (n, joints) [rad] to fit."""
+    rows = np.hstack([command, np.tile(command[0], (len(command), 1))])
+    log = simulate(robot, Reference(rows), seed=1)
+    return Case("planned", {}, (CaseLog(log, "motion", "fit", None, "motion.csv"),), robot.machine.frame)
+
+
+def sines(frequency: float, size: float = 0.3) -> np.ndarray:
+    """Commands of all joints, of whole periods and no common one."""
+    time = 0.02 * np.arange(FRAMES)
+    return np.column_stack([size * np.sin(2 * np.pi * frequency * (1 + k) * time) for k in range(len(JOINTS))])
+
+
+def found_of(case: Case) -> dict:
+    """Directions by effect and channel."""
+    return {(d.effect, d.channel): d for d in identifiability(case, ROBOT).directions}
+
+
+def test_a_gain_of_a_sine_changes_the_log_by_its_closed_form():
+    """|d| = gain rms(command) sqrt(n / n_c) / noise, less what the ratio's tolerance takes up."""
+    size, floor = 0.3, ROBOT["reading.floor"]
+    direction = found_of(case_of(sines(0.1, size)))["servo.gain", "Pitch"]
+    gain, tolerance = PROBE * -0.1, 0.002
+    samples = FRAMES * 0.02 / CORRELATION
+    unit = size / np.sqrt(2.0) * np.sqrt(samples) / floor  # change by a gain of 1
+    wanted = abs(gain) * unit / np.sqrt(1.0 + (tolerance * unit) ** 2)
+    assert direction.typical == pytest.approx(gain)
+    assert direction.seen == pytest.approx(wanted, rel=0.01)
+    assert direction.smallest == pytest.approx(gain * SEEN / wanted, rel=0.01)
+
+
+def test_what_no_motion_shows_is_not_seen():
+    command = sines(0.1)
+    command[:, JOINTS.index("Elbow")] = 0.4
+    found = found_of(case_of(command))
+    for effect in ("servo.latency", "servo.lag"):
+        assert found[effect, "Elbow"].seen < 1e-6 and not found[effect, "Elbow"].taken_for
+        assert found[effect, "Pitch"].seen > SEEN
+    assert "servo.gravity_sag" in found["servo.gain", "Elbow"].taken_for or found["servo.gain", "Elbow"].seen < SEEN
+
+
+def test_a_delay_is_told_from_a_lag_by_fast_motion_only():
+    """Both turn the phase of a slow sine; a lag of T halves the amplitude where 2 pi f T is the root of 3."""
+    slow, fast = (found_of(case_of(sines(f)))["servo.lag", "Rotation"] for f in (0.1, 3.0))
+    assert slow.taken_for["servo.latency"] < 0.1
+    assert fast.taken_for.get("servo.latency", 1.0) > 5.0 * slow.taken_for["servo.latency"]
+
+
+def test_the_command_at_the_drive_tells_a_delay_from_a_lag():
+    told = identifiability(case_of(sines(0.1)), ROBOT)
+    assert told.sensors[0].signal == "command"
+    assert told.sensors[0].mistaken + told.sensors[0].hidden < len(told.mistaken) + len(told.hidden)
+
+
+def test_a_clock_with_jitter_drift_and_holes():
+    rng = np.random.default_rng(0)
+    n = np.delete(np.arange(2000), [500, 501, 900])
+    log = Log(0.02 * 1.0005 * n + 2e-3 * rng.standard_normal(len(n)), {"angle_a": np.zeros(len(n))})
+    clock = clock_of(log, "x.csv", 0.02)
+    assert clock.missing == 3 and clock.rows == 1997
+    assert clock.jitter == pytest.approx(0.1 * np.sqrt(2.0), rel=0.1)
+    assert clock.drift == pytest.approx(5e-4, abs=0.1 / 1997)
+    said = " ".join(clock.problems())
+    assert all(word in said for word in ("scatter", "ppm too slowly", "3 of 2000"))
+    clean = clock_of(Log(0.02 * np.arange(100.0), {}), "y.csv", 0.02)
+    assert not clean.problems() and clean.jitter < 1e-9
+
+
+def test_clipped_samples_are_counted_and_a_smooth_top_is_not():
+    wave = np.sin(np.linspace(0, 20 * np.pi, 5000))
+    clipped = np.clip(wave, -0.8, 0.8)
+    share = 1.0 - 2.0 * np.arcsin(0.8) / np.pi  # of a sine beyond 0.8 of its size
+    assert at_ends(clipped).mean() == pytest.approx(share, abs=0.01)
+    assert at_ends(wave).mean() < 0.002
+
+
+def test_the_band_of_a_sine_is_its_frequency():
+    assert band_of(np.sin(2 * np.pi * 1.5 * 0.02 * np.arange(1000)), 0.02) == pytest.approx(1.5, abs=0.05)
+    assert band_of(np.ones(100), 0.02) == 0.0
+
+
+def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
+    case = case_of(sines(0.1))
+    log = case.logs[0].log
+    clipped = log.with_signals({"angle_Jaw": np.clip(log["angle_Jaw"], -0.15, 0.15)})
+    write_case(Case("c", {}, (CaseLog(clipped, "m", "fit", None, "m.csv"),), 0.02), tmp_path / "case")
+    words = ["check", str(tmp_path / "case"), "--robot", "so101", "--figure", str(tmp_path / "told.png")]
+    result = CliRunner().invoke(cli, words)
+    assert result.exit_code == 0, result.output
+    assert "servo.latency" in result.stdout and "would help most" in result.stdout
+    assert "angle_Jaw stays at an end" in result.stdout and "no log is held out" in result.stdout
+    assert (tmp_path / "told.png").read_bytes().startswith(b"\x89PNG")
+    nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])
+    assert nothing.exit_code == 2 and "no such folder" in nothing.stderr
+
+
+def test_a_robot_file_without_tolerances_is_told(tmp_path):
+    from dataclasses import replace
+
+    write_case(case_of(sines(0.1)), tmp_path / "case")
+    bare = replace(ROBOT, machine=replace(ROBOT.machine, tolerances=()))
+    assert any("no tolerances" in problem for problem in preflight(tmp_path / "case", bare).problems)
