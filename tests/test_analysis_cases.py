@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.optimize import brentq
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import margin_remarks, marginal, remarks, returns
@@ -121,15 +122,21 @@ def test_the_command_calls_a_loop_in_its_dead_zone_stable():
     assert "stable: simulated, a kick dies out" in found.output and "growing" not in found.output
 
 
-def test_the_loop_of_another_machine_has_the_crossover_of_its_continuous_law():
-    """EMPS, L(s) = gain kv (kp + s) / (M s^2): |L| = 1 at 22.1 Hz; 1 kHz is fast against that."""
+def test_the_loop_of_another_machine_has_the_margins_of_its_law():
+    """EMPS: L(s) = k (kp + s e^(-s h)) e^(-s late) / s^2, the speed over two frames h, a reading a slot before the law,
+    a force held for a frame."""
     robot = exo.load_robot("emps")
     loop = FrameMap.of(robot)
     point = operating_point(loop)
     found = margins(opened(loop, linearise(loop, point.state, point.references)), 0)
-    kp, k = robot["drive.kp"], robot["drive.gain"] * robot["drive.kv"] / robot["carriage.M"]
-    w = np.sqrt(0.5 * (k**2 + np.sqrt(k**4 + 4.0 * (k * kp) ** 2)))
-    assert k * np.hypot(kp, w) == pytest.approx(w**2)
-    assert 2.0 * np.pi * found.crossover == pytest.approx(w, rel=0.03)
-    assert found.phase_margin == pytest.approx(np.arctan(w / kp), abs=0.03)
+    h, kp, k = robot.machine.frame, robot["drive.kp"], robot["drive.gain"] * robot["drive.kv"] / robot["carriage.M"]
+    late = 0.5 * h + robot.machine.slot
+
+    def law(w):
+        return k * (kp + 1j * w * np.exp(-1j * w * h)) * np.exp(-1j * w * late) / (1j * w) ** 2
+
+    w = brentq(lambda w: abs(law(w)) - 1.0, 50.0, 500.0)
+    assert 2.0 * np.pi * found.crossover == pytest.approx(w, rel=0.01)
+    assert found.phase_margin == pytest.approx(np.angle(-law(w)), abs=0.01)
     assert found.consistent and found.delay_margin == pytest.approx(found.delay_limit, rel=0.01)
+    assert found.open_unstable == 0 and found.gain_low == 0.0

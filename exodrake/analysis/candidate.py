@@ -95,7 +95,7 @@ def law_of(plant: Plant, values: Mapping[str, Any]) -> Law:
     """The linear law of the plant's own controller with other parameters [SI], one or one for each channel."""
     loop, point = plant.loop.with_values(values), plant.point
     step, m = loop.stepper(), len(loop.channels)
-    own = np.flatnonzero([n.name.startswith(f"{loop.loop.part}.") for n in state_names(loop.robot.machine)])
+    own = np.flatnonzero(loop.own)
     command, reading = loop.signals[loop.loop.command], loop.signals[loop.loop.measured]
 
     def image(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

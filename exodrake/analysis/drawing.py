@@ -44,7 +44,8 @@ def draw_damping_grid(axes: Any, period: float) -> None:
         tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
         if damping < 0.7:  # further in, poles crowd the tag
             axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
-    for hertz in (2.5, 5.0, 7.5, 10.0, 15.0, 20.0):
+    for share in (0.1, 0.2, 0.3, 0.4, 0.6, 0.8):  # of the Nyquist frequency
+        hertz = share * 0.5 / period
         radius = 2.0 * np.pi * hertz * period
         angle = np.linspace(np.pi / 2.0, np.pi, 100)
         s = radius * np.exp(1j * angle)

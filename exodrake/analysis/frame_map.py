@@ -171,6 +171,14 @@ class FrameMap:
 
         return step
 
+    @cached_property
+    def own(self) -> np.ndarray:
+        """Whether a state (states,) is the controller's own: the plant does not see it; the held command it does."""
+        machine, part = self.robot.machine, next(p for p in self.robot.machine.parts if p.name == self.loop.part)
+        owners = tuple(f"{owner}." for owner in (part.name, *(e.id for e in machine.effects_on(part))))
+        held = f"{part.name}.{self.loop.held}"
+        return np.array([n.group.startswith(owners) and n.group != held for n in state_names(machine)])
+
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
         """The same loop with other parameters: name -> value [SI]; a name without its channel sets all channels."""
         parameters = self.parameters.copy()

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap, state_names
+from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
 from exodrake.analysis.open_loop import OpenLoop, opened
@@ -28,6 +28,7 @@ FACTORS = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)  # simulated fact
 RUN, SEEN = 1000, 250  # frames simulated; last ones in which an oscillation is measured
 POKE = 1e-4  # command for a frame that starts a small motion, in the same unit
 LEAST = 1e-4  # of the open loop where it crosses the real axis, below which it does not
+UNBOUNDED = 1e3  # amplitude of a command that grows without bound, in the same unit
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
 
 
@@ -41,7 +42,7 @@ class LimitCycles:
         amplitude: (k,) of the command [SI], with the predicted factor (k,) on the loop gain and frequency (k,) [Hz];
             nan where L never turns by 180 degrees.
         factors: (m,) simulated, with the amplitude of the command, swing (m,) [SI], and its swing_frequency (m,) [Hz],
-            both 0 at rest.
+            both 0 at rest; inf and nan where it grows without bound.
     """
 
     label: str
@@ -95,7 +96,7 @@ class CommandedLoop:
         step, inverse = self.loop.stepper(), np.linalg.inv(self.direct)
         command = self.loop.signals[self.loop.loop.command]
         reading = self.loop.signals[self.loop.loop.measured].start + self.channel
-        own = np.array([n.name.startswith(f"{self.loop.loop.part}.") for n in state_names(self.loop.robot.machine)])
+        own = self.loop.own
         x, rows = state, np.zeros((frames, 2))
         for n in range(frames):
             after, signals = step(x, self.references)
@@ -215,10 +216,16 @@ def crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]
 def oscillation(
     plant: CommandedLoop, state: np.ndarray, factor: float, period: float, unit: float
 ) -> tuple[float, float]:
-    """Amplitude [SI] and frequency [Hz] of the command at the end of a run after a kick; 0 and 0 if it rests."""
-    command, _ = plant.run(state, RUN, lambda n, v: factor * v + (unit if n == 0 else 0.0))
-    tail = command[-SEEN:] - command[-SEEN:].mean()
-    swing = float(np.sqrt(2.0) * tail.std())
+    """Amplitude [SI] and frequency [Hz] of the command at the end of a run after a kick.
+
+    0 and 0 if it rests, inf and nan if it grows without bound.
+    """
+    with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers
+        command, _ = plant.run(state, RUN, lambda n, v: factor * v + (unit if n == 0 else 0.0))
+        tail = command[-SEEN:] - command[-SEEN:].mean()
+        swing = float(np.sqrt(2.0) * tail.std())
+    if not swing < UNBOUNDED * unit:
+        return np.inf, np.nan
     if swing < FAINT * unit * AMPLITUDES[0]:
         return 0.0, 0.0
     spectrum = np.abs(np.fft.rfft(tail * np.hanning(SEEN)))

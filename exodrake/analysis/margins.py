@@ -95,7 +95,9 @@ def gain_margins(loop: np.ndarray) -> tuple[float, float]:
         if a.imag * b.imag <= 0.0 and a.imag != b.imag:
             reals.append(float(a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)))
     factors = [-1.0 / real for real in reals if real < 0.0]
-    return max((g for g in factors if g < 1.0), default=0.0), min((g for g in factors if g > 1.0), default=np.inf)
+    return max((g for g in factors if LEAST_GAIN < g < 1.0), default=0.0), min(
+        (g for g in factors if g > 1.0), default=np.inf
+    )
 
 
 def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from math import floor
 
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap
+from exodrake.analysis.frame_map import FrameMap, state_names
 from exodrake.analysis.linear import FrameModel
 from exodrake.core.errors import InputError
 
@@ -127,10 +127,8 @@ def turned(function: Callable[[np.ndarray], np.ndarray], angle: np.ndarray) -> f
 
 def opened(loop: FrameMap, model: FrameModel) -> OpenLoop:
     """A loop opened at its commands. InputError where a command ignores its reference (a gain of 0)."""
-    machine, kinds = loop.robot.machine, loop.loop
-    part = next(p for p in machine.parts if p.name == kinds.part)
-    owners = tuple(f"{owner}." for owner in (part.name, *(e.id for e in machine.effects_on(part))))
-    own = np.array([name.startswith(owners) for name in model.states])
+    kinds, names = loop.loop, [name.name for name in state_names(loop.robot.machine)]
+    own = loop.own[[names.index(name) for name in model.states]]
     return cut(model, own, loop.column(kinds.command), loop.column(kinds.measured), loop.channels)
 
 

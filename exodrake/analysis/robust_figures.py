@@ -106,7 +106,9 @@ def draw_coupling(axes: Any, result: ClosedLoop) -> None:
                 axes.fill_between(result.robust.frequency, low, high, color=colour, alpha=0.2, lw=0)
         axes.plot(result.robust.frequency, result.robust.gain_array[:, j], color=colour, label=name)
     axes.axhline(1.0, color=GREY, lw=0.7, ls=(0, (4, 2)))
+    low, high = float(result.robust.gain_array.min()), float(result.robust.gain_array.max())
     axes.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
+    axes.set_ylim(min(0.5, 0.8 * low), max(2.0, 1.3 * high))
     axes.legend(fontsize=7.5)
 
 
@@ -177,25 +179,26 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     for axes, c in zip(panels, cycles):
         factor = shown_unit(c.unit)[1]
         axes.plot(c.factor, factor * c.amplitude, "-", color="#0072b2", label="describing function")
-        moving = c.swing > 0.0
+        moving, lost = (c.swing > 0.0) & np.isfinite(c.swing), np.isinf(c.swing)
         axes.plot(c.factors[moving], factor * c.swing[moving], "o", ms=4, color="#d55e00", label="simulated")
-        floor = 0.6 * factor * c.amplitude[0]
+        lowest = 0.6 * factor * c.amplitude[0]
         axes.plot(
-            c.factors[~moving],
-            np.full((~moving).sum(), floor),
+            c.factors[c.swing == 0.0],
+            np.full((c.swing == 0.0).sum(), lowest),
             "o",
             ms=4,
             mfc="none",
             mec="#d55e00",
             label="simulated, at rest",
         )
+        top = factor * max(c.amplitude[-1], c.swing[moving].max(initial=0.0))
+        axes.plot(c.factors[lost], np.full(lost.sum(), top), "^", ms=4, color="#d55e00", label="simulated, grows")
         axes.axvline(c.limit, color=GREY, lw=0.8, ls=(0, (4, 2)), label="linear limit")
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
-        top = max(c.amplitude[-1], c.swing.max())
-        axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * factor * top)
-        axes.set_title(f"{c.label} ({c.channel})", fontsize=8.5)
+        axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
+        axes.set_title(f"{c.label}\n({c.channel})", fontsize=8.5)
     panels[0].set_ylabel(f"Amplitude of the command [{shown_unit(cycles[0].unit)[0]}]")
     shown = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
-    figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=5, fontsize=8)
+    figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=min(3, 2 * len(cycles)), fontsize=8)
     return figure

@@ -42,6 +42,7 @@ LOOP = Loop(
     output="position",
     measured="position_read",
     part="drive",
+    held="force",
     gains=GAINS,
     gentle={"drive.kp": 20.0, "drive.kv": 100.0},
     step=1e-3,

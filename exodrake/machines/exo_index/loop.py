@@ -15,6 +15,7 @@ LOOP = Loop(
     output="tension",
     measured="tension_read",
     part="controller",
+    held="command",
     gains=(Gain("controller.kp", 0.0, 0.03), Gain("controller.kd", -5e-4, 5e-4)),  # kd < 0: the sign as printed
     gentle={**PLAIN, "controller.kp": 3e-3, "controller.ki": 1e-3},  # ki empties the integral
     step=1.0,
