@@ -76,8 +76,9 @@ class Host(Logging, RandomSource):
     def _next_row(self, context: Context, discrete: DiscreteValues) -> None:
         """Shows the row of the frame that has begun."""
         seed = context.get_discrete_state(SETTLED).value()[0]
-        known = context.get_numeric_parameter(0).value()[0] if np.isnan(seed) else seed
-        discrete.set_value(ROW, self.exogenous.row(known, self._frame(context)))
+        if seed != seed:  # a NaN, as long as there was no initialization
+            seed = context.get_numeric_parameter(0).value()[0]
+        discrete.set_value(ROW, self.exogenous.row(seed, self._frame(context)))
 
     def _frame(self, context: Context) -> int:
         """Number of the frame of this instant."""

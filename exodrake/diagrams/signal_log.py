@@ -35,6 +35,7 @@ class Logging:
     own: InputSpec = NOTHING
     memory = 0  # the group of discrete state that `own` describes
     get_input_port: Any
+    EvalVectorInput: Any
     get_cache_entry: Any
 
     def start_logging(self, inputs: Mapping[str, InputSpec], period: float, offset: float) -> None:
@@ -74,14 +75,15 @@ class Logging:
             found.views = [np.zeros(1), *(self._memory(context, i) for i in range(len(self.inputs)))]
             found.views += [context.get_discrete_state(self.memory).value()] if self.own.width else []
         for i in self._asked:
-            found.views[1 + i] = self._memory(context, i)
+            found.views[1 + i] = self.EvalVectorInput(context, i).value()
         found.views[0][0] = time
         found.rows.append(np.concatenate(found.views))
 
     def _memory(self, context: Context, i: int) -> np.ndarray:
         """The array behind input port i."""
-        value = self.get_input_port(i).Eval(context)
-        return value if i in self._asked else value.array
+        if i in self._asked:
+            return self.EvalVectorInput(context, i).value()
+        return self.get_input_port(i).Eval(context).array
 
 
 class SignalLog(Logging, LeafSystem):
