@@ -76,8 +76,8 @@ def mujoco_speed(robot: Robot, reference: Reference, seconds: float, pieces: int
     Each frame the nominal tension law sets the speeds, and tension, stroke, command and angle go into a log.
 
     Returns:
-        Simulated seconds per second on one core, the best of some pieces; and the log, a (frames, channels) array at frames'
-        ends [N], [m], [m/s], [rad].
+        Simulated seconds per second on one core, the best of some pieces; and the log, a (frames, channels) array at
+        frames' ends [N], [m], [m/s], [rad].
     """
     import mujoco  # pyright: ignore[reportMissingImports]  # of the group `bench`
 
