@@ -29,9 +29,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 
 from exodrake.core.robot import Robot
+from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.diagrams.binding import weak_method
-from exodrake.diagrams.meshcat import draw_ground
-from exodrake.diagrams.meshcat.shapes import HAND_END, Piece, Skeleton, along, skeleton, span, turn
+from exodrake.diagrams.meshcat.scene import draw_ground
+from exodrake.diagrams.meshcat.shapes import along, skeleton, span, turn
 
 BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity of the skin
 LINKS, OVERLAP = 5, 1.1  # rods that slide over each other make a piece of tendon over a joint, whose length changes
@@ -121,7 +122,7 @@ class FingerPoses(LeafSystem):
     def _draw_bones(self, scene_graph: SceneGraph) -> None:
         """Hand, phalanges, routers, and the pieces of tendons that stay on one of them."""
         bones = self.bones
-        ends = [(HAND_END, 0.0), *((0.0, length) for length in bones.lengths)]
+        ends = [(bones.base, 0.0), *((0.0, length) for length in bones.lengths)]
         radii = [bones.radii[0], *bones.radii]
         for segment, ((start, stop), radius) in enumerate(zip(ends, radii, strict=True)):
             middle, rotation, length = along(np.array([start, 0.0, 0.0]), np.array([stop, 0.0, 0.0]))
@@ -130,7 +131,7 @@ class FingerPoses(LeafSystem):
                 self._add(
                     scene_graph, self._on(segment), f"{name}_{segment}", Cylinder(size, length), where, colour, opacity
                 )
-        for k, (segment, point) in enumerate(bones.routers):
+        for k, (segment, point) in enumerate(bones.guides):
             self._add(scene_graph, self._on(segment), f"router_{k}", Sphere(ROUTER), pose(point), DARK)
         for k, piece in enumerate(piece for piece in bones.pieces if piece.first == piece.last):
             middle, rotation, length = along(piece.start, piece.end)
