@@ -24,15 +24,12 @@ with the RMS difference in noise standard deviations.
 
 def effect_paths() -> dict[str, list[str]]:
     """Machine -> paths of the pages of its effects."""
-    robots = {name: load_robot(name).machine for name in machine_names()}
-    return {
-        name: [path_of(effect) for effect in machine.effects] for name, machine in robots.items() if machine.effects
-    }
+    return {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_names()}
 
 
-def path_of(effect: Effect) -> str:
+def path_of(machine: str, effect: Effect) -> str:
     """Path of the page of an effect."""
-    return f"reference/effects/{effect.id}.md"
+    return f"reference/effects/{machine}/{effect.id}.md"
 
 
 def effect_pages() -> Iterator[tuple[str, str | bytes]]:
