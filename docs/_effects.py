@@ -24,18 +24,12 @@ with the RMS difference in noise standard deviations.
 
 def effect_paths() -> dict[str, list[str]]:
     """Machine -> paths of the pages of its effects."""
-    robots = {name: load_robot(name).machine for name in machine_names()}
-    return {
-        name: [path_of(name, effect) for effect in machine.effects]
-        for name, machine in robots.items()
-        if machine.effects
-    }
+    return {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_names()}
 
 
 def path_of(machine: str, effect: Effect) -> str:
-    """Path of the page of an effect; an id that several machines have is the first one's."""
-    owners = (name for name in machine_names() if effect.id in {e.id for e in load_robot(name).machine.effects})
-    return f"reference/effects/{'' if next(owners) == machine else machine + '.'}{effect.id}.md"
+    """Path of the page of an effect."""
+    return f"reference/effects/{machine}/{effect.id}.md"
 
 
 def effect_pages() -> Iterator[tuple[str, str | bytes]]:
@@ -71,8 +65,7 @@ def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:
     values = ", ".join(f"`{p.name}` {p.initial:.3g}{'' if p.unit == '-' else ' ' + p.unit}" for p in effect.parameters)
     at = f" on {shown.channel}" if shown.channel else ""
     lines = [f"# {effect.id}", "", title[:1].upper() + title[1:], ""]
-    figure = path_of(machine.name, effect).rpartition("/")[2].removesuffix("md") + "svg"
-    lines += [f"![nominal and with {effect.id}]({figure})", ""]
+    lines += [f"![nominal and with {effect.id}]({effect.id}.svg)", ""]
     lines += [f"Grey: the nominal robot of `{machine.name}`. Blue: with {values}{at}; same motion, same noise."]
     lines += ["Below: the difference, with a band of two noise standard deviations.", ""]
     if shown.motion != "swings":

@@ -73,7 +73,7 @@ def test_the_diagram_moves_its_view():
     rotation = query.GetPoseInWorld(frame).rotation().matrix()
     angle = diagram.GetOutputPort("finger.angle").Eval(simulator.get_context())[0]
     assert np.arctan2(rotation[0, 2], rotation[0, 0]) == pytest.approx(angle, abs=1e-12) and angle > 0.21
-    with pytest.raises(InputError, match="emps: nothing to draw"):
+    with pytest.raises(InputError, match="nothing to draw"):
         FingerView(load_robot("emps"), Meshcat())
 
 

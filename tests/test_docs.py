@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
 import _figures  # noqa: E402
 import _notebook  # noqa: E402
-from _effects import linked  # noqa: E402
+from _effects import effect_paths, linked  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.M | re.S)
@@ -149,6 +149,11 @@ def test_a_figure_shows_an_effect_beyond_the_noise(name):
     robot = exo.load_robot(name)
     shown, svg = _figures.effect_figure(robot, robot.machine.effects[0])
     assert shown.size > 2.0 and b"<svg" in svg
+
+
+def test_every_effect_of_every_machine_has_a_page_of_its_own():
+    paths = [path for found in effect_paths().values() for path in found]
+    assert len(set(paths)) == len(paths) == sum(len(exo.load_robot(name).machine.effects) for name in machine_names())
 
 
 def test_sources_of_effects_lead_into_the_page_on_physics():

@@ -195,7 +195,7 @@ def cycles_of(
     swings = [oscillation(plant, state, g, whole.period, unit) for g in factors]
     return LimitCycles(
         label, whole.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
-        *np.array(curve).T, factors, *np.array(swings).T,
+        *np.array(curve).T, factors, *np.array(swings).T,  # pyright: ignore
     )  # fmt: skip
 
 

@@ -120,7 +120,7 @@ def margins(whole: OpenLoop, channel: int) -> Margins:
     counts = one.encirclements(), one.outside(one.A), one.outside(one.closed())
     name = whole.channels[channel]
     if counts[2] or counts[2] != counts[1] - counts[0] or not np.abs(response).max() > 0.0:
-        return Margins(name, frequency, response, *(NAN,) * 10, *counts)
+        return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
     low, high = gain_margins(response)
     margin, crossover, delay = phase_margin(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
