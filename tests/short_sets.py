@@ -38,7 +38,10 @@ def write_set(folder, healthy, rusty=0):
     return path
 
 
+RUN = ("seconds", "provenance")  # keys of an answer that differ from run to run
+
+
 def answers(folder):
-    """Case -> its answer, without the seconds."""
+    """Case -> its answer, without what differs from run to run."""
     found = {path.parent.name: json.loads(path.read_text()) for path in folder.glob("*/diagnosis.json")}
-    return {name: {key: value for key, value in answer.items() if key != "seconds"} for name, answer in found.items()}
+    return {name: {key: value for key, value in answer.items() if key not in RUN} for name, answer in found.items()}

@@ -23,7 +23,7 @@ COMMANDS = {
     "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
     "compare": ("exodrake.cli.compare", "Two logs over each other, with the RMS of each difference."),
     "robot": ("exodrake.cli.robot", "A robot's parameters: value, range, tolerance, source."),
-    "check": ("exodrake.cli.check", "Before a diagnosis: what a case could tell, and what is wrong with it."),
+    "check": ("exodrake.cli.check", "Before a diagnosis: what a case can tell, and what is wrong."),
     "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
     "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis and numbers of its tests."),
     "new-machine": ("exodrake.cli.new_machine", "A folder with a machine of your own, which runs at once."),
