@@ -73,8 +73,19 @@ COMMANDS = [(page, line) for page in PAGES for line in commands(page)]
 MENTIONED = [(page, line) for page in PAGES for line in mentioned(page)]
 
 
+@pytest.fixture(scope="module")
+def place_with_a_machine(tmp_path_factory):
+    """A folder with `my_arm`, the machine that the pages speak of."""
+    folder = tmp_path_factory.mktemp("place")
+    made = CliRunner().invoke(cli, ["new-machine", str(folder / "my_arm")])
+    assert made.exit_code == 0, made.output
+    return folder
+
+
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=lambda value: value if isinstance(value, str) else "")
-def test_a_command_is_one_that_the_command_line_takes(page, line):
+def test_a_command_is_one_that_the_command_line_takes(page, line, place_with_a_machine, monkeypatch):
+    if "--machine" in line:
+        monkeypatch.chdir(place_with_a_machine)
     command, context, rest = resolved(shlex.split(line, comments=True)[1:])
     command.make_context(context.info_name, rest, parent=context.parent)
 

@@ -127,7 +127,7 @@ def with_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:
 
 
 def spread(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
-    """Values by full names: an array gives one to each channel."""
+    """Values [SI] by full names: an array (channels,) gives one to each channel."""
     found = {}
     for name, value in values.items():
         places = robot.indices(name)
@@ -137,7 +137,7 @@ def spread(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, 
 
 
 def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
-    """Columns of the static compliance d(actuated)/d(reading) by parameter; none if the structure has none."""
+    """Static compliance d(actuated)/d(reading) by parameter, (channels,) each [m/N or as the loop's units]; or none."""
     if not structure.compliance:
         return {}
     loop, model = plant.loop, plant.model
@@ -151,7 +151,7 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
 def searched(
     plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements
 ) -> dict[str, float]:
-    """Gains of least cost: first for the nominal plants, then for all of them."""
+    """Gains [SI] of least cost, for the nominal plants first, then for all; `fixed` holds numbers, or (channels,)."""
     from scipy.optimize import differential_evolution, minimize
 
     names = [g.parameter for g in structure.gains]
@@ -178,7 +178,7 @@ def searched(
 
 
 def simplex(start: np.ndarray) -> np.ndarray:
-    """A start (n + 1, n) that lowers each gain in turn by 15 %."""
+    """A start (n + 1, n) [logarithms, -] that lowers each gain in turn by 15 %, from gains (n,)."""
     return np.vstack([start, start - 0.15 * np.eye(len(start))])
 
 
