@@ -71,7 +71,7 @@ def test_a_delay_is_told_from_a_lag_by_fast_motion_only():
 
 
 def test_the_command_at_the_drive_tells_a_delay_from_a_lag():
-    told = identifiability(case_of(sines(0.1)), ROBOT)
+    told = identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.latency", "servo.lag"}))
     assert told.sensors[0].signal == "command"
     assert told.sensors[0].mistaken + told.sensors[0].hidden < len(told.mistaken) + len(told.hidden)
 

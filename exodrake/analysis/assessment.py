@@ -19,6 +19,7 @@ SEED = 2  # of the robots within the tolerances: others than the search sees
 NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
 
 
+@short_repr
 @dataclass(frozen=True)
 class Requirements:
     """What a loop shall hold; the settling time is made as short as it can be and then compared.

@@ -14,14 +14,15 @@ def power(rows: np.ndarray) -> np.ndarray:
 
 
 def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
-    """What a rival leaves less than an explanation, the use of the priors included.
+    """What a rival leaves less than an explanation.
 
     Returns:
-        Weighted sum of squares, and its share of the excess over noise.
+        Weighted sum of squares of the residual, and the share of the excess over noise, the use of the priors included.
     """
     likelihood = likelihood.scaled_to(e.residual)
     less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e)
-    return less, less / whole if whole > 0.0 else 0.0
+    residual = power(e.residual * likelihood.weights) - power(rival.residual * likelihood.weights)
+    return float(residual), less / whole if whole > 0.0 else 0.0
 
 
 def excess(likelihood: Likelihood, e: Explanation) -> float:

@@ -125,13 +125,9 @@ class Tests:
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
-        gain, effect = project.gains(e.residual[None], e.use[None])
+        gain, effect = project.gains(e.residual[None])
         hopeless = max(fit, *views) < HOPELESS
-        null = (
-            np.zeros(2)
-            if hopeless
-            else project.gains(self.noise + model, project.prior_draws(DRAWS, np.random.default_rng(3)))[0]
-        )
+        null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
         share, beaten_by, no_better, consistent = 0.0, "", [], min(fit, *views) > ALPHA
         moved = tolerance_use(e)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):

@@ -56,11 +56,11 @@ class Projection:
         """Products (directions, n) of the directions with weighted rows (n, samples), the fitted columns eliminated."""
         return (self.directions @ rows.T).astype(float) - self.solved.T @ pull
 
-    def gains(self, rows: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples) and prior, and its id."""
+    def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""
         if not self.probes:
             return np.zeros(len(rows)), [""] * len(rows)
-        slope = self.slopes(*self.pull(rows, prior))
+        slope = self.slopes(*self.pull(rows))
         gains = np.array([self.gain(slope, probe) for probe in self.probes])
         return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
 
@@ -70,11 +70,7 @@ class Projection:
 
     def moves(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
-        return self.inverse @ self.pull(rows, self.prior_draws(len(rows), rng))[1]
-
-    def prior_draws(self, draws: int, rng: np.random.Generator) -> np.ndarray:
-        """Changes (draws, fitted) of the parameters in standard deviations of their priors, as these have them."""
-        return rng.standard_normal((draws, len(self.precision)))
+        return self.inverse @ self.pull(rows, rng.standard_normal((len(rows), len(self.precision))))[1]
 
     def gain(self, slope: np.ndarray, probe: Probe) -> np.ndarray:
         """Sum of squares (n,) that the directions of a probe take up."""
