@@ -25,7 +25,8 @@ def plot_tuning(tuning: Tuning) -> Figure:
     """Steps of the channels above; settling, overshoot, disk margin and noise below, with their requirements."""
     channels = [s.channel for s in tuning.compared[0].steps]
     figure = new_figure(7.4, 2.6 + 1.1 + 0.24 * len(tuning.compared))
-    top, bottom = figure.subfigures(2, 1, height_ratios=[2.6, 1.1 + 0.24 * len(tuning.compared)])
+    heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
     panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
     for j, (axes, channel) in enumerate(zip(panels, channels)):
         for k, tuned in enumerate(tuning.compared):
