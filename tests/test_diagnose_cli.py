@@ -9,7 +9,6 @@ from click.testing import CliRunner
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
-from exodrake.cli.diagnose import robot_text
 from exodrake.cli.main import cli
 from exodrake.core.progress import Stage, fraction
 from exodrake.data.case_folder import read_case
@@ -80,7 +79,8 @@ def test_answer_states_command_and_hashes_and_no_absolute_path(case, answered, t
 
 
 def test_unknown_effect_leaves_no_effect_in_the_robot(tmp_path):
-    (tmp_path / "r.yaml").write_text(robot_text(diagnosis(UNKNOWN)))
+    found = diagnosis(UNKNOWN)
+    (tmp_path / "r.yaml").write_text(found.robot_file(found.robot))
     robot = load_robot(tmp_path / "r.yaml")
     assert not robot.effects() and robot["tendon.k.AF"] == pytest.approx(2600.0)
 

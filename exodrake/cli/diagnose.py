@@ -141,22 +141,8 @@ def contents_of(found: Diagnosis, json_file: Path | None, out_robot: Path | None
     if json_file is not None:
         contents[json_file] = json.dumps(found.to_json(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     if out_robot is not None:
-        contents[out_robot] = robot_text(found)
+        contents[out_robot] = found.robot_file(found.robot)
     return contents
-
-
-def robot_text(found: Diagnosis) -> str:
-    """The robot file: the improved robot; for an unknown effect the retuned one, since no candidate is accepted."""
-    from tempfile import TemporaryDirectory
-
-    from exodrake.diagnosis.result import UNKNOWN
-    from exodrake.machines.robot_file import write_robot
-
-    kept = found.robots["retuned" if found.verdict == UNKNOWN else "improved"]
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.yaml"
-        write_robot(kept, path, notes=f"{found.verdict}, fitted to {found.case} by exodrake diagnose")
-        return path.read_text()
 
 
 def write_all(contents: dict[Path, str]) -> list[Path]:

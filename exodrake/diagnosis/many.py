@@ -25,6 +25,7 @@ from exodrake.data.case_folder import read_case
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
+RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an answer
 
 
 def stored(folder: Path) -> dict[str, Any] | None:
@@ -45,14 +46,19 @@ def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str
 
 
 def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:
-    """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed."""
+    """Diagnose a case into plain data. RuntimeError where a configuration other than `wanted` is installed.
+
+    Beside the answer, `robots` holds the texts of the retuned and the improved robot's files by name.
+    """
     from exodrake.diagnosis.pipeline import diagnose
 
     installed = configured(robot, tried)
     if installed != wanted:
         raise RuntimeError(f"this worker has {described(installed)}; the run uses {described(wanted)}")
     found = diagnose(case, load_robot(robot) if robot else None, tried=tried)
-    return found.to_json() | {"configuration": wanted}
+    robots = {RETUNED: found.robots["retuned"], IMPROVED: found.robot}
+    texts = {name: found.robot_file(robot) for name, robot in robots.items()}
+    return found.to_json() | {"configuration": wanted, "robots": texts}
 
 
 def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) -> list[Path]:
@@ -69,7 +75,7 @@ def unanswered(places: Mapping[Path, Path], wanted: dict[str, str], redo: bool) 
 
 
 class ResultStore:
-    """Files of a run: an answer or the reason of a failure per case, written at once; it counts both.
+    """Files of a run: an answer with its robots or the reason of a failure per case, written at once; it counts both.
 
     Args:
         places: Folder for the answer of each case.
@@ -87,13 +93,16 @@ class ResultStore:
         place = self.places[case]
         place.mkdir(parents=True, exist_ok=True)
         if outcome.reason is None:
+            for name, text in outcome.value.pop("robots").items():
+                write_text(place / name, text)
             write_text(place / ANSWER, json.dumps(outcome.value, indent=1, allow_nan=False) + "\n")
             (place / FAILED).unlink(missing_ok=True)
             self.answered += 1
         else:
             failure = {"reason": outcome.reason, "traceback": outcome.trace.splitlines()}
             write_text(place / FAILED, json.dumps(failure, indent=1) + "\n")
-            (place / ANSWER).unlink(missing_ok=True)
+            for name in (ANSWER, RETUNED, IMPROVED):
+                (place / name).unlink(missing_ok=True)
             self.failed[place.name] = outcome.reason
         self.progress(self.answered, len(self.failed), len(self.places))
 

@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
+from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem
@@ -209,6 +210,15 @@ class Diagnosis:
     def simulated_seconds(self) -> float:
         """Simulated seconds of the whole diagnosis [s]."""
         return sum(self.simulated.values())
+
+    @property
+    def robot(self) -> Robot:
+        """The robot to go on with: the improved one; for UNKNOWN the retuned one, since no candidate is accepted."""
+        return self.robots["retuned" if self.verdict == UNKNOWN else "improved"]
+
+    def robot_file(self, robot: Robot) -> str:
+        """Text of a robot file for one of the robots."""
+        return robot_text(robot, f"{self.verdict}, fitted to {self.case} by exodrake diagnose")
 
     def to_json(self) -> dict[str, Any]:
         """The answer as plain data, in SI."""

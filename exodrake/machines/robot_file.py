@@ -221,10 +221,12 @@ def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: 
 
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
-    """Writes what differs from the built-in robot, effects included, as a robot file that `load_robot` takes.
+    """Writes `robot_text`. InputError if it cannot be written; the file is whole or not there."""
+    write_text(path, robot_text(robot, notes))
 
-    InputError if it cannot be written; the file is whole or not there.
-    """
+
+def robot_text(robot: Robot, notes: str = "") -> str:
+    """A robot file that `load_robot` takes: what differs from the built-in robot, effects included."""
     base = load_robot(robot.machine.name)
     parameters = {
         e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
@@ -237,4 +239,4 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
     }
     parts = list(robot.machine.variant_names)
     content = {"base": robot.machine.name, "parameters": parameters, "effects": effects, "parts": parts, "notes": notes}
-    write_text(path, dump_yaml({k: v for k, v in content.items() if v}))
+    return dump_yaml({k: v for k, v in content.items() if v})
