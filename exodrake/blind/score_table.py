@@ -84,8 +84,13 @@ def as_tables(score: Score) -> list[Table]:
 
 def as_markdown(score: Score) -> str:
     """The score as Markdown."""
+    return markdown(tables(score))
+
+
+def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
+    """Tables of title, headings and rows as Markdown."""
     lines = []
-    for title, headings, rows in tables(score):
+    for title, headings, rows in tables:
         lines += [title, "", "| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
         lines += ["| " + " | ".join(row) + " |" for row in rows] + [""]
     return "\n".join(lines)

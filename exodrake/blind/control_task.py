@@ -1,0 +1,108 @@
+"""A control task and its cost, and how a controller is tuned for it on a robot of the model.
+
+    J^2 = mean over frames and tendons of  ((F_ref - F) / F_max)^2 + weight (dv / v_max)^2
+
+A linear-quadratic cost of the tension error and of the change dv of the command from frame to frame, each relative to
+its largest value (Bryson's rule), as in model predictive control. J = 0.05 reads as 5 % of full scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from exodrake.blind.parameters import NOMINAL, TENSION_MAX
+from exodrake.blind.protocols import grasps, holds
+from exodrake.blind.records import WIRES
+from exodrake.blind.robot_spec import Protocol
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError
+from exodrake.core.loop import Controller
+from exodrake.core.robot import Robot
+from exodrake.simulation.simulate import simulate
+
+WEIGHT = 1.0  # of the commands' changes beside the error [assumed]
+SHARES = 0.5, 0.6  # of the usual durations of grasps and holds: 20 s and 24 s [assumed]
+STRUCTURE = "PD"  # law of the reference simulator's controller
+GRID = 6  # gains on a side of the first search; the simplex search that follows takes any
+EVALUATIONS = 60  # of the simplex search
+Gains = dict[str, float]  # parameter -> value [SI]
+Tuner = Callable[[Robot, Protocol, int], Gains]
+
+
+def motion(seed: int, purpose: int) -> Protocol:
+    """Grasps, then steps between random levels; another draw for each purpose."""
+    rng = np.random.default_rng([seed, purpose])
+    return Protocol("task", np.vstack([draw(rng, share).reference for draw, share in zip((grasps, holds), SHARES)]))
+
+
+def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
+    """Cost of a run.
+
+    Args:
+        columns: log: column -> (n,) values [SI].
+        reference: (n, 3) tension references [N].
+    """
+    tension, command = (np.column_stack([columns[f"{kind}_{w}"] for w in WIRES]) for kind in ("tension", "speed_cmd"))
+    error = (reference - tension) / TENSION_MAX
+    change = np.diff(command, axis=0) / NOMINAL["speed_max"][0]
+    squared = np.mean(error**2) + WEIGHT * np.mean(change**2)
+    return float(np.sqrt(squared)) if np.isfinite(squared) else np.inf
+
+
+def predicted(robot: Robot, gains: Mapping[str, float], task: Protocol, seed: int) -> float:
+    """Cost of a task on a robot of the model with these gains."""
+    log = simulate(robot.with_parameters(gains), Reference(task.reference, task.name), seed)
+    return cost(log.signals, task.reference)
+
+
+def structure_of(robot: Robot) -> Controller:
+    """The controller structure that both simulators know. InputError for another machine."""
+    found = [c for c in robot.machine.loop.controllers if c.name == STRUCTURE] if robot.machine.loop else []
+    if robot.machine.name != "exo_index" or not found:
+        raise InputError(f"{robot.machine.name}: the reference simulator has the controller of exo_index only")
+    return found[0]
+
+
+def own_gains(robot: Robot) -> Gains:
+    """The gains that a robot has."""
+    return {gain.parameter: float(robot[gain.parameter]) for gain in structure_of(robot).gains}
+
+
+def by_cost(robot: Robot, task: Protocol, seed: int) -> Gains:
+    """Gains of least cost: a grid over their logarithms, then a simplex search; never worse than the robot's own."""
+    from scipy.optimize import brute, fmin
+
+    structure = structure_of(robot)
+    names = [gain.parameter for gain in structure.gains]
+    low, high = np.log([(gain.low, gain.high) for gain in structure.gains]).T
+
+    def gains_of(logs: Any) -> Gains:
+        return dict(zip(names, np.exp(np.clip(logs, low, high)).tolist()))
+
+    def loss(logs: Any) -> float:
+        return predicted(robot, gains_of(logs), task, seed)
+
+    def finish(function: Any, start: Any, **_: Any) -> Any:
+        return fmin(function, start, xtol=1e-2, ftol=1e-5, maxfun=EVALUATIONS, disp=False)
+
+    ranges = tuple(slice(a, b, complex(GRID)) for a, b in zip(low, high))
+    found = gains_of(brute(loss, ranges, finish=finish))
+    own = own_gains(robot)
+    return min(own, found, key=lambda gains: predicted(robot, gains, task, seed))
+
+
+def by_requirements(robot: Robot, task: Protocol, seed: int) -> Gains:
+    """Gains as `exodrake tune` chooses them; the robot's own where it finds none that hold the requirements."""
+    from exodrake.analysis.tuning import tune
+
+    try:
+        best = tune(robot, only=(STRUCTURE,)).best
+    except InputError:  # no state of rest, as with a tremor
+        best = None
+    return best.gains if best else own_gains(robot)
+
+
+TUNERS: dict[str, Tuner] = {"cost": by_cost, "requirements": by_requirements}
