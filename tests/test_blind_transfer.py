@@ -188,7 +188,7 @@ def test_one_case_has_tables_without_intervals():
 
 def test_label_of_another_simulator_is_refused():
     label = {"effects": [{"id": "motor.rust"}], "numbers": {}}
-    with pytest.raises(InputError, match="the reference simulator knows no fault 'motor.rust'"):
+    with pytest.raises(InputError, match="knows no fault 'motor"):
         withheld("case_7", label)
     with pytest.raises(InputError, match="case_7: its label holds no parameters"):
         withheld("case_7", {"effects": []})
