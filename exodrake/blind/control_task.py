@@ -9,6 +9,7 @@ its largest value (Bryson's rule), as in model predictive control. J = 0.05 read
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -73,25 +74,22 @@ def own_gains(robot: Robot) -> Gains:
 
 def by_cost(robot: Robot, task: Protocol, seed: int) -> Gains:
     """Gains of least cost: a grid over their logarithms, then a simplex search; never worse than the robot's own."""
-    from scipy.optimize import brute, fmin
+    from scipy.optimize import minimize
 
     structure = structure_of(robot)
-    names = [gain.parameter for gain in structure.gains]
-    low, high = np.log([(gain.low, gain.high) for gain in structure.gains]).T
+    bounds = np.log([(gain.low, gain.high) for gain in structure.gains])
 
     def gains_of(logs: Any) -> Gains:
-        return dict(zip(names, np.exp(np.clip(logs, low, high)).tolist()))
+        return {gain.parameter: float(value) for gain, value in zip(structure.gains, np.exp(logs))}
 
     def loss(logs: Any) -> float:
         return predicted(robot, gains_of(logs), task, seed)
 
-    def finish(function: Any, start: Any, **_: Any) -> Any:
-        return fmin(function, start, xtol=1e-2, ftol=1e-5, maxfun=EVALUATIONS, disp=False)
-
-    ranges = tuple(slice(a, b, complex(GRID)) for a, b in zip(low, high))
-    found = gains_of(brute(loss, ranges, finish=finish))
+    start = min(product(*(np.linspace(low, high, GRID) for low, high in bounds)), key=loss)
+    options = {"maxfev": EVALUATIONS, "xatol": 1e-2, "fatol": 1e-5}
+    found = minimize(loss, start, method="Nelder-Mead", bounds=bounds, options=options)
     own = own_gains(robot)
-    return min(own, found, key=lambda gains: predicted(robot, gains, task, seed))
+    return gains_of(found.x) if found.fun < predicted(robot, own, task, seed) else own
 
 
 def by_requirements(robot: Robot, task: Protocol, seed: int) -> Gains:

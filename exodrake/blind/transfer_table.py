@@ -54,7 +54,7 @@ def measures(found: Transfer) -> list[Measured]:
 
 def rank_correlation(found: Transfer, model: str) -> Measured:
     """Spearman's correlation of predicted and real cost over cases and controllers; its interval resamples cases."""
-    from scipy.stats import bootstrap, spearmanr
+    from scipy.stats import bootstrap, rankdata
 
     cases = found.cases
     predicted = np.array([list(case.prediction.costs[model].values()) for case in cases])
@@ -62,7 +62,8 @@ def rank_correlation(found: Transfer, model: str) -> Measured:
 
     def correlation(index: np.ndarray) -> float:
         a, b = predicted[index].ravel(), real[index].ravel()
-        return float(spearmanr(a, b).statistic) if np.ptp(a) and np.ptp(b) else np.nan
+        ranks = rankdata(a), rankdata(b)
+        return float(np.corrcoef(*ranks)[0, 1]) if min(map(np.ptp, ranks)) > 0.0 else np.nan
 
     places, low, high = np.arange(len(cases)), np.nan, np.nan
     if len(cases) > 1:
