@@ -168,14 +168,15 @@ def test_measures_of_planted_costs():
     real = [{"default": 0.05, "nominal": 0.06, "retuned": 0.05, "improved": 0.05 * (1.0 - cut)} for cut in cuts]
     found = Transfer(tuple(planted(f"case_{i}", costs, 1.5) for i, costs in enumerate(real)), {}, 0)
     of = {(m.name, m.model): m for m in measures(found)}
-    saved = of["real cost against the default controller, median", "improved"]
+    saved = of["real change of cost, median", "improved"]
     assert saved.ends == pytest.approx((-0.25, -0.5, 0.2))  # of six values, all lie in the interval: 1 - 2/64 > 95 %
-    error = of["error of the predicted cost, median", "nominal"]
+    assert of["real change of cost, worst", "improved"].value == pytest.approx(0.2)
+    error = of["error of prediction, median", "nominal"]
     assert error.value == pytest.approx(0.5) and of[error.name, "improved"].value == pytest.approx(0.0)
-    better = of["really better than the default controller", "improved"]
+    better = of["really better than default", "improved"]
     assert better.of == "5/6" and better.ends == pytest.approx((5 / 6, 0.3588, 0.9958), abs=1e-4)  # Clopper-Pearson
-    assert of["really better than the default controller", "nominal"].of == "0/6"
-    rank = of["rank correlation of predicted and real cost", "retuned"]
+    assert of["really better than default", "nominal"].of == "0/6"
+    rank = of["rank correlation", "retuned"]
     assert rank.ends == pytest.approx((1.0, 1.0, 1.0))
 
 

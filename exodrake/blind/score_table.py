@@ -88,10 +88,11 @@ def as_markdown(score: Score) -> str:
 
 
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
-    """Tables of title, headings and rows as Markdown."""
+    """Tables of title, headings and rows as Markdown; a heading that begins with `>` heads numbers on the right."""
     lines = []
     for title, headings, rows in tables:
-        lines += [title, "", "| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
+        marks = "".join("---:|" if heading.startswith(">") else "---|" for heading in headings)
+        lines += [title, "", "| " + " | ".join(heading.lstrip(">") for heading in headings) + " |", "|" + marks]
         lines += ["| " + " | ".join(row) + " |" for row in rows] + [""]
     return "\n".join(lines)
 

@@ -14,8 +14,8 @@ from exodrake.blind.transfer import DEFAULT, MODELS, Transfer, Transferred
 from exodrake.core.plain import plain
 
 RESAMPLES = 1000  # of cases, for the interval of the rank correlation
-COST = ("case", "truth", "verdict", "model", "gains", "predicted", "real", "real change")
-MEASURES = ("measure", "model", "found", "95 % interval", "of")
+COSTS = ("case", "tuned on", "{}", ">predicted", ">real", ">change")
+MEASURES = ("measure", "model", ">found", ">95 % interval", ">of")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Measured:
 def measures(found: Transfer) -> list[Measured]:
     """Measures of all models, one after another within each measure."""
     rows = []
-    for measure in (rank_correlation, prediction_error, change, better, better_than_nominal):
+    for measure in (rank_correlation, prediction_error, change, worst_change, better, better_than_nominal):
         rows += [measure(found, model) for model in MODELS if measure is not better_than_nominal or model != "nominal"]
     return rows
 
@@ -70,7 +70,7 @@ def rank_correlation(found: Transfer, model: str) -> Measured:
         options = {"vectorized": False, "method": "percentile", "n_resamples": RESAMPLES}
         interval = bootstrap((places,), correlation, rng=np.random.default_rng(found.seed), **options)
         low, high = interval.confidence_interval
-    name = "rank correlation of predicted and real cost"
+    name = "rank correlation"
     return Measured(name, model, correlation(places), low, high, f"{predicted.size} runs", percent=False)
 
 
@@ -81,12 +81,18 @@ def prediction_error(found: Transfer, model: str) -> Measured:
         costs = case.prediction.costs[model]
         return float(np.mean([abs(costs[name] / case.real[name] - 1.0) for name in costs]))
 
-    return median("error of the predicted cost, median", model, found.cases, error)
+    return median("error of prediction, median", model, found.cases, error)
 
 
 def change(found: Transfer, model: str) -> Measured:
     """Median change of the real cost from the default controller to the one tuned on the model."""
-    return median("real cost against the default controller, median", model, found.cases, lambda c: relative(c, model))
+    return median("real change of cost, median", model, found.cases, lambda c: relative(c, model))
+
+
+def worst_change(found: Transfer, model: str) -> Measured:
+    """The same in the worst case."""
+    changes = [relative(case, model) for case in found.cases]
+    return Measured("real change of cost, worst", model, max(changes), np.nan, np.nan, str(len(changes)))
 
 
 def relative(case: Transferred, model: str) -> float:
@@ -105,12 +111,12 @@ def median(name: str, model: str, cases: Sequence[Transferred], value: Callable[
 
 def better(found: Transfer, model: str) -> Measured:
     """Share of cases in which the tuned controller really costs less than the default one."""
-    return share("really better than the default controller", model, found, DEFAULT)
+    return share("really better than default", model, found, DEFAULT)
 
 
 def better_than_nominal(found: Transfer, model: str) -> Measured:
     """Share of cases in which the tuned controller really costs less than the one tuned on the nominal robot."""
-    return share("really better than the one tuned on the nominal robot", model, found, "nominal")
+    return share("really better than nominal's", model, found, "nominal")
 
 
 def share(name: str, model: str, found: Transfer, other: str) -> Measured:
@@ -123,18 +129,20 @@ def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
     cases = f"{len(found.cases)} case{'s' if len(found.cases) != 1 else ''}"
     yield f"what a diagnosis is worth, {cases}", MEASURES, [measured.row for measured in measures(found)]
-    yield "controllers by case", COST, [row for case in found.cases for row in case_rows(case)]
+    gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
+    headings = tuple(heading.format(gains) for heading in COSTS)
+    yield "controllers by case", headings, [row for case in found.cases for row in case_rows(case)]
 
 
 def case_rows(case: Transferred) -> Iterator[Row]:
     """A row for each controller: cost predicted by its own model (the default's by the nominal one), and real cost."""
     prediction, truth = case.prediction, " + ".join(case.truths) or case.kind
-    for controller, gains in prediction.gains.items():
+    notes = (prediction.name, truth, prediction.verdict, "")
+    for note, (controller, gains) in zip(notes, prediction.gains.items(), strict=True):
         told = prediction.costs["nominal" if controller == DEFAULT else controller][controller]
-        cells = (prediction.name, truth, prediction.verdict) if controller == DEFAULT else ("", "", "")
-        shown = ", ".join(f"{name.split('.')[-1]} {value:.3g}" for name, value in gains.items())
+        shown = ", ".join(f"{value:.3g}" for value in gains.values())
         changed = "" if controller == DEFAULT else f"{100 * relative(case, controller):+.1f} %"
-        yield *cells, controller, shown, f"{told:.4f}", f"{case.real[controller]:.4f}", changed
+        yield note, controller, shown, f"{told:.4f}", f"{case.real[controller]:.4f}", changed
 
 
 def as_json(found: Transfer) -> dict[str, Any]:

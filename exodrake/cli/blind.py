@@ -130,7 +130,7 @@ def transfer(
     console = Console()
     for title, headings, rows in tables(found):
         console.print(f"[bold]{title}[/bold]")
-        console.print(table(headings, rows))
+        console.print(table(headings, rows, wrapped=0))
     for name, reason in found.failed.items():
         click.echo(f"{name}: {reason}", err=True)
     if json_file:
