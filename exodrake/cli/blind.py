@@ -96,7 +96,7 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
 
 @command.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--labels", required=True, type=click.Path(path_type=Path, exists=True), help="Labels file of the set.")
+@click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
 @click.option("--cases", type=click.IntRange(min=1), default=None, help="How many, from the first [all].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the motions and all noise.")
 @click.option(
@@ -122,9 +122,12 @@ def transfer(
     from exodrake.blind.score_table import markdown as markdown_of
     from exodrake.blind.transfer import transfer as transfer_set
     from exodrake.blind.transfer_table import as_json, tables
+    from exodrake.core.errors import InputError
     from exodrake.core.files import write_text
     from exodrake.report.terminal import table
 
+    if not labels.is_file():
+        raise InputError(f"{labels}: no such file")
     with counted("tuning", resume="nothing is kept") as count:
         found = transfer_set(folder, labels, cases, jobs, seed, TUNERS[tuner], count)
     console = Console()
