@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import write_text
+from exodrake.core.files import write_folder, write_text
 from exodrake.core.json_file import read_json
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
@@ -93,9 +93,9 @@ class ResultStore:
         place = self.places[case]
         place.mkdir(parents=True, exist_ok=True)
         if outcome.reason is None:
-            for name, text in outcome.value.pop("robots").items():
-                write_text(place / name, text)
-            write_text(place / ANSWER, json.dumps(outcome.value, indent=1, allow_nan=False) + "\n")
+            texts = outcome.value.pop("robots")
+            texts |= {ANSWER: json.dumps(outcome.value, indent=1, allow_nan=False) + "\n"}
+            write_folder(place, {name: text.encode() for name, text in texts.items()})
             (place / FAILED).unlink(missing_ok=True)
             self.answered += 1
         else:
