@@ -137,7 +137,7 @@ def spread(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, 
 
 
 def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
-    """Static compliance d(actuated)/d(reading) by parameter, (channels,) each [m/N or as the loop's units]; or none."""
+    """Static compliance d(actuated)/d(reading) by parameter, (channels,) each [actuated / reading], or none."""
     if not structure.compliance:
         return {}
     loop, model = plant.loop, plant.model

@@ -119,15 +119,9 @@ def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer
 
 def answer_of(path: Path | None) -> Any:
     """What a diagnosis wrote, or None. InputError if the file is not JSON."""
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import read_bytes
+    from exodrake.core.json_file import read_json
 
-    if path is None:
-        return None
-    try:
-        return json.loads(read_bytes(path))
-    except ValueError:
-        raise InputError(f"{path}: not JSON, wanted the answer of exodrake diagnose --json") from None
+    return None if path is None else read_json(path)
 
 
 def point_of(text: str) -> dict[str, float] | str | None:

@@ -118,11 +118,6 @@ class Machine:
         """Columns whose signals come from outside: the references and measured inputs, one row a frame."""
         return tuple(c for signal in self.inputs for c in self.columns if c.signal == signal)
 
-    @property
-    def required_columns(self) -> tuple[str, ...]:
-        """Column kinds without which a log is refused."""
-        return tuple(c.kind for c in self.columns if c.required)
-
     def width(self, axis: str) -> int:
         """Number of channels of an axis."""
         return len(self.axes.of(axis))

@@ -14,12 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from exodrake.diagnosis.filters import mismatch
+from exodrake.diagnosis.intervals import CONFIDENCE
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 
 PART = 2.0  # s, longer than the loop's memory
 DRAWS = 400
-CONFIDENCE = 0.90
 
 
 def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:

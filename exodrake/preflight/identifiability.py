@@ -31,9 +31,7 @@ from exodrake.diagnosis.refine import bounded
 
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
 FRAMES = 4000  # of the case that are simulated for each direction
-SENSOR = (
-    5e-4  # noise of a sensor that is not there yet, as a share of what its signal spans: assumed, an encoder of 12 bits
-)
+SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's span: assumed, an encoder of 12 bits
 EXTRA = "also"  # kind of the columns of such sensors
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
 
@@ -111,22 +109,17 @@ def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = Non
     lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, effects)
     own = np.array([not column.startswith(EXTRA) for column in problem.columns])
     groups = {column.rsplit("_", 1)[0]: None for column in problem.columns if column.startswith(EXTRA)}
-    found = directions(lin, machine, mask_of(problem, own))
+    found = Identifiability(directions(lin, machine, mask_of(problem, own)), ())
     sensors = []
     for kind in groups:
         extra = np.array([column.rsplit("_", 1)[0] == kind for column in problem.columns])
-        better = directions(lin, machine, mask_of(problem, own | extra))
+        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)), ())
         signal = machine.signal[machine.column(kind).signal]
-        hidden, mistaken = counts(better)
+        hidden, mistaken = len(better.hidden), len(better.mistaken)
         noise = float(problem.noise_std[extra].max())
         sensors.append(Sensor(signal.name, signal.unit, noise, hidden, mistaken))
-    helpful = [s for s in sensors if s.hidden + s.mistaken < sum(counts(found))]
-    return Identifiability(found, tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden))))
-
-
-def counts(found: Sequence[Direction]) -> tuple[int, int]:
-    """Numbers of directions that are hidden, and that could be mistaken."""
-    return sum(d.seen < SEEN for d in found), sum(d.seen >= SEEN and bool(d.taken_for) for d in found)
+    helpful = [s for s in sensors if s.hidden + s.mistaken < len(found.hidden) + len(found.mistaken)]
+    return replace(found, sensors=tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden))))
 
 
 def planned(problem: Problem) -> Problem:

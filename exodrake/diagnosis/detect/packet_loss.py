@@ -1,13 +1,7 @@
 """Packet loss: which commands did not reach the drives, decoded from a log.
 
-The drives alone are simulated on the measured commands and loads, along several paths side by side: each command
-arrives, or the last one that arrived is held on. The path of least cost tells the losses (Viterbi 1967):
-
-    cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
-
-moved, measured: change of position in a frame; s: noise of two readings, and the error of the drive's model, as large
-as a log shows it on the whole. So a drive that follows badly loses no commands, and a burst is seen though it begins
-with small changes.
+The path of least cost through a log (`command_paths`) tells the losses, run by run. They are believed if they take away
+most of the errors around them.
 """
 
 from __future__ import annotations
@@ -24,6 +18,7 @@ from exodrake.diagnosis.command_paths import LAGS, SHOWN, best_path, error_std, 
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.intervals import CONFIDENCE
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.result import Interval, NamedEffect
 
@@ -32,10 +27,8 @@ if TYPE_CHECKING:
 
 INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
 STILL = 0.25  # standard deviations of a reading in a frame: smaller changes of the command count as none
-CLEAR = (
-    0.1  # of the errors around them that losses may leave; in development cases 0.02-0.05, a drive at its limit 0.2-0.9
-)
-CONFIDENCE, DRAWS = 0.9, 4000  # of the interval of a share, and draws for it
+CLEAR = 0.1  # of the errors around them that losses may leave: development cases 0.02-0.05, drives at a limit 0.2-0.7
+DRAWS = 4000  # for the interval of a share
 
 
 @dataclass(frozen=True, eq=False)

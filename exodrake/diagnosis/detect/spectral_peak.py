@@ -15,6 +15,7 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands
+from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.result import Interval, NamedEffect
 
@@ -30,7 +31,6 @@ NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: a phas
 SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
 LAW, MINOR = 0.2, 0.12  # relative standard deviation of a torque whose waveform is not known; of the strongest joint's
-Z90 = 1.645  # half width of a 90 % interval in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
