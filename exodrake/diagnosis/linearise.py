@@ -16,10 +16,9 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, fixed_parameters
+from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, fixed_parameters
 from exodrake.diagnosis.problem import Problem
 
-NOMINAL_STEP = 0.17  # of the prior standard deviation: small against curvature, large against rounding; assumed
 PROBE, STRONG = 0.6, 2.5  # of an effect's initial amplitude: modest, and where small amplitudes hide; assumed
 GRID = 5  # amplitudes at which an effect of the whole robot is tried
 ELSEWHERE = 0.7  # of the way through its range at which a further parameter is tried
@@ -132,7 +131,7 @@ def nominal_jacobian(
     """
     if not nominal:
         return np.zeros((0, len(base)))
-    steps = NOMINAL_STEP * np.array([p.scale for p in nominal])
+    steps = STEP * np.array([p.scale for p in nominal])
     rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)])
     return (likelihood.residual(rows) - base) / steps[:, None]
 

@@ -21,6 +21,9 @@ from exodrake.core.machine import Machine
 from exodrake.core.parameter import expanded
 from exodrake.core.robot import Robot
 
+# of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
+# make up for each other, as lengths that grow together, a longer step shows curvature as a slope
+STEP = 0.002
 RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor: assumed
 
 

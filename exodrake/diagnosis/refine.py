@@ -13,9 +13,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.parameter import Parameter, apply
+from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
-STEP = 0.02  # of a parameter's scale, for the difference quotients of an effect: assumed
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 TRIES = 4  # damped steps before a fit ends
 FREE = 1e3  # prior standard deviations, in scales, of an effect's parameter: none, but the matrix stays regular
