@@ -12,6 +12,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 
 AFFORDABLE = 60_000  # s, simulated for one case (selection.md)
@@ -83,6 +84,18 @@ def test_effect_beside_a_tremor_is_named_with_it():
     found = exo.diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
+
+
+def test_effect_that_looks_hopeless_from_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch):
+    """Retuning goes to the ends of its tolerances for half a stiffness, and from there the truth may not be seen."""
+    found_from_retuned = Isolator.singles
+
+    def without_the_truth(self, found, screened):
+        return [e for e in found_from_retuned(self, found, screened) if "finger.stiffness" not in e.effects]
+
+    monkeypatch.setattr(Isolator, "singles", without_the_truth)
+    answer = exo.diagnose(case_of(robot_with("finger.stiffness", 1, factor={"PIP": 0.5}), 1, frames=600))
+    assert answer.verdict == NAMED and [effect.id for effect in answer.effects] == ["finger.stiffness"]
 
 
 def test_progress_goes_through_the_stages_in_order():

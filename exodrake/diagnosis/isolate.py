@@ -81,6 +81,8 @@ class Isolator:
         if found.nominal.levels.settled or found.retuned.levels.kept or found.retuned.levels.burst:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
+        if not found.left and found.retuned.levels.moved > found.tests.calibration.moved:
+            found = self.restarted(found, zero)
         if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
             return found
         while not found.settled and len(found.tested) < max_effects:
@@ -102,6 +104,18 @@ class Isolator:
         further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.settled]
         more = [*fitted, *self.fitted(likelihood, known, further)]
         return sorted(more, key=lambda e: mean_log(likelihood, e))
+
+    def restarted(self, found: Isolation, zero: Explanation) -> Isolation:
+        """The isolation with single effects that look best from the nominal robot, where retuning led astray."""
+        likelihood, tried = found.likelihood, {e.effects for e in found.explanations}
+        likelihood.stage = "linearise again"
+        others = [effect for effect in self.effects if (effect.id,) not in tried]
+        lin = linearise(likelihood, zero.values, zero.x, zero.parameters, others)
+        zero = replace(zero, residual=lin.residual, jacobian=lin.jacobian)
+        likelihood.stage = "refine again"
+        screened = NormalMatrix(likelihood.scaled_to(zero.residual), zero, lin).singles()
+        more = self.fitted(likelihood, zero, screened[:REFINED])
+        return replace(found, tested=()).with_round(tested(likelihood, found.tests, [*found.explanations, *more]))
 
     def grown(self, found: Isolation) -> Isolation:
         """The isolation with sets of one more effect, grown from the best set."""

@@ -38,7 +38,7 @@ from exodrake.diagnosis.scan import scan
 
 ALPHA = 0.02  # level of each test
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
-PROMISING = 0.2  # share of the excess over noise from which a further effect is tried
+PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
 DRAWS = 99
 HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
 
