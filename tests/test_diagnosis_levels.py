@@ -55,7 +55,7 @@ def test_planted_effect_is_rejected_and_named_as_the_next_one():
     """Half a standard deviation in every sample: a gain of 100 in chi-square, where one of 8 has a level of 2 %."""
     found = [levels(seed, extra=0.5) for seed in range(20)]
     assert all(item.complete < ALPHA and item.next_effect == "effect 2" for item in found)
-    assert not any(item.settled for item in found)
+    assert not any(item.sufficient for item in found)
 
 
 def test_large_error_is_rejected_by_the_fit():

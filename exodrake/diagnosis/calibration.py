@@ -42,7 +42,7 @@ class Calibration:
 
 
 # from development robots of the Exo-Index with 50 tolerances: 40 healthy ones moved by 0.24 to 0.89; absent effects
-# took up 0.59 at most in the cases looked at then, and nearly all of a small excess beside an offset later
+# took up 0.59 at most in the first cases, and nearly all of a small excess beside an offset later
 UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.6, moved=1.0)
 FEW = 0.98  # quantile of chi-square by which `moved` is larger for a machine with fewer tolerances
 NUMBERS = tuple(name for name in asdict(UNCALIBRATED) if name != "source")

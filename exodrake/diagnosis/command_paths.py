@@ -40,10 +40,10 @@ def best_path(drive: Drive, log: Record, moved: np.ndarray, spread: np.ndarray, 
         chosen = paths.branches(log.command[n], still)
         history.append(chosen)
         paths = paths.advanced(drive, chosen, log, n, moved[n], spread[n])
-    lost, lane = np.zeros(log.command.shape, dtype=bool), paths.cost.argmin(axis=0)
-    channel = np.arange(len(lane))
+    lost, path = np.zeros(log.command.shape, dtype=bool), paths.cost.argmin(axis=0)
+    channel = np.arange(len(path))
     for n, (parent, gone, _) in reversed(list(enumerate(history))):
-        lost[n], lane = gone[lane, channel], parent[lane, channel]
+        lost[n], path = gone[path, channel], parent[path, channel]
     return lost
 
 

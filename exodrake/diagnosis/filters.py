@@ -77,7 +77,7 @@ def mismatch(measured: np.ndarray, simulated: np.ndarray, bands: Bands, period: 
     if not bands:
         return measured - simulated
     known = filled_columns(measured)
-    seen, told = (signal - outside(bands, signal, period) for signal in (known, simulated))
-    strength = np.sqrt(np.mean(told**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
+    seen, repeated = (signal - outside(bands, signal, period) for signal in (known, simulated))
+    strength = np.sqrt(np.mean(repeated**2, axis=0) / np.maximum(np.mean(seen**2, axis=0), 1e-30))
     found = outside(bands, known - simulated, period) + seen * (1.0 - strength)
     return np.where(np.isfinite(measured), found, np.nan)

@@ -71,21 +71,21 @@ class Isolator:
         tests = Tests(likelihood, lin, zero.residual - retuned.residual)
         nominal, best = (tested(likelihood, tests, [e])[0] for e in (zero, retuned))
         found = Isolation(likelihood, tests, nominal, best)
-        if found.nominal.levels.settled or found.retuned.levels.settled or not max_effects or not self.effects:
+        if found.nominal.levels.sufficient or found.retuned.levels.sufficient or not max_effects or not self.effects:
             return found.without_effects()
         screened = NormalMatrix(likelihood, retuned, lin).singles()
         singles = self.singles(found, screened)
         likelihood = likelihood.scaled_to(singles[0].residual) if singles else likelihood
         found = replace(found, likelihood=likelihood, screened=tuple(screened))
         found = replace(found, retuned=tested(likelihood, tests, [retuned], singles)[0])
-        if found.nominal.levels.settled or found.retuned.levels.kept or found.retuned.levels.burst:
+        if found.nominal.levels.sufficient or found.retuned.levels.kept or found.retuned.levels.burst:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
         if not found.left and found.retuned.levels.moved > found.tests.calibration.moved:
             found = self.restarted(found, zero)
         if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
             return found
-        while not found.settled and len(found.tested) < max_effects:
+        while not found.sufficient and len(found.tested) < max_effects:
             larger = self.grown(found)
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
             parent = next(t for t in again if t.explanation is found.tested[-1][0].explanation)
@@ -101,7 +101,7 @@ class Isolator:
         likelihood, known = found.likelihood, found.retuned.explanation
         fitted = self.fitted(likelihood, known, screened[:REFINED])
         levels = found.tests(fitted[0])
-        further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.settled]
+        further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.sufficient]
         more = [*fitted, *self.fitted(likelihood, known, further)]
         return sorted(more, key=lambda e: mean_log(likelihood, e))
 
@@ -134,10 +134,10 @@ class Isolator:
 
     def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
-        begun = [self.begun(likelihood, self.starts(likelihood, known, p)) for p in found]
-        cost = [mean_log(likelihood, e) for e in begun]
+        first = [self.first_steps(likelihood, self.starts(likelihood, known, p)) for p in found]
+        cost = [mean_log(likelihood, e) for e in first]
         near = [c < min(cost) + BEHIND for c in cost]
-        done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(begun, near, strict=True)]
+        done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
         done.sort(key=lambda e: mean_log(likelihood, e))
         if not done:
             return done
@@ -177,11 +177,11 @@ class Isolator:
         self.progress(Stage.FIT, start.name)
         return minimise(likelihood, start, steps, TOL)
 
-    def begun(self, likelihood: Likelihood, starts: Sequence[Explanation]) -> Explanation:
+    def first_steps(self, likelihood: Likelihood, starts: Sequence[Explanation]) -> Explanation:
         """The better of two fits after their first steps: from the prediction, and from the start of least cost."""
         least = min(starts, key=lambda e: e.cost(likelihood))
-        begun = [self.refined(likelihood, e, FIRST_STEPS) for e in {id(e): e for e in (starts[0], least)}.values()]
-        return min(begun, key=lambda e: e.cost(likelihood))
+        found = [self.refined(likelihood, e, FIRST_STEPS) for e in {id(e): e for e in (starts[0], least)}.values()]
+        return min(found, key=lambda e: e.cost(likelihood))
 
     def starts(self, likelihood: Likelihood, known: Explanation, predicted: Predicted) -> list[Explanation]:
         """Explanations with one more effect: as the linearisation predicts it, less of it, at initial amplitudes."""

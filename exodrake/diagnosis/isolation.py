@@ -82,9 +82,9 @@ class Isolation:
         return replace(self, left=tuple(t for t in (self.nominal, self.retuned) if t.levels.kept)[:1])
 
     @property
-    def settled(self) -> bool:
+    def sufficient(self) -> bool:
         """Whether some explanations of the last size are left, and none of them lacks an effect."""
-        return bool(self.left) and all(t.levels.settled for t in self.left)
+        return bool(self.left) and all(t.levels.sufficient for t in self.left)
 
     @property
     def explanations(self) -> list[Explanation]:

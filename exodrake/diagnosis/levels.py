@@ -40,7 +40,7 @@ ALPHA = 0.02  # level of each test
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
 DRAWS = 99
-HOPELESS = 1e-4  # p-value of a fit below which nothing more is asked
+REJECTED = 1e-4  # p-value of a fit below which no further effect is sought by the linearisation
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Levels:
         return self.local <= LOCAL and min(self.fit, *self.views) > ALPHA and self.moved <= self.most_moved
 
     @property
-    def settled(self) -> bool:
+    def sufficient(self) -> bool:
         """Whether it is kept and no further effect is promising."""
         return self.kept and (self.complete > ALPHA or self.promise < PROMISING)
 
@@ -126,8 +126,8 @@ class Tests:
         if not e.effects:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
         gain, effect = project.gains(e.residual[None])
-        hopeless = max(fit, *views) < HOPELESS
-        null = np.zeros(2) if hopeless else project.gains(self.noise + model)[0]
+        rejected = max(fit, *views) < REJECTED
+        null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
         share, beaten_by, no_better, consistent = 0.0, "", [], min(fit, *views) > ALPHA
         moved = tolerance_use(e)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):
@@ -141,7 +141,7 @@ class Tests:
             fit=fit,
             views=views,
             local=min(1.0, len(local) * min(local)),
-            complete=0.0 if hopeless else exceeding(null, float(gain[0])),
+            complete=0.0 if rejected else exceeding(null, float(gain[0])),
             promise=float(gain[0]) / max(excess(likelihood, e), 1e-9),
             next_effect=effect[0],
             beaten_by=beaten_by,

@@ -212,7 +212,7 @@ def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
 
 
 def required_of(machine: Machine) -> tuple[str, ...]:
-    """Column kinds that a log of the machine must have: what it was asked, and what the table requires."""
+    """Column kinds that a log of the machine must have: its references, and what the table requires."""
     return tuple(dict.fromkeys(c.kind for c in machine.columns if c.required))
 
 

@@ -16,7 +16,7 @@ SMOOTH = (
 )
 APART = 1.5  # motions by which a log differs from the others in like states (assumed)
 MATCHES = 20  # frames in such states from which the median is taken (assumed)
-EVERY = 5  # every fifth frame is looked up, for speed
+EVERY = 5  # every fifth frame is compared, for speed
 
 
 def changed_between_repeats(comparison: Comparison) -> list[str]:
