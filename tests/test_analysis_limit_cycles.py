@@ -67,6 +67,13 @@ def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_non
         assert (found[name].swing[beyond] > 0.0).all()
 
 
+def test_a_machine_without_saturation_has_no_bounded_motion_beyond_its_linear_limit():
+    """Roundings of 1 um and friction are small against a motion that grows for a second."""
+    for found in limit_cycles(exo.load_robot("emps")):
+        assert np.isinf(found.swing[found.factors > found.limit]).all() and found.simulated() == (0.0, 0.0)
+        assert np.isfinite(found.swing[found.factors < 0.9 * found.limit]).all()
+
+
 def test_an_unstable_loop_has_no_describing_function():
     assert limit_cycles(exo.load_robot().with_parameters({"controller.kp": 0.03})) == ()
 

@@ -145,9 +145,9 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     if loop.loop.resolution and plain[loop.loop.resolution] > 0.0:
         label = f"rounding, {loop.loop.resolution}"
         found.append(cycles_of(label, plain, point, whole, channel, margins[channel], True))
-    for identity in loop.loop.nonlinear:
+    for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
-            spliced = plain.splice(identity)
+            spliced = plain.splice(identity, values)
             found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
     return tuple(found)
 
@@ -222,10 +222,10 @@ def oscillation(
     """
     with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers
         command, _ = plant.run(state, RUN, lambda n, v: factor * v + (unit if n == 0 else 0.0))
-        tail = command[-SEEN:] - command[-SEEN:].mean()
-        swing = float(np.sqrt(2.0) * tail.std())
-    if not swing < UNBOUNDED * unit:
+    if not np.ptp(command) < UNBOUNDED * unit:  # of the whole run: readings stop at the largest integer
         return np.inf, np.nan
+    tail = command[-SEEN:] - command[-SEEN:].mean()
+    swing = float(np.sqrt(2.0) * tail.std())
     if swing < FAINT * unit * AMPLITUDES[0]:
         return 0.0, 0.0
     spectrum = np.abs(np.fft.rfft(tail * np.hanning(SEEN)))

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MANY = {"multiple": True, "metavar": "TEXT"}
 FIGURES = {
-    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain margin": "-", "phase": "deg", "delay": "ms",
-    "disk margin": "-",
+    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "-", "phase": "deg", "delay": "ms",
+    "disk\nmargin": "-",
 }  # fmt: skip
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
