@@ -139,12 +139,17 @@ TABLE_FAULTS = [
 ]  # fmt: skip
 
 
+def yaml_bytes(page) -> bytes:
+    """A YAML file."""
+    return yaml.safe_dump(page, allow_unicode=True).encode()
+
+
 @st.composite
-def spoilt_page(draw, page) -> bytes:
-    """A YAML page with a value replaced, a key renamed, removed or added, or its bytes spoilt."""
+def spoilt_page(draw, page, dump=yaml_bytes) -> bytes:
+    """A YAML page with a value replaced, a key renamed, removed or added, or its bytes spoilt; `dump` for others."""
     for _ in range(draw(st.integers(1, 3))):
         page = _spoilt_node(draw, page)
-    data = yaml.safe_dump(page, allow_unicode=True).encode()
+    data = dump(page)
     return draw(spoilt_bytes(data)) if draw(st.integers(0, 3)) == 0 else data
 
 

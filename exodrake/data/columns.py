@@ -10,6 +10,7 @@ from exodrake.data.log import Log
 
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
+MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
 
 
 def check_writable(log: Log, target: str) -> None:
