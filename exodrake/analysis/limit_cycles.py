@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exodrake.analysis.closed_loop import KINK, marginal
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
@@ -125,13 +126,16 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
 def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> tuple[LimitCycles, ...]:
     """Limit cycles of the channel with the least gain margin, for the robot and for each nonlinearity its loop names.
 
-    The reading is rounded at the edge between two values, its worst place. None for a loop that is unstable without
-    nonlinearities, or has no gain margin.
+    Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
+    without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
+    place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
-    plain = without_effects(robot)
-    loop = FrameMap.of(plain)
-    point = operating_point(loop, at)
-    model = linearise(loop, point.state, point.references)
+    for plain in (robot, without_effects(robot)):
+        loop = FrameMap.of(plain)
+        point = operating_point(loop, at)
+        model = linearise(loop, point.state, point.references)
+        if model.kink <= KINK and not marginal(model):
+            break
     if model.spectral_radius >= 1.0:
         return ()
     whole = opened(loop, model)
@@ -140,7 +144,7 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     if not np.isfinite(margins[channel]):
         return ()
     found, own = [], robot.effects()
-    if own:
+    if own and plain is not robot:
         found.append(cycles_of(" + ".join(own), robot, point, whole, channel, margins[channel], False))
     if loop.loop.resolution and plain[loop.loop.resolution] > 0.0:
         label = f"rounding, {loop.loop.resolution}"
