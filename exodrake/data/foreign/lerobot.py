@@ -13,8 +13,8 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
+from exodrake.core.json_file import read_json
 from exodrake.data.columns import check_size
-from exodrake.data.foreign.json_file import read_json
 from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.formats.parquet import read_columns
 
@@ -32,7 +32,7 @@ def is_dataset(path: str | Path) -> bool:
 
 def read_info(path: Path) -> dict[str, Any]:
     """`meta/info.json`. InputError for one without rate or features."""
-    found = read_json(read_bytes(path / INFO), str(path / INFO))
+    found = read_json(path / INFO)
     rate, features = (found.get(key) if isinstance(found, dict) else None for key in ("fps", "features"))
     if not isinstance(rate, int | float) or not 0 < rate < FASTEST or not isinstance(features, dict):
         raise InputError(f"{path / INFO}: wanted 'fps' above 0 and 'features', as LeRobot writes them")
