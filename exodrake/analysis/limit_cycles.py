@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.analysis.closed_loop import KINK, marginal
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
@@ -134,7 +133,7 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
         loop = FrameMap.of(plain)
         point = operating_point(loop, at)
         model = linearise(loop, point.state, point.references)
-        if model.kink <= KINK and not marginal(model):
+        if model.decides:
             break
     if model.spectral_radius >= 1.0:
         return ()

@@ -96,7 +96,7 @@ def plot_robust(result: ClosedLoop) -> Figure:
         axes.set_xlabel("Frequency [Hz]")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     if not result.robust.stable:
-        figure.suptitle("unstable here: S and T mean nothing", fontsize=9, color="#a83a12")
+        figure.suptitle("not stable by its poles: S and T mean nothing", fontsize=9, color="#a83a12")
     return figure
 
 
