@@ -47,7 +47,7 @@ test: check
 
 fuzz: $(STAMP)
 	@$(BIN)/exodrake warm-up
-	FUZZ=$(or $(INPUTS),10000) $(BIN)/pytest tests/test_fuzz.py $(ARGS)
+	FUZZ=$(or $(INPUTS),10000) $(BIN)/pytest tests/test_fuzz.py tests/test_fuzz_recordings.py $(ARGS)
 
 docs: $(STAMP)
 	@$(call INSTALL,$(EXTRAS) docs)

@@ -1,6 +1,7 @@
-"""The linearised loop, which two files need; how workers share the cores: one thread each, the longest test first."""
+"""The linearised loop and an empty folder, for several files; how workers share the cores: the longest test first."""
 
 import os
+import shutil
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -40,3 +41,15 @@ def model(loop, point):
     from exodrake.analysis.linear import linearise
 
     return linearise(loop, point.state, point.references)
+
+
+@pytest.fixture
+def place(tmp_path):
+    """An empty folder for each draw."""
+
+    def fresh():
+        shutil.rmtree(tmp_path)
+        tmp_path.mkdir()
+        return tmp_path
+
+    return fresh

@@ -23,7 +23,8 @@ SCRAP = st.one_of(
 
 FEW = 800  # in seconds, so that each change of the code meets them
 INPUTS = int(os.environ.get("FUZZ", "0"))  # of the whole suite; 0: few, the same ones each time
-HANG = 10 if INPUTS else 100  # s for one command
+HANG = 10 if INPUTS else 100  # s of processor time for one command, which in a few tests compiles
+WAIT = 300  # s of the clock, on a busy machine
 
 
 def bounded(share: float):
@@ -37,18 +38,22 @@ def bounded(share: float):
 
 @contextmanager
 def in_time():
-    """Fails what takes longer than HANG."""
+    """Fails what takes longer than HANG or WAIT."""
 
-    def hang(*_):
-        raise AssertionError(f"no end after {HANG} s")
+    def hang(number, _):
+        raise AssertionError(f"no end after {WAIT if number == signal.SIGALRM else HANG} s")
 
-    before = signal.signal(signal.SIGALRM, hang)
-    signal.alarm(HANG)
+    timers = {signal.ITIMER_REAL: (signal.SIGALRM, WAIT), signal.ITIMER_PROF: (signal.SIGPROF, HANG)}
+    before = {number: signal.signal(number, hang) for number, _ in timers.values()}
+    for timer, (_, seconds) in timers.items():
+        signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        for timer in timers:
+            signal.setitimer(timer, 0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def run(*words) -> str:
@@ -139,12 +144,17 @@ TABLE_FAULTS = [
 ]  # fmt: skip
 
 
+def yaml_bytes(page) -> bytes:
+    """A YAML file."""
+    return yaml.safe_dump(page, allow_unicode=True).encode()
+
+
 @st.composite
-def spoilt_page(draw, page) -> bytes:
-    """A YAML page with a value replaced, a key renamed, removed or added, or its bytes spoilt."""
+def spoilt_page(draw, page, dump=yaml_bytes) -> bytes:
+    """A YAML page with a value replaced, a key renamed, removed or added, or its bytes spoilt; `dump` for others."""
     for _ in range(draw(st.integers(1, 3))):
         page = _spoilt_node(draw, page)
-    data = yaml.safe_dump(page, allow_unicode=True).encode()
+    data = dump(page)
     return draw(spoilt_bytes(data)) if draw(st.integers(0, 3)) == 0 else data
 
 

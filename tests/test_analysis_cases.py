@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from scipy.optimize import brentq
 
 import exodrake as exo
-from exodrake.analysis.closed_loop import margin_remarks, marginal, remarks, returns
+from exodrake.analysis.closed_loop import margin_remarks, remarks, returns
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import margins
@@ -88,7 +88,7 @@ def test_a_conditionally_stable_loop_is_told():
 def test_a_pole_on_the_unit_circle_is_marginal():
     """y' = y + 2 (r - y): the pole of the closed loop is -1."""
     whole, model = opened_from(np.eye(1), np.ones(1), np.ones(1), 2.0)
-    assert marginal(model) and spectral_radius(whole.closed()) == pytest.approx(1.0)
+    assert model.marginal and spectral_radius(whole.closed()) == pytest.approx(1.0)
 
 
 def test_an_unstable_robot_has_no_margins_and_says_so():
@@ -109,7 +109,7 @@ def test_a_dead_zone_rests_without_warnings(recwarn):
     loop = FrameMap.of(exo.load_robot().splice("motor.dead_zone"))
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
-    assert marginal(model) and returns(loop, point)
+    assert model.marginal and returns(loop, point)
     notes = (*remarks(loop, point, model, ()), *margin_remarks(model, (margins(opened(loop, model), 0),)))
     assert any("unit circle" in note for note in notes) and any("does not act" in note for note in notes)
     assert not any("growing" in note for note in notes)

@@ -67,6 +67,25 @@ def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_non
         assert (found[name].swing[beyond] > 0.0).all()
 
 
+def test_a_machine_without_saturation_has_no_bounded_motion_beyond_its_linear_limit():
+    """Roundings of 1 um and friction are small against a motion that grows for a second."""
+    for found in limit_cycles(exo.load_robot("emps")):
+        assert np.isinf(found.swing[found.factors > found.limit]).all() and found.simulated() == (0.0, 0.0)
+        assert np.isfinite(found.swing[found.factors < 0.9 * found.limit]).all()
+
+
+def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
+    """The linear limit is the gain margin of the robot itself: of a soft tendon's, thrice the nominal one's."""
+    import exodrake.analysis.limit_cycles as module
+
+    robot = exo.load_robot().splice("tendon.compliance", {"stiffness": 1200.0})
+    monkeypatch.setattr(module, "cycles_of", lambda label, *rest: (label, rest[4]))
+    soft = dict(limit_cycles(robot))
+    assert "tendon.compliance" not in soft and 7.0 < soft["motor.dead_zone"] < 9.5
+    stuck = dict(limit_cycles(exo.load_robot().splice("tendon.coulomb_friction")))
+    assert 2.5 < stuck["tendon.coulomb_friction"] < 2.8
+
+
 def test_an_unstable_loop_has_no_describing_function():
     assert limit_cycles(exo.load_robot().with_parameters({"controller.kp": 0.03})) == ()
 

@@ -47,6 +47,7 @@ def test_a_number_with_a_bare_exponent_is_a_number(tmp_path):
         ("", ["nothing"]),
         ("5", ["5"]),
         ({"base": 5}, ["base", "5"]),
+        ({"base": "exo_index", "machine": "subprocess:Popen"}, ["'machine'", "of its base"]),
         ({"base": "exo_index", "paramters": {}}, ["'paramters'", "parameters"]),
         ({"base": "exo_index", "parameters": [1]}, ["parameters", "[1]"]),
         ({"base": "exo_index", "parameters": {"tendon": {"k": "soft"}}}, ["tendon.k", "'soft'"]),

@@ -1,6 +1,7 @@
 """Inputs that did harm: each is refused in one short sentence, in seconds, and costs that input alone."""
 
 import gzip
+import itertools
 import os
 import time
 from pathlib import Path
@@ -59,7 +60,10 @@ def test_c3d_files_that_hang_crash_or_end_early_are_refused(tmp_path, monkeypatc
 
 def test_a_call_that_does_not_end_or_takes_all_memory_is_ended(monkeypatch):
     monkeypatch.setattr(child, "SECONDS", 1.0)
+    monkeypatch.setattr(child, "PATIENCE", 2.0)
     assert "does not come to an end" in refusal(child.in_child, time.sleep, 100, source="a", size=0)
+    monkeypatch.setattr(child, "PATIENCE", 500.0)
+    assert "does not come to an end" in refusal(child.in_child, sum, itertools.count(), source="a", size=0)
     assert "memory" in refusal(child.in_child, bytearray, 2 * child.MEMORY, source="a", size=0)
     assert "crashes" in refusal(child.in_child, os._exit, 3, source="a", size=0)
     assert child.in_child(max, 1, 2, source="a", size=0) == 2

@@ -11,9 +11,9 @@ import numpy as np
 from exodrake.analysis.delays import DelayBudget, delay_budget
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.frequency import FrequencyResponse, frequency_response
-from exodrake.analysis.linear import FrameModel, linearise
+from exodrake.analysis.linear import KINK, FrameModel, linearise
 from exodrake.analysis.margins import Margins, margins
-from exodrake.analysis.open_loop import OUTSIDE, OpenLoop, opened
+from exodrake.analysis.open_loop import OpenLoop, opened
 from exodrake.analysis.operating import OperatingPoint, operating_point
 from exodrake.analysis.robust import Band, Robustness, robustness
 from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 KICK, KICKED = 0.1, 1000  # reference step of one frame, as a share of the loop's step; frames simulated
 HARD = 1.0  # the same for a loop that a small kick does not move
-KINK, ROUGH = 0.02, 1e-3  # one-sided slopes, and step sizes, that differ by more deserve a word
+ROUGH = 1e-3  # slopes of two step sizes that differ by more deserve a word
 STEADY_ERROR = 0.02  # share of a step
 
 
@@ -68,17 +68,12 @@ class ClosedLoop:
 
     @property
     def witnessed(self) -> bool:
-        """Whether the simulation decides: at a kink, such as stuck friction, and at a pole on the unit circle."""
-        return self.model.kink > KINK or marginal(self.model)
+        """Whether the simulation decides, because the poles do not."""
+        return not self.model.decides
 
     def to_control(self, *kinds: str) -> control.StateSpace:
         """The linear model as a python-control `StateSpace` with dt = one frame; see `to_control` below."""
         return to_control(self.model, *kinds)
-
-
-def marginal(model: FrameModel) -> bool:
-    """Whether the spectral radius is 1 as far as differences can tell."""
-    return abs(model.spectral_radius - 1.0) <= OUTSIDE
 
 
 def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
@@ -133,7 +128,7 @@ def remarks(
         notes.append("the robot's own gains do not bring it to rest; the operating point was reached with gentler ones")
     if point.residual > 1e-6:
         notes.append(f"something slow still moves ({point.residual:.1g} of its excursion a frame)")
-    if marginal(model):
+    if model.marginal:
         notes.append(
             f"a pole lies on the unit circle (radius 1 {model.spectral_radius - 1.0:+.0e}), as in a loop that rests "
             "within a dead zone or does not act: only the simulated kick says whether it is stable"

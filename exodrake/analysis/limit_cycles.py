@@ -125,13 +125,16 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
 def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> tuple[LimitCycles, ...]:
     """Limit cycles of the channel with the least gain margin, for the robot and for each nonlinearity its loop names.
 
-    The reading is rounded at the edge between two values, its worst place. None for a loop that is unstable without
-    nonlinearities, or has no gain margin.
+    Effects of the robot that are smooth where it rests belong to its linear loop; where they are not, that loop is
+    without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
+    place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
-    plain = without_effects(robot)
-    loop = FrameMap.of(plain)
-    point = operating_point(loop, at)
-    model = linearise(loop, point.state, point.references)
+    for plain in (robot, without_effects(robot)):
+        loop = FrameMap.of(plain)
+        point = operating_point(loop, at)
+        model = linearise(loop, point.state, point.references)
+        if model.decides:
+            break
     if model.spectral_radius >= 1.0:
         return ()
     whole = opened(loop, model)
@@ -140,14 +143,14 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     if not np.isfinite(margins[channel]):
         return ()
     found, own = [], robot.effects()
-    if own:
+    if own and plain is not robot:
         found.append(cycles_of(" + ".join(own), robot, point, whole, channel, margins[channel], False))
     if loop.loop.resolution and plain[loop.loop.resolution] > 0.0:
         label = f"rounding, {loop.loop.resolution}"
         found.append(cycles_of(label, plain, point, whole, channel, margins[channel], True))
-    for identity in loop.loop.nonlinear:
+    for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
-            spliced = plain.splice(identity)
+            spliced = plain.splice(identity, values)
             found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
     return tuple(found)
 
@@ -222,10 +225,10 @@ def oscillation(
     """
     with np.errstate(all="ignore"):  # without saturation an unstable loop leaves the range of numbers
         command, _ = plant.run(state, RUN, lambda n, v: factor * v + (unit if n == 0 else 0.0))
-        tail = command[-SEEN:] - command[-SEEN:].mean()
-        swing = float(np.sqrt(2.0) * tail.std())
-    if not swing < UNBOUNDED * unit:
+    if not np.ptp(command) < UNBOUNDED * unit:  # of the whole run: readings stop at the largest integer
         return np.inf, np.nan
+    tail = command[-SEEN:] - command[-SEEN:].mean()
+    swing = float(np.sqrt(2.0) * tail.std())
     if swing < FAINT * unit * AMPLITUDES[0]:
         return 0.0, 0.0
     spectrum = np.abs(np.fft.rfft(tail * np.hanning(SEEN)))

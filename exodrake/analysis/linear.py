@@ -22,6 +22,8 @@ FRAMES = 8  # frames of it
 UNMOVED = 1e-3  # excursion assumed of a state that does not move
 FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
 FRACTION = 0.05  # where one will do
+OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
+KINK = 0.02  # one-sided slopes that differ by more deserve a word
 
 
 def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
@@ -140,6 +142,16 @@ class FrameModel:
     def spectral_radius(self) -> float:
         """Largest modulus of a pole; below 1 the loop is stable."""
         return spectral_radius(self.A)
+
+    @property
+    def marginal(self) -> bool:
+        """Whether the spectral radius is 1 as far as differences can tell."""
+        return abs(self.spectral_radius - 1.0) <= OUTSIDE
+
+    @property
+    def decides(self) -> bool:
+        """Whether the poles tell if the loop is stable: not at a kink, such as stuck friction, nor on the circle."""
+        return self.kink <= KINK and not self.marginal
 
     def poles(self) -> tuple[Pole, ...]:
         """Poles, the slowest to decay first."""

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from exodrake.analysis.disk import disk_margin
-from exodrake.analysis.linear import spectral_radius
-from exodrake.analysis.open_loop import OUTSIDE, OpenLoop
+from exodrake.analysis.linear import OUTSIDE, spectral_radius
+from exodrake.analysis.open_loop import OpenLoop
 
 MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
 ALMOST_REAL = 0.02

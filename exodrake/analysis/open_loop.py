@@ -16,10 +16,9 @@ from math import floor
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import FrameModel
+from exodrake.analysis.linear import OUTSIDE, FrameModel
 from exodrake.core.errors import InputError
 
-OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
 TURN = 0.5  # rad: largest step of phase when encirclements are counted
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from exodrake.core.draws import drawn_robot
 from exodrake.core.errors import InputError
@@ -27,7 +28,7 @@ def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: 
         robot: the improved robot of that diagnosis, or the nominal one.
         answer: the diagnosis as `exodrake diagnose --json` writes it.
         draws: number of robots.
-        seed: of the draws; each parameter is normal on either side of its value.
+        seed: of the draws; each parameter is normal on either side of its value, and inside its interval.
 
     Raises:
         InputError: the answer has no effects, or names parameters that the robot lacks.
@@ -51,6 +52,6 @@ def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: 
 
 
 def within(interval: Mapping[str, float], rng: np.random.Generator) -> float:
-    """A value of a 90 % interval: normal on either side of the estimate."""
-    value, x = interval["value"], float(rng.standard_normal())
+    """A value inside a 90 % interval, normal on either side of the estimate: tails could leave what a robot can be."""
+    value, x = interval["value"], float(ndtri(rng.uniform(0.05, 0.95)))
     return value + x * ((interval["high"] - value) if x > 0.0 else (value - interval["low"])) / NINETY

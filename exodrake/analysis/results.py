@@ -130,6 +130,7 @@ def band_numbers(b: Band) -> dict[str, Any]:
         "members": {m.label: m.numbers for m in b.members},
         "range over stable members": {n: b.range(n) for n in names},
         "unstable": b.unstable,
+        "undecided by their poles": b.undecided,
         "without operating point": list(b.failures),
     }
 

@@ -26,15 +26,16 @@ class Robustness:
     """Robustness of one robot at one operating point.
 
     Attributes:
-        label: of the robot or the point. stable: whether all poles lie inside the unit circle.
+        label: of the robot or the point. stable: whether all poles lie inside the unit circle; None where the poles do
+            not decide (`FrameModel.decides`).
         frequency: (f,) [Hz]. loops: (f, channels) open loop of each channel, the others closed.
         sigma_s, sigma_t: (f,) largest singular values of S and T = I - S at the commands.
         disk: (f,) disk margin for all commands at once. gain_array: (f, channels) diagonal of the relative gain array.
-        numbers: name -> value, SI; NaN where the loop is unstable.
+        numbers: name -> value, SI; NaN where the loop is not stable.
     """
 
     label: str
-    stable: bool
+    stable: bool | None
     frequency: np.ndarray
     loops: np.ndarray
     sigma_s: np.ndarray
@@ -60,7 +61,12 @@ class Band:
     @property
     def unstable(self) -> int:
         """Number of unstable members."""
-        return sum(not m.stable for m in self.members)
+        return sum(m.stable is False for m in self.members)
+
+    @property
+    def undecided(self) -> int:
+        """Number of members whose poles do not decide."""
+        return sum(m.stable is None for m in self.members)
 
 
 def grid(loop: OpenLoop) -> np.ndarray:
@@ -89,7 +95,7 @@ def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: 
     frequency, eye = grid(whole), np.eye(len(loop.channels))
     s = np.linalg.inv(eye + whole.ratio(frequency))
     loops = 1.0 / np.einsum("fii->fi", s) - 1.0
-    t, disk, stable = eye - s, disk_margin(s), model.spectral_radius < 1.0
+    t, disk, stable = eye - s, disk_margin(s), model.spectral_radius < 1.0 if model.decides else None
     sigma = np.linalg.norm(s, 2, axis=(1, 2)), np.linalg.norm(t, 2, axis=(1, 2))
     gains = relative_gains(whole.plant(frequency))
     numbers = {"max sigma(S)": sigma[0].max(), "max sigma(T)": sigma[1].max(), "disk margin": disk.min()}

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from exodrake.analysis.margins import Margins
 
 BAND_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 FACTORS = (0.02, 20.0)  # of the loop gain, along the root locus
 BOX = {"fc": "white", "ec": "none", "pad": 1.0, "alpha": 0.85}
 
@@ -79,19 +80,23 @@ def plot_robust(result: ClosedLoop) -> Figure:
                 axes.fill_between(shown, low, high, color=BAND_COLOURS[k], alpha=0.25, lw=0, label=band.name)
         axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
         axes.set(ylabel=label, yscale="log", xscale="log")
-    draw_coupling(panels[1, 1], result)
+    if len(result.opened.channels) > 1:
+        draw_coupling(panels[1, 1], result)
+    else:
+        panels[1, 1].set_axis_off()
     panels[0, 0].set_ylim(bottom=0.02)
     panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
     panels[1, 0].set_ylim(0.3, 3.0)
     for axes in panels.flat:
         axes.set_xlim(result.robust.frequency[0], result.robust.frequency[-1])
+        axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter("")
     for axes in panels[1]:
         axes.set_xlabel("Frequency [Hz]")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     if not result.robust.stable:
-        figure.suptitle("unstable here: S and T mean nothing", fontsize=9, color="#a83a12")
+        figure.suptitle("not stable by its poles: S and T mean nothing", fontsize=9, color="#a83a12")
     return figure
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from exodrake.analysis.tuning import Tuning
 
 BOX = {"fc": "white", "ec": "none", "pad": 0.6, "alpha": 0.9}
+SEEN = 1e-4  # of the panel: below, the rest of a simulation
 COLOURS = ("#5b6470", "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9")
 
 
@@ -78,7 +79,7 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
         top = max([v for v in values if np.isfinite(v)], default=1.0)
         top = max(top, limit or 0.0, 1e-12)
         for row, value in zip(rows, values):
-            text = f"{value:.3g}" if np.isfinite(value) else "unstable"
+            text = f"{value if value > SEEN * top else 0.0:.3g}" if np.isfinite(value) else "unstable"
             axes.text(
                 max(np.nan_to_num(value), 0.0) + 0.02 * top, row, text, va="center", fontsize=7, color=DARK, bbox=BOX
             )

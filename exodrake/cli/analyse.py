@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MANY = {"multiple": True, "metavar": "TEXT"}
 FIGURES = {
-    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain margin": "-", "phase": "deg", "delay": "ms",
-    "disk margin": "-",
+    "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "-", "phase": "deg", "delay": "ms",
+    "disk\nmargin": "-",
 }  # fmt: skip
 SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
@@ -164,8 +164,10 @@ def show(result: ClosedLoop) -> None:
     console, rows, poles = Console(), [], []
     for step, response, m in zip(result.steps, result.responses, result.margins):
         row = (step.rise, 100.0 * step.overshoot, step.settling, response.bandwidth)
+        row = row if result.stable else (math.nan,) * len(row)  # of a growing oscillation
         margin = (m.gain_margin, math.degrees(m.phase_margin), 1e3 * m.delay_margin, m.disk_margin)
-        rows.append((step.channel, *(f"{v:.2f}" for v in row), *(f"{v:.3g}" for v in margin)))
+        cells = [f"{v:.2f}" for v in row] + [f"{v:.3g}" for v in margin]
+        rows.append((step.channel, *("-" if cell == "nan" else cell for cell in cells)))
     for pole in result.model.poles():
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
@@ -183,15 +185,16 @@ def robust_lines(result: ClosedLoop) -> list[str]:
     """All commands at once, with the least and largest values over each population."""
     names, found = ("max sigma(S)", "max sigma(T)", "disk margin"), []
     numbers = result.robust.numbers
-    if result.robust.stable and not result.witnessed:
+    if result.robust.stable:
         found.append("all commands at once: " + ", ".join(f"{n} {numbers[n]:.3g}" for n in names))
     for band in result.bands:
         ranges = [(n, band.range(n)) for n in names]
         text = ", ".join(f"{n} {low:.3g} to {high:.3g}" for n, (low, high) in ranges if math.isfinite(low))
         counts = [f"{len(band.members)} robots" if band.name != "operating points" else f"{len(band.members)} points"]
         counts += [f"{band.unstable} unstable"] if band.unstable else []
+        counts += [f"{band.undecided} where poles mean little"] if band.undecided else []
         counts += [f"{len(band.failures)} without rest"] if band.failures else []
-        found.append(f"over {band.name} ({', '.join(counts)}): {text or 'none stable'}")
+        found.append(f"over {band.name} ({', '.join(counts)}): {text or 'no margins'}")
     return found
 
 

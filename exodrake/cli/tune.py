@@ -91,11 +91,10 @@ def show(tuning: Tuning) -> None:
         f">noise\n\\[{unit}]",
         "misses",
     )
-    rows = [
-        (t.name, f"{t.settling:.3g}", f"{100.0 * t.overshoot:.2g}", f"{t.disk_margin:.3g}", f"{factor * t.noise:.3g}",
-         ", ".join(t.missed))
-        for t in tuning.compared
-    ]  # fmt: skip
+    rows = []
+    for t in tuning.compared:
+        numbers = (f"{t.settling:.3g}", f"{round(100.0 * t.overshoot, 2):.2g}", f"{t.disk_margin:.3g}")
+        rows.append((t.name, *numbers, f"{factor * t.noise:.3g}", ", ".join(t.missed)))
     Console().print(table(titles, rows))
     w = tuning.requirements
     click.echo(
@@ -120,5 +119,5 @@ def notes_of(tuning: Tuning, best: Tuned) -> str:
     return (
         f"controller {best.name} by exodrake tune: overshoot up to {100.0 * w.overshoot:g} %, disk margin from "
         f"{w.disk_margin:g}; worst over operating points and tolerances: settles in {best.settling:.3g} s, overshoot "
-        f"{100.0 * best.overshoot:.2g} %, disk margin {best.disk_margin:.2g}"
+        f"{round(100.0 * best.overshoot, 2):.2g} %, disk margin {best.disk_margin:.2g}"
     )

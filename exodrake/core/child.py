@@ -2,11 +2,13 @@
 
     variables = in_child(parse, data, source, source=source, size=len(data))
 
-The process has limits of memory and time. It stays for the next call, and ends with the process that started it.
+The process has limits of memory and processor time. It stays for the next call, and ends with the process that
+started it.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import signal
@@ -22,7 +24,8 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import ONE_THREAD
 
-SECONDS = 6.0  # assumed: of a small file; readers take milliseconds
+SECONDS = 6.0  # assumed: of processor time, for a small file; readers take milliseconds
+PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
 _lock = Lock()
@@ -80,9 +83,14 @@ class Child:
     def call(self, function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
         """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
         self.pipe.send((function, arguments, seconds))
-        if not self.pipe.poll(seconds):
+        if not self.pipe.poll(PATIENCE * seconds):
             raise TimeoutError
-        return self.pipe.recv()
+        try:
+            return self.pipe.recv()
+        except EOFError:
+            if self.process.wait() == -signal.SIGXCPU:
+                raise TimeoutError from None
+            raise
 
     def end(self) -> None:
         """Ends the process at once."""
@@ -103,9 +111,11 @@ def serve(pipe: Connection) -> None:
 
 
 def answered(function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
-    """Result or exception of a call. It ends the process, should the parent be gone, after twice the time."""
+    """Result or exception of a call. The system ends the process after the time, even if the parent is gone."""
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    resource.setrlimit(resource.RLIMIT_CPU, (round(used + 2 * seconds) + 1, resource.RLIM_INFINITY))
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    wanted = math.ceil(used + seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
     try:
         return function(*arguments)
     except Exception as error:

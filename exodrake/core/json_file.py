@@ -14,12 +14,18 @@ MAX_BYTES = 200_000_000  # a thousand times the longest answer
 
 def read_json(path: str | Path) -> Any:
     """The content of a JSON file. InputError naming the file, and the line of what is not JSON."""
-    data = read_bytes(path)
+    return parse_json(read_bytes(path), str(path))
+
+
+def parse_json(data: bytes | str, source: str) -> Any:
+    """The content of JSON text. InputError as `read_json`."""
     if len(data) > MAX_BYTES:
-        raise InputError(f"{path}: {len(data)} bytes, more than {MAX_BYTES}")
+        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_BYTES}")
     try:
         return json.loads(data)
     except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not JSON ({error.msg})") from None
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not JSON ({type(error).__name__})") from None
+        raise InputError(f"{source}, line {error.lineno}: not JSON ({error.msg})") from None
+    except RecursionError:
+        raise InputError(f"{source}: nested too deep") from None
+    except ValueError as error:
+        raise InputError(f"{source}: not JSON ({str(error)[:80]})") from None

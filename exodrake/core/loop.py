@@ -48,7 +48,7 @@ class Loop:
         controllers: structures that `tune` compares.
         latency: parameter (without channel) of a latency of the command in frames; "" where there is none.
         resolution: parameter by which the reading is rounded; "" where it is not.
-        nonlinear: ids of effects of which limit cycles are predicted, beside the rounding.
+        nonlinear: effects of which limit cycles are predicted, beside the rounding: id -> values [SI] not at default.
     """
 
     reference: str
@@ -65,4 +65,4 @@ class Loop:
     actuated: str = ""
     latency: str = ""
     resolution: str = ""
-    nonlinear: tuple[str, ...] = ()
+    nonlinear: Mapping[str, Mapping[str, float]] = field(default_factory=dict)

@@ -1,11 +1,12 @@
 """case.yaml: read by its schema, and written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.data.case import ROLES, Case
@@ -64,7 +65,7 @@ def case_text(case: Case) -> str:
     for item in case.logs:
         log = {"file": item.file, "role": item.role, "protocol": item.protocol, "repeats": item.repeats}
         logs.append({key: value for key, value in log.items() if value is not None})
-    return dump_yaml({"name": case.name, "robot": _plain(case.robot), "period": float(case.period), "logs": logs})
+    return dump_yaml({"name": case.name, "robot": plain(case.robot), "period": float(case.period), "logs": logs})
 
 
 def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:
@@ -77,12 +78,3 @@ def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:
             raise refusal(f"{where} item {n + 1}, 'repeats'", f"{log['repeats']!r} is no other log of the case")
     if all(log["role"] != "fit" for log in logs):
         raise refusal(where, "no log has the role 'fit'")
-
-
-def _plain(value: Any) -> Any:
-    """Values YAML can write: numpy numbers and arrays as Python's own."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value.tolist() if hasattr(value, "tolist") else value

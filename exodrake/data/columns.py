@@ -1,15 +1,16 @@
-"""What every file format has in common: headings with units, columns to logs, required columns."""
+"""What every file format has in common: columns to logs, required columns, limits of size."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import KINDS, check_unit, to_si
+from exodrake.core.units import KINDS
+from exodrake.data.headings import LARGEST, columns_in_si, heading
 from exodrake.data.log import Log
 
-LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
+MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
 
 
 def check_writable(log: Log, target: str) -> None:
@@ -27,39 +28,14 @@ def check_writable(log: Log, target: str) -> None:
             raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
 
 
-def heading(name: str, unit: str) -> str:
-    """`tension_AF [N]`."""
-    return f"{name} [{unit}]"
-
-
 def headings(log: Log) -> list[str]:
     """Headings of time and all columns, in order."""
     return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
 
 
-def split_heading(text: str, source: str) -> tuple[str, str]:
-    """(name, unit) of a heading. InputError when the brackets or the name are absent."""
-    name, bracket, rest = text.strip().partition("[")
-    unit, closing, tail = rest.partition("]")
-    if not bracket or not closing or tail.strip() or not name.strip():
-        raise InputError(
-            f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
-        )
-    return name.strip(), unit
-
-
 def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
     """A log from (heading, values (n,)) pairs: units converted, doubled columns, no time and no rows refused."""
-    signals: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    for text, values in columns:
-        name, unit = split_heading(text, source)
-        if name in signals:
-            raise InputError(f"{source}: column {name!r} comes twice")
-        where = f"{source}, column {name!r}"
-        units[name] = check_unit(name, unit, where)
-        signals[name] = to_si(values, unit, where)
-        _refuse_large(signals[name], where)
+    signals, units = columns_in_si(columns, source)
     if "time" not in signals:
         raise InputError(
             f"{source}: required column 'time [s]' is missing (found {', '.join(signals) or 'no columns'})"
@@ -102,11 +78,3 @@ def check_size(samples: int, source: str) -> None:
     """InputError for a log that would fill the memory."""
     if samples > MAX_SAMPLES:
         raise InputError(f"{source}: {samples} samples, more than {MAX_SAMPLES}; cut it into several logs")
-
-
-def _refuse_large(values: np.ndarray, where: str) -> None:
-    wrong = np.flatnonzero(np.abs(values) > LARGEST)
-    if len(wrong):
-        value = values[wrong[0]]
-        reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
-        raise InputError(f"{where}, row {int(wrong[0]) + 1}: {reason}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import check_unit, default_unit, to_si
+from exodrake.data.headings import columns_in_si
 
 if TYPE_CHECKING:
     from exodrake.data.log import Log
@@ -38,25 +38,10 @@ def columns_of(frame: Any, units: Mapping[str, str], source: str) -> tuple[dict[
     Raises:
         InputError: naming a column that comes twice, is not numeric, or whose unit is unknown or unsuitable.
     """
-    found, known = {}, {}
-    columns = [(str(name), values) for name, values in frame.items()]
-    if not any(split(name)[0] == TIME for name, _ in columns):
-        columns.insert(0, (TIME, frame.index))
-    for text, values in columns:
-        name, unit = split(text)
-        if name in found:
-            raise InputError(f"{source}: column {name!r} comes twice")
-        where = f"{source}, column {name!r}"
-        unit = unit or units.get(name) or default_unit(name)
-        known[name] = check_unit(name, unit, where)
-        found[name] = to_si(numbers(values, name, source), unit, where)
-    return found, known
-
-
-def split(heading: str) -> tuple[str, str]:
-    """Name and unit of a heading such as `tension_AF [N]`; unit "" without brackets."""
-    name, _, unit = heading.partition("[")
-    return name.strip(), unit.rstrip("] ")
+    columns = [(str(name), numbers(values, str(name), source)) for name, values in frame.items()]
+    if not any(name.partition("[")[0].strip() == TIME for name, _ in columns):
+        columns.insert(0, (TIME, numbers(frame.index, TIME, source)))
+    return columns_in_si(columns, source, units)
 
 
 def numbers(values: Any, name: str, source: str) -> np.ndarray:

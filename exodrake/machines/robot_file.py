@@ -119,6 +119,9 @@ def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:
     base = content.get("base")
     if base in above:
         raise InputError(f"{source}: base {base!r} comes back to itself")
+    for key in ("machine", "tolerances"):
+        if base and content.get(key):
+            raise InputError(f"{source}, {key!r}: a robot with a base has the {key} of its base")
     robot = load_robot(base, (*above, base)) if base else blank(content, source)
     with named(source):
         return changed_by(content, replace(robot, source=source))

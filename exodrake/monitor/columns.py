@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.units import check_unit, to_si
-from exodrake.data.columns import split_heading
+from exodrake.data.headings import split_heading
 from exodrake.monitor.channels import compared_columns
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.units import si_unit, to_si
-from exodrake.data.columns import check_columns, heading, log_from_columns
+from exodrake.data.columns import check_columns, log_from_columns
 from exodrake.data.foreign import lerobot
 from exodrake.data.foreign.derive import derived, low_passed, note_of, scaled, synchronised
 from exodrake.data.foreign.mapping import Mapped, read_mapping
@@ -21,6 +21,7 @@ from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
 from exodrake.data.foreign.tables import read_columns, slashed
 from exodrake.data.foreign.track import Track
 from exodrake.data.formats import ending, stem
+from exodrake.data.headings import heading
 from exodrake.data.log import Log, check_clock
 from exodrake.data.log_file import read_log
 

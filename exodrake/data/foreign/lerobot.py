@@ -13,14 +13,15 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
+from exodrake.core.json_file import read_json
 from exodrake.data.columns import check_size
-from exodrake.data.foreign.json_file import read_json
 from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.formats.parquet import read_columns
 
 INFO = "meta/info.json"
 EPISODE, TIME = "episode_index", "timestamp"
 COMMAND, MEASURED = "action", "observation.state"
+FASTEST = 1e6  # Hz
 SUFFIXES = (".pos", "_pos", ".position")
 
 
@@ -31,9 +32,9 @@ def is_dataset(path: str | Path) -> bool:
 
 def read_info(path: Path) -> dict[str, Any]:
     """`meta/info.json`. InputError for one without rate or features."""
-    found = read_json(read_bytes(path / INFO), str(path / INFO))
+    found = read_json(path / INFO)
     rate, features = (found.get(key) if isinstance(found, dict) else None for key in ("fps", "features"))
-    if not isinstance(rate, int | float) or not rate > 0 or not isinstance(features, dict):
+    if not isinstance(rate, int | float) or not 0 < rate < FASTEST or not isinstance(features, dict):
         raise InputError(f"{path / INFO}: wanted 'fps' above 0 and 'features', as LeRobot writes them")
     return found
 
@@ -58,6 +59,8 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
         if EPISODE not in table or TIME not in table:
             raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")
+        if not np.isfinite(table[EPISODE]).all():
+            raise InputError(f"{file}: column {EPISODE!r} has no number in some row")
         for number in np.unique(table[EPISODE]):
             rows = table[EPISODE] == number
             columns: dict[str, np.ndarray] = {}
@@ -99,7 +102,11 @@ def default_mapping(path: Path, unit: str) -> Mapped:
 
 def joint_name(name: str) -> str:
     """`shoulder_pan.pos` as a channel: `shoulderPan`."""
+    bare = name
     for suffix in SUFFIXES:
-        name = name.removesuffix(suffix)
-    first, *rest = (word for word in name.replace(".", "_").replace("-", "_").split("_") if word)
+        bare = bare.removesuffix(suffix)
+    words = [word for word in bare.replace(".", "_").replace("-", "_").split("_") if word]
+    if not words:
+        raise InputError(f"{name!r} is no name of a joint; write a mapping file")
+    first, *rest = words
     return first + "".join(word[0].upper() + word[1:] for word in rest)

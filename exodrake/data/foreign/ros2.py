@@ -183,7 +183,7 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
 
     bag = sqlite3.connect(":memory:")
     bag.deserialize(data)
-    listed = {n: (topic, kind) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
+    listed = {n: (str(topic), str(kind)) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
     stored = bag.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
     rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
     texts = DEFINITIONS | {kind: text for kind, text in rows if text}
@@ -194,7 +194,7 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
         elif topics is not None and topic in topics:
             raise InputError(f"{source}: topic {topic!r}: the bag holds no definition of {kind}; convert it to MCAP")
     for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
-        if number in decoders:
+        if number in decoders and isinstance(time, int):
             yield *listed[number], decoders[number](raw), time
 
 

@@ -34,9 +34,9 @@ def tree_reader(name: str) -> Callable[[bytes, str], Any] | None:
 
         return read_parquet
     if name.endswith(JSON):
-        from exodrake.data.foreign.json_file import read_json
+        from exodrake.data.foreign.json_file import read_records
 
-        return read_json
+        return read_records
     if name.endswith(HDF5):
         from exodrake.data.hdf5 import read_hdf5
 

@@ -1,4 +1,7 @@
-"""Foreign tables of text: any separator, decimal comma, lists in cells."""
+"""Foreign tables of text: any separator, decimal comma, lists in cells.
+
+Read in this process: no text crashes Python's own reader, and `check_size` bounds its cells before they are split.
+"""
 
 import csv
 import io
@@ -8,7 +11,7 @@ from itertools import chain, islice
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import check_size
+from exodrake.data.columns import MAX_COLUMNS, MAX_SAMPLES, check_size
 from exodrake.data.foreign.mapping import Mapped
 
 MISSING = ("", "nan", "na", "null", "none", "-")
@@ -19,10 +22,8 @@ def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]
     """The mapped columns of a text file, and those whose cells hold mapped lists."""
     check_size(sum(data.count(end) for end in (b"\n", b"\r", mapped.separator.encode())), source)
     rows = _rows(data, source, mapped)
-    first = next(rows, None)
-    if first is None:
-        raise InputError(f"{source}: empty file")
-    names = [cell.strip() for cell in first] if mapped.heading else [str(number) for number in range(len(first))]
+    first = next(rows, [])
+    names = _names(first, mapped.heading, source)
     if len(set(names)) < len(names):
         raise InputError(f"{source}: column {next(name for name in names if names.count(name) > 1)!r} comes twice")
     wanted = {column.foreign for column in mapped.columns} | {mapped.time}
@@ -60,18 +61,28 @@ def _parsed(cells: list[str], name: str, wanted: set, source: str, decimal: str)
     if name in wanted:
         return {name: np.array([_number(cell, name, row, source, decimal) for row, cell in enumerate(cells)])}
     indices = [item for item in wanted if item and item.startswith(name + "[") and item.endswith("]")]
+    lists = [_items(cell) for cell in cells] if indices else []
     columns = {}
     for item in indices:
         index = item[len(name) + 1 : -1]
-        picked = [_element(cell, index) for cell in cells]
+        at = int(index) if index.isdecimal() and len(index) < 10 else MAX_SAMPLES
+        picked = [items[at] if at < len(items) else cell for items, cell in zip(lists, cells, strict=True)]
         columns[item] = np.array([_number(cell, item, row, source, decimal) for row, cell in enumerate(picked)])
     return columns
 
 
-def _element(cell: str, index: str) -> str:
-    """The index-th number of `[1, 2, 3]`, as text; the whole cell if there is none such, for the message."""
-    items = cell.strip("[]() ").replace(";", ",").split(",")
-    return items[int(index)].strip() if index.isdecimal() and len(index) < 10 and int(index) < len(items) else cell
+def _items(cell: str) -> list[str]:
+    """The numbers of `[1, 2, 3]`, as text."""
+    return [item.strip() for item in cell.strip("[]() ").replace(";", ",").split(",")]
+
+
+def _names(first: list[str], heading: bool, source: str) -> list[str]:
+    """Names of columns by the first row of cells, or their numbers. InputError for no row, and for too many columns."""
+    if not first:
+        raise InputError(f"{source}: empty file")
+    if len(first) > MAX_COLUMNS:
+        raise InputError(f"{source}: {len(first)} columns, more than {MAX_COLUMNS}")
+    return [cell.strip() for cell in first] if heading else [str(number) for number in range(len(first))]
 
 
 def _number(cell: str, name: str, row: int, source: str, decimal: str) -> float:
@@ -99,17 +110,21 @@ def guessed(data: bytes, source: str) -> Mapped:
 def read_all(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a text table; a column of lists as `name[0]`, `name[1]` ..."""
     guess = guessed(data, source)
-    rows = list(_rows(data, source, guess))
-    names = [cell.strip() for cell in rows[0]] if guess.heading else [str(k) for k in range(len(rows[0]))]
+    check_size(sum(data.count(end) for end in {b"\n", b"\r", b",", guess.separator.encode()}), source)
+    rows = _rows(data, source, guess)
+    first = next(rows, [])
+    names = _names(first, guess.heading, source)
     columns: dict[str, np.ndarray] = {}
-    body = [row for row in rows[guess.heading :] if len(row) == len(names)]
+    body = [row for row in (rows if guess.heading else chain([first], rows)) if len(row) == len(names)]
     for k, name in enumerate(names):
         cells = [row[k].strip() for row in body]
+        parts = {name: cells}
         if cells and cells[0].startswith(("[", "(")):
-            count = len(cells[0].strip("[]() ").replace(";", ",").split(","))
-            parts = {f"{name}[{i}]": [_element(cell, str(i)) for cell in cells] for i in range(count)}
-        else:
-            parts = {name: cells}
+            lists = [_items(cell) for cell in cells]
+            count = min(map(len, lists))
+            parts = (
+                {f"{name}[{i}]": [items[i] for items in lists] for i in range(count)} if count <= MAX_COLUMNS else {}
+            )
         for part, found in parts.items():
             if all(_is_number(cell, guess.decimal) for cell in found):
                 columns[part] = np.array([_number(cell, part, 0, source, guess.decimal) for cell in found])

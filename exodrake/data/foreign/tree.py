@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.data.columns import MAX_COLUMNS
+
 NUMBERS = "fiub"  # kinds of arrays
-MAX_DEPTH, MAX_COLUMNS = 20, 20_000
+MAX_DEPTH = 20
 SIDES = ("rows", "columns")
 
 
@@ -50,7 +52,7 @@ def add(found: dict[str, np.ndarray], value: Any, name: str, samples: int | None
             add(found, one, f"{name}[{k}]" if name else str(k), samples, side, depth + 1)
         return
     array = numbers(value)
-    if array is None and isinstance(value, list | tuple | np.ndarray):
+    if array is None and isinstance(value, list | tuple):
         for k, one in enumerate(value):
             if not simple(one):
                 add(found, one, f"{name}[{k}]" if name else str(k), samples, side, depth + 1)
@@ -78,7 +80,7 @@ def numbers(value: Any) -> np.ndarray | None:
         array = np.asarray(value)
         if array.dtype.kind == "O":  # lists with None for a missing sample
             array = np.array([np.nan if one is None else one for one in array.ravel()], float).reshape(array.shape)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         return None
     if array.dtype.kind not in NUMBERS or not array.size:
         return None

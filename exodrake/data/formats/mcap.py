@@ -14,7 +14,8 @@ import numpy as np
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.units import kind_of
-from exodrake.data.columns import heading, log_from_columns
+from exodrake.data.columns import log_from_columns
+from exodrake.data.headings import heading
 from exodrake.data.log import Log
 
 ENDINGS = (".mcap",)

@@ -35,6 +35,7 @@ COLUMNS = (
     Column("force", "force"),
 )
 
+STEP = 1e-6  # m, assumed for limit cycles: the coarsest that the range of scale.step allows
 GAINS = (Gain("drive.kp", 10.0, 400.0), Gain("drive.kv", 25.0, 1000.0))  # 1/s, V s/m: about the published ones
 LOOP = Loop(
     reference="position_ref",
@@ -49,7 +50,7 @@ LOOP = Loop(
     points={"middle": {"carriage": 0.0}},
     controllers=(Controller("cascade", GAINS),),
     resolution="scale.step",
-    nonlinear=("scale.quantisation", "carriage.coulomb_friction"),
+    nonlinear={"scale.quantisation": {"step": STEP}, "carriage.coulomb_friction": {}},
 )
 
 

@@ -35,5 +35,5 @@ LOOP = Loop(
     actuated="stroke_read",
     latency="timing.command_latency.frames",
     resolution="sensor.q_F",
-    nonlinear=("motor.dead_zone", "tendon.coulomb_friction"),
+    nonlinear={"motor.dead_zone": {}, "tendon.coulomb_friction": {}},
 )
