@@ -23,6 +23,7 @@ from exodrake.diagnosis.result import (
     Moved,
     NamedEffect,
     Retune,
+    Rival,
     SignalGap,
     Where,
 )
@@ -133,13 +134,7 @@ def diagnosis(verdict=NAMED):
         else robot.with_parameters({"finger.kappa.MCP": 0.0712, "tendon.k": 2600.0}, source="fitted to case")
     )
     improved = retuned.splice(IDS[0], {"mu_phi": 0.3}, ("AF", "MF")) if found else retuned
-    next_step = {
-        "protocol": "steps",
-        "seconds": 24.0,
-        "difference_in_floors": 6.3,
-        "between": list(IDS[:2]),
-        "enough": True,
-    }
+    rivals = tuple(Rival((identity,), {}) for identity in IDS[:2])
     return Diagnosis(
         case="case <7> & co",
         verdict=verdict,
@@ -147,7 +142,7 @@ def diagnosis(verdict=NAMED):
         effects=(effect(),) if verdict in (NAMED, AMBIGUOUS) else (),
         equivalents=IDS[:2] if verdict == AMBIGUOUS else (),
         closure=closure(healthy),
-        next_experiment=next_step if verdict == AMBIGUOUS else None,
+        rivals=rivals if verdict == AMBIGUOUS else (),
         candidates=tuple(candidate(n, i) for i, n in enumerate(IDS)) if found else (),
         baselines={"replay": IDS[0], "bic": IDS[3]},
         reasons=("tendon.capstan_friction leaves 2.0 % of the gap",),

@@ -25,6 +25,7 @@ ALL = {
     "export": ["{}/log.csv", "--out", "{}/log.npz"],
     "check": ["{}/log.csv", "--effects", "{effect}"],
     "diagnose": ["{}/log.csv"],  # up to the diagnosis itself, which takes minutes
+    "experiment": ["{}/log.csv", "--out", "{}/e.csv"],  # up to the diagnosis
     "calibrate": ["--case", "{}/absent"],  # a refusal: with robots it takes minutes
     "alarm-limits": ["--robots", "2", "--minutes", "0.5", "--jobs", "1"],
 }
@@ -83,7 +84,7 @@ def test_a_command_for_any_machine_works_with_each(name, machine, folders, monke
     effect = exo.load_robot(machine).machine.effects[0].id  # one, since many take minutes
     words = [word.replace("{}", str(folders[machine])).replace("{effect}", effect) for word in ALL[name]]
     result = run(name, *words, *([] if name == "export" else ["--robot", machine]))
-    if name == "diagnose":
+    if name in ("diagnose", "experiment"):
         assert_one_sentence(result, name)
         assert "the diagnosis began" in result.stderr or "frames" in result.stderr, result.stderr
     elif name in REFUSED:

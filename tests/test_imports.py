@@ -27,8 +27,8 @@ BELOW = {
     "diagrams": ENGINES,
     "simulation": ENGINES | {"diagrams"},  # simulate(engine="drake")
     **dict.fromkeys(("analysis", "identification", "estimator", "grasping", "diagnosis"), METHODS),
-    **dict.fromkeys(("monitor", "preflight", "report", "blind"), RESULTS),
-    "cli": RESULTS | {"monitor", "preflight", "report", "blind"},
+    **dict.fromkeys(("monitor", "preflight", "experiment", "report", "blind"), RESULTS),
+    "cli": RESULTS | {"monitor", "preflight", "experiment", "report", "blind"},
     "__main__": {"cli"},
 }
 

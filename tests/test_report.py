@@ -205,7 +205,11 @@ def test_summary_is_short_and_says_the_verdict(verdict):
 def test_summary_of_each_kind():
     assert "0.280 to 0.340" in said(NAMED) and "96 % (93 to 98 %)" in said(NAMED)
     ambiguous = said(AMBIGUOUS)
-    assert "capstan friction or coulomb friction" in ambiguous and "steps" in ambiguous and IDS[1] in ambiguous
+    assert (
+        "capstan friction or coulomb friction" in ambiguous
+        and "exodrake experiment" in ambiguous
+        and IDS[1] in ambiguous
+    )
     assert "direction of motion 61 %" in said(UNKNOWN)
     assert "closure" not in said(NO_GAP) and "of what retuning alone leaves" in said(NAMED)
     assert "within their tolerances" in said(RETUNE) and "finger.kappa.MCP 0.0800 -> 0.0712" in said(RETUNE)

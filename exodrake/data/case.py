@@ -9,6 +9,7 @@
       - {file: sweeps_1.csv.gz, role: fit}
       - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise
       - {file: grasps.csv.gz, role: holdout, protocol: grasps}           # default protocol: the file's name
+      - {file: experiment.csv, role: fit}    # protocol `experiment`, of `exodrake experiment`: used in full length
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
 """
@@ -23,6 +24,7 @@ from exodrake.data.log import Log
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot
 FILE = "case.yaml"
+EXPERIMENT = "experiment"  # protocol of a motion designed to tell explanations apart; no part of it is left out
 
 
 @short_repr

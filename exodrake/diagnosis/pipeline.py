@@ -28,6 +28,7 @@ from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
+from exodrake.diagnosis.rivals import rivals_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
 
@@ -164,12 +165,7 @@ def answer(
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": best.explanation.robot}
     closure = measure(problem, judged(problem, found, best, np.array(list(rows.values()))))
     effects = effects_of(problem, found, decision)
-    experiment = None
-    if decision.verdict == AMBIGUOUS:
-        from exodrake.diagnosis.experiment import next_experiment
-
-        rivals = [t.explanation for t in decision.left]
-        experiment = next_experiment(problem, np.array([e.robot for e in rivals]), [e.name for e in rivals])
+    moves = retuned(found)
     progress(Stage.LOCALISE, "")
     class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)
     return Diagnosis(
@@ -179,7 +175,7 @@ def answer(
         effects=effects,
         equivalents=tuple(class_ids) if decision.verdict == AMBIGUOUS else (),
         closure=closure,
-        next_experiment=experiment,
+        rivals=rivals_of(problem, found, decision, tuple(moves.alike)),
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
@@ -188,7 +184,7 @@ def answer(
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         simulated=dict(found.likelihood.simulated),
-        retune=retuned(found),
+        retune=moves,
         tests=level_table(best, found.tests.calibration),
         provenance=provenance_of(problem),
         problem=problem,

@@ -12,7 +12,7 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
-from exodrake.data.case import Case, CaseLog
+from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, filled_columns, without
@@ -26,6 +26,7 @@ class Trial:
 
     latent: inputs that were not logged but decoded from the log, name -> (n, channels).
     follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
+    whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
     """
 
     name: str
@@ -34,6 +35,11 @@ class Trial:
     measured: np.ndarray
     latent: Mapping[str, np.ndarray] = field(default_factory=dict)
     follow: np.ndarray | None = None
+    whole: bool = False
+
+    def shortened(self, share: float) -> Trial:
+        """The first part of the log, two frames at least; all of one that is used whole."""
+        return self if self.whole else self.first(max(2, int(share * len(self.reference))))
 
     def first(self, n: int) -> Trial:
         """The first n frames."""
@@ -102,6 +108,12 @@ class Problem:
         Returns:
             (rows, n, columns) [SI]; infinite for a robot that comes to divide by zero.
         """
+        records = self.records(rows, trial, seed)
+        with np.errstate(invalid="ignore"):
+            return delayed(self.robot.machine, records, self.signal_indices)
+
+    def records(self, rows: np.ndarray, trial: Trial, seed: int | None = None) -> np.ndarray:
+        """All signals (rows, n, signals) [SI] of the runs of `predict`, with the same arguments."""
         machine = self.robot.machine
         module, count = compile_machine(machine), signal_count(machine)
         n = len(trial.reference)
@@ -114,9 +126,8 @@ class Problem:
             module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
         except SystemError:  # numba's word for an exception in a parallel loop; one in another thread ends in silence
             if len(rows) > 1:
-                return np.concatenate([self.predict(row[None], trial, seed) for row in rows])
-        with np.errstate(invalid="ignore"):
-            return delayed(machine, records, self.signal_indices)
+                return np.concatenate([self.records(row[None], trial, seed) for row in rows])
+        return records
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
         """Residuals (measured - simulated) / noise_std, 0 where nothing was measured.
@@ -150,7 +161,7 @@ class Problem:
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""
-        return replace(self, fit=tuple(t.first(max(2, int(share * len(t.reference)))) for t in self.fit))
+        return replace(self, fit=tuple(t.shortened(share) for t in self.fit))
 
     def prediction_error(self) -> Problem | None:
         """The problem with runs that follow what was measured where the machine says so (`Machine.observer`).
@@ -223,7 +234,8 @@ def trial_of(item: CaseLog, columns: tuple[str, ...], machine: Machine) -> Trial
     for frame in range(1, len(reference)):
         lost = np.isnan(reference[frame])
         reference[frame, lost] = reference[frame - 1, lost]
-    return Trial(item.file, item.role, np.nan_to_num(reference), np.column_stack([log[c] for c in columns]))
+    measured = np.column_stack([log[c] for c in columns])
+    return Trial(item.file, item.role, np.nan_to_num(reference), measured, whole=item.protocol == EXPERIMENT)
 
 
 def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Problem:

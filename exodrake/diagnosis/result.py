@@ -171,12 +171,31 @@ class Candidate:
     left: bool
 
 
+@dataclass(frozen=True)
+class Rival:
+    """An explanation still in play beside others.
+
+    Attributes:
+        effects: ids of its effects; none for the retuned robot.
+        parameters: full name -> value [SI] of all parameters by which its robot differs from the nominal one.
+    """
+
+    effects: tuple[str, ...]
+    parameters: dict[str, float]
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +; `retune` without an effect."""
+        return " + ".join(self.effects) or "retune"
+
+
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Where, which and how far, and how sure.
 
     Attributes:
+        rivals: explanations that the logs do not tell apart, for `exodrake experiment`; none where one is left.
         robots: the nominal, the retuned and the improved robot.
         evidence: reduced chi-squares of these on the fitted logs.
         simulated: simulated seconds by stage [s].
@@ -192,7 +211,7 @@ class Diagnosis:
     effects: tuple[NamedEffect, ...]
     equivalents: tuple[str, ...]
     closure: Closure
-    next_experiment: dict[str, Any] | None
+    rivals: tuple[Rival, ...]
     candidates: tuple[Candidate, ...]
     baselines: dict[str, str]
     reasons: tuple[str, ...]

@@ -116,6 +116,7 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         lines += [f"moved   {text}" if k == 0 else f"        {text}" for k, text in enumerate(w.moved_words(diagnosis))]
     if diagnosis.verdict == AMBIGUOUS:
         lines.append(f"class   {', '.join(w.class_of(diagnosis))}")
+    if diagnosis.rivals:
         lines.append(f"next    {w.experiment_words(diagnosis)}")
     return lines
 

@@ -158,15 +158,10 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
 
 
 def experiment_words(diagnosis: Diagnosis) -> str:
-    """What to measure next; empty if nothing is proposed."""
-    found = diagnosis.next_experiment
-    if not found:
+    """The command that designs the motion by which the explanations still in play differ; empty without any."""
+    if not diagnosis.rivals:
         return ""
-    text = (
-        f"Run the protocol “{found['protocol']}” for {found['seconds']:.0f} s: the closest two of the class then "
-        f"differ by {digits(found['difference_in_floors'], 2)} noise standard deviations."
-    )
-    return text if found.get("enough", True) else f"{text} That is too little; {found.get('advice', '')}."
+    return "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
 
 
 def moved_words(diagnosis: Diagnosis) -> list[str]:

@@ -1,0 +1,1 @@
+"""The next experiment: a motion, safe on every explanation still in play, by which they differ most."""

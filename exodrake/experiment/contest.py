@@ -1,0 +1,113 @@
+"""Explanations still in play, linearised on the logs of a case.
+
+Each keeps a Jacobian J of its whitened residuals and the precision P of its tolerances, so that the logs leave its
+parameters the covariance
+
+    (J'J / n + P)^-1 = V V'        n: frames that count as one (`likelihood.CORRELATION`), times what is left of noise
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError
+from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.isolate import SHARE
+from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
+from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
+from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_parameters
+from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.projection import normal_matrix
+from exodrake.diagnosis.refine import Explanation, whole_jacobian
+from exodrake.diagnosis.result import Rival
+
+
+@dataclass(frozen=True, eq=False)
+class Contest:
+    """A case and the explanations still in play.
+
+    Attributes:
+        problem: the case in full length.
+        likelihood: its closed-loop view alone, of the part of the logs that a diagnosis uses.
+        explanations: fitted; their residuals and Jacobians are those of that part.
+        spreads: (parameters, directions) V of each.
+    """
+
+    problem: Problem
+    likelihood: Likelihood
+    explanations: tuple[Explanation, ...]
+    spreads: tuple[np.ndarray, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the explanations."""
+        return tuple(e.name for e in self.explanations)
+
+    @property
+    def robots(self) -> np.ndarray:
+        """Flat parameter vectors (explanations, parameters) [SI]."""
+        return np.array([e.robot for e in self.explanations])
+
+    def records(self, reference: Reference) -> np.ndarray:
+        """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
+        return self.problem.records(self.robots, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
+
+
+def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
+    """The contest of a case.
+
+    Args:
+        problem: the case.
+        rivals: two or more explanations with their fitted parameters.
+
+    Raises:
+        InputError: for a rival with an effect or a parameter that the machine does not have.
+    """
+    machine, nominal = problem.robot.machine, problem.silent()
+    rows = np.array([fitted_values(problem, nominal, rival) for rival in rivals])
+    problem = detect(problem, rows[0])
+    likelihood = likelihood_of(problem.shortened(SHARE), rows[0])
+    likelihood = Likelihood(likelihood.views[:1])
+    found = []
+    for rival, row in zip(rivals, rows, strict=True):
+        effects = [machine.effect(identity) for identity in rival.effects]
+        parameters = nominal_parameters(problem.robot)
+        count = len(parameters)
+        for effect in effects:
+            parameters += effect_parameters(machine, effect)
+        x = np.array([coordinate(p, row, nominal) for p in parameters])
+        values = with_effects(problem.silent(), [(machine, effect) for effect in effects])
+        residual = likelihood.residual(row[None])[0]
+        e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((count, len(residual))))
+        jacobian = nominal_jacobian(likelihood, e.at_nominal, parameters[:count], x[:count], residual)
+        found.append(replace(e, jacobian=jacobian))
+    return Contest(problem, likelihood, tuple(found), tuple(spread(likelihood, e) for e in found))
+
+
+def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:
+    """Flat parameter vector (parameters,) [SI] of a rival."""
+    machine, values = problem.robot.machine, nominal.copy()
+    for identity in rival.effects:
+        machine.effect(identity)
+    for name, value in rival.parameters.items():
+        if name not in machine.index:
+            raise InputError(f"{rival.name}: {machine.name} has no parameter {name!r}; answered with another robot?")
+        values[machine.index[name]] = value
+    return values
+
+
+def coordinate(parameter: Parameter, values: np.ndarray, nominal: np.ndarray) -> float:
+    """Coordinate of a parameter in flat vectors (parameters,) of a fitted and of the nominal robot."""
+    base = parameter.base if parameter.effect else float(nominal[parameter.index[0]])
+    return replace(parameter, base=base).coordinate(float(values[parameter.index[0]]))
+
+
+def spread(likelihood: Likelihood, e: Explanation) -> np.ndarray:
+    """V (parameters, parameters) with V V' the covariance that the logs leave to the parameters."""
+    weights = likelihood.scaled_to(e.residual).weights
+    normal = normal_matrix(whole_jacobian(likelihood, e) * weights, 1.0 / e.prior_std**2)
+    return np.linalg.inv(np.linalg.cholesky(normal)).T

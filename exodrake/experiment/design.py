@@ -1,0 +1,224 @@
+"""The search for the motion that tells rivals apart best, within what is safe on each of them.
+
+    library: random motifs, and windows of the machine's own experiments or of the case's motion
+    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated
+    check: the whole motion on every explanation; smaller until it is safe
+
+All chance is seeded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
+from exodrake.core.robot import Robot
+from exodrake.data.log import Log
+from exodrake.experiment.contest import Contest
+from exodrake.experiment.information import Information, information, reduced
+from exodrake.experiment.motif import Motif, Window, random_motif
+from exodrake.experiment.safety import Safety, safety_of
+from exodrake.experiment.stage import Stage, check_limits, stage_of
+from exodrake.simulation.references import protocol
+
+SHORTEST, LONGEST, USUAL = 20.0, 60.0, 30.0  # s of an experiment
+FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames take seconds: assumed
+PIECES = 5  # motifs in a sequence: some 60 parameters for three channels
+RANDOM, WINDOWS, MUTATIONS = 24, 12, 60  # in a library, in a search of two rivals; fewer for more
+SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
+PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
+ENOUGH = 0.5  # probability below which an experiment is not worth its time: assumed
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A motif with the size at which it is safe, its course in shares (frames, channels), and what it tells."""
+
+    motif: Motif | Window
+    course: np.ndarray
+    information: Information
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """An experiment.
+
+    Attributes:
+        reference: what the robot is to be asked to do.
+        information: what it tells.
+        size: factor by which the whole was made smaller to be safe [-].
+        safety: ranges that it keeps.
+        tried: motions that were simulated.
+    """
+
+    reference: Reference
+    information: Information
+    size: float
+    safety: Safety
+    tried: int
+
+    def log(self, machine: Machine) -> Log:
+        """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
+        names = [f"{c.kind}_{k}" for c in machine.references for k in machine.axes.of(machine.signal[c.signal].axis)]
+        time = machine.frame * np.arange(len(self.reference.tension))
+        return Log(time, dict(zip(names, self.reference.tension.T, strict=True)))
+
+    @property
+    def enough(self) -> bool:
+        """Whether it is worth its time."""
+        return self.information.probability >= ENOUGH
+
+
+class Designer:
+    """The search for one contest.
+
+    Args:
+        contest: explanations still in play.
+        seconds: length of the experiment [s].
+        seed: of all chance.
+
+    Raises:
+        InputError: for a length out of range, and for a machine whose references have no limits.
+    """
+
+    def __init__(self, contest: Contest, seconds: float, seed: int) -> None:
+        self.contest, self.tried = contest, 0
+        problem = contest.problem
+        self.rng = np.random.default_rng(seed)
+        self.stage: Stage = stage_of(problem.robot, problem.fit)
+        self.frames = frames_of(seconds, self.stage.frame) // PIECES
+        known = known_motions(contest)
+        self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
+        (pilot,) = [information(contest, reference.tension[:PILOT]) for reference in known[-1:]]
+        self.quick = reduced(contest, pilot) if pilot else contest
+        self.windows = [window for reference in known for window in self.cut(reference)]
+        self.fewer = 2.0 / len(contest.explanations)
+
+    def cut(self, reference: Reference) -> list[Window]:
+        """A known motion in windows of a piece's length."""
+        width = len(self.stage.low)
+        shares = (reference.tension[:, :width] - self.stage.low) / (self.stage.high - self.stage.low)
+        starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
+        return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
+
+    def piece(self, motif: Motif | Window) -> Piece | None:
+        """A motif, smaller until it is safe; None if it never is."""
+        self.tried += 1
+        shares, rest = motif.shares(self.frames, self.stage.rest), self.stage.rest
+        for _ in range(SHRINKS):
+            reference = self.stage.reference(shares)
+            if not self.violations(reference):
+                found = information(self.quick, reference.tension)
+                return Piece(motif, shares, found) if found else None
+            shares = rest + SMALLER * (shares - rest)
+        return None
+
+    def violations(self, reference: Reference) -> list[str]:
+        """What a reference would take out of its range, on any explanation."""
+        return self.safety.violations(self.contest.names, self.contest.records(reference))
+
+    def library(self) -> list[Piece]:
+        """Random motifs and windows of known motions, those that are safe at some size."""
+        channels = len(self.stage.low)
+        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), PIECES))]
+        order = self.rng.permutation(len(self.windows))[: max(round(WINDOWS * self.fewer), 3)]
+        found = [self.piece(motif) for motif in (*motifs, *(self.windows[i] for i in order))]
+        pieces = [piece for piece in found if piece is not None]
+        if not pieces:
+            raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
+        return pieces
+
+    def sequence(self, library: list[Piece]) -> list[Piece]:
+        """The pieces that together tell most, chosen one after the other."""
+        chosen: list[Piece] = []
+        for _ in range(PIECES):
+            chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
+        return chosen
+
+    def improved(self, chosen: list[Piece]) -> list[Piece]:
+        """The sequence after a local search that mutates one piece at a time."""
+        best, count = total(chosen).criterion, round(MUTATIONS * self.fewer)
+        for _ in range(count):
+            at = int(self.rng.integers(PIECES))
+            piece = self.piece(chosen[at].motif.mutated(self.rng))
+            if piece is None:
+                continue
+            trial = [*chosen[:at], piece, *chosen[at + 1 :]]
+            if (found := total(trial).criterion) > best:
+                chosen, best = trial, found
+        return chosen
+
+    def designed(self) -> Design:
+        """The experiment."""
+        chosen = self.improved(self.sequence(self.library()))
+        shares, rest = np.concatenate([piece.course for piece in chosen]), self.stage.rest
+        return self.checked(shares, rest)
+
+    def checked(self, shares: np.ndarray, rest: np.ndarray) -> Design:
+        """The experiment of shares (frames, channels), made smaller until it is safe as a whole."""
+        size, said = 1.0, []
+        for _ in range(2 * SHRINKS):
+            reference = self.stage.reference(rest + size * (shares - rest))
+            said = self.violations(reference)
+            found = None if said else information(self.contest, reference.tension)
+            if found is not None:
+                return Design(reference, found, size, self.safety, self.tried)
+            size *= SMALLER
+        raise InputError(
+            f"{self.contest.problem.case.name}: no experiment is safe: {said[0] if said else 'it diverges'}"
+        )
+
+
+def check_length(robot: Robot, seconds: float | None) -> None:
+    """InputError for a length [s] out of range, and for a machine whose references have no limits."""
+    check_limits(robot)
+    if seconds is not None:
+        frames_of(seconds, robot.machine.frame)
+
+
+def frames_of(seconds: float, frame: float) -> int:
+    """Frames of an experiment; InputError for a length out of range."""
+    low, high = max(SHORTEST, FEWEST * frame), max(LONGEST, MOST * frame)
+    if not low <= seconds <= high:
+        raise InputError(f"--seconds {seconds:g}: wanted {low:g} to {high:g} s for this machine")
+    return round(seconds / frame)
+
+
+def usual_seconds(frame: float) -> float:
+    """Length [s] of an experiment that nobody asked to be longer or shorter."""
+    return max(USUAL, 2.0 * FEWEST * frame)
+
+
+def known_motions(contest: Contest) -> list[Reference]:
+    """The machine's own experiments; those of the case for a machine that declares none."""
+    robot = contest.problem.robot
+    if robot.machine.experiments:
+        return [replace(protocol(text, robot), name=name) for name, text in robot.machine.experiments.items()]
+    return [Reference(trial.reference, trial.name) for trial in contest.problem.fit]
+
+
+def total(pieces: list[Piece]) -> Information:
+    """What pieces tell together."""
+    found = pieces[0].information
+    for piece in pieces[1:]:
+        found = found + piece.information
+    return found
+
+
+def design(contest: Contest, seconds: float | None = None, seed: int = 0) -> Design:
+    """The experiment that tells rivals apart best.
+
+    Args:
+        contest: explanations still in play.
+        seconds: its length [s]; half a minute, or as many frames as a slow machine needs, if None.
+        seed: of the search.
+
+    Raises:
+        InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
+    """
+    length = usual_seconds(contest.problem.robot.machine.frame) if seconds is None else seconds
+    return Designer(contest, length, seed).designed()

@@ -1,0 +1,113 @@
+"""A figure of an experiment: what is asked, and by how much the two closest explanations then differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.display import colour_of, display_of
+from exodrake.data.plot import STYLE, new_figure, png_of
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.parameter import apply
+from exodrake.experiment.contest import Contest
+from exodrake.experiment.design import Design
+from exodrake.experiment.information import trial_of
+
+DRAWN = 3  # kinds of columns
+BAND = 1.96  # standard deviations that hold 95 % (normal law)
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """What a true explanation logs less what the closest rival does once it is refitted.
+
+    Attributes:
+        true, rival: their names.
+        values: (frames, columns) difference [unit of the column].
+        band: (frames, columns) standard deviation of noise and of the error of the laws [the same].
+    """
+
+    true: str
+    rival: str
+    values: np.ndarray
+    band: np.ndarray
+
+
+def difference_of(contest: Contest, design: Design) -> Difference:
+    """The difference of the closest two explanations on an experiment."""
+    problem, (true, rival) = contest.problem, design.information.closest
+    e, pair = contest.explanations[rival], design.information.pairs[true, rival]
+    moved = np.clip(e.x + contest.spreads[rival] @ pair.refit, *e.bounds)
+    trial = trial_of(contest, design.reference.tension)
+    rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
+    logs, machine = problem.predict(rows, trial), problem.robot.machine
+    variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
+    for one in (contest.explanations[true], e):
+        (log,) = problem.predict(one.robot[None], trial)
+        for identity in one.effects:
+            absent = problem.predict(without_effect(machine, one.robot, machine.effect(identity)), trial)
+            variance += calibration_of(machine).same_meaning ** 2 * np.sum((absent - log) ** 2, axis=0)
+    return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
+
+
+def figure_of(contest: Contest, design: Design) -> bytes:
+    """The figure as PNG."""
+    import matplotlib
+
+    difference, columns = difference_of(contest, design), contest.problem.columns
+    size = np.sqrt(np.mean((difference.values / difference.band) ** 2, axis=0))
+    best: dict[str, int] = {}
+    for k in np.argsort(-size):
+        best.setdefault(contest.problem.kinds[k], int(k))
+    shown = list(best.values())[:DRAWN]
+    with matplotlib.rc_context(STYLE):
+        figure = new_figure(8.0, 2.4 + 1.6 * len(shown))
+        rows = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False, height_ratios=[1.35, *[1.0] * len(shown)])
+        draw_reference(rows[0, 0], contest, design)
+        for axes, k in zip(rows[1:, 0], shown):
+            draw_difference(axes, contest, replace_columns(difference, k), columns[k], size[k])
+        told = f"{difference.true} against {difference.rival} refitted"
+        rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
+        rows[-1, 0].set_xlabel("Time [s]")
+        name = contest.problem.case.name
+        figure.suptitle(f"{name}: the next experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
+        figure.align_ylabels(list(rows[:, 0]))
+        return png_of(figure)
+
+
+def replace_columns(difference: Difference, k: int) -> Difference:
+    """The difference of one column."""
+    return replace(difference, values=difference.values[:, k], band=difference.band[:, k])
+
+
+def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
+    """What the robot is to be asked to do, a line a channel."""
+    machine = contest.problem.robot.machine
+    column = machine.references[0]
+    channels, display = machine.axes.of(machine.signal[column.signal].axis), display_of(column.kind, machine)
+    time = machine.frame * np.arange(len(design.reference.tension))
+    for k, channel in enumerate(channels):
+        course = display.factor * design.reference.tension[:, k]
+        axes.plot(time, course, color=colour_of(channel, k, machine), label=channel)
+    axes.set_ylabel(display.axis)
+    axes.set_xlim(time[0], time[-1])
+    axes.set_title("what the robot is asked to do", fontsize=9, loc="left")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
+
+
+def draw_difference(axes: Any, contest: Contest, difference: Difference, column: str, size: float) -> None:
+    """The difference in one column with the band that holds 95 % of noise and of the error of the laws."""
+    machine = contest.problem.robot.machine
+    kind, channel = column.rsplit("_", 1)
+    display = display_of(kind, machine)
+    time = machine.frame * np.arange(len(difference.values))
+    band = BAND * display.factor * difference.band
+    axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
+    axes.plot(time, display.factor * difference.values, color="#d55e00", label=channel)
+    axes.set_ylabel(f"{channel}\n{display.axis}")
+    axes.legend(
+        loc="upper right", ncols=2, fontsize=7.5, title=f"RMS {size:.2g} standard deviations", title_fontsize=7.5
+    )

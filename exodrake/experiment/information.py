@@ -1,0 +1,169 @@
+"""What a motion tells of rivals, each of them refitted (T-optimality; Atkinson & Fedorov 1975).
+
+If i is true and j is fitted to the new log and to what is known already, j leaves
+
+    T_ij = min_z  (d - J z)' W (d - J z) + z'z  =  d'Wd - d'WJ (1 + J'WJ)^-1 J'Wd
+
+d: whitened difference of their logs. J: derivatives of j's log by its parameters in units of what the present logs
+leave uncertain (`Contest.spreads`). W: one over the variance of a sample,
+
+    1 / w = n (1 + c_i^2 + c_j^2)       c: error of an effect's law in another simulator of the same law
+
+n: frames that count as one. d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.levels import ALPHA
+from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
+from exodrake.diagnosis.linearise import NOMINAL_STEP, without_effect
+from exodrake.diagnosis.parameter import apply
+from exodrake.diagnosis.problem import Trial
+from exodrake.diagnosis.refine import Explanation
+from exodrake.experiment.contest import Contest
+
+SOFT = 8.0  # T over which one more pair counts less: exp(-T / 8) bounds the error of a likelihood ratio (Chernoff)
+LONG_STEP = 0.3  # of what the logs leave uncertain, for difference quotients: assumed
+DIRECTIONS, WEAK = 10, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """d'Wd, J'Wd (parameters,) and J'WJ (parameters, parameters) of a rival against a true explanation."""
+
+    square: float
+    slope: np.ndarray
+    normal: np.ndarray
+
+    def __add__(self, other: Pair) -> Pair:
+        return Pair(self.square + other.square, self.slope + other.slope, self.normal + other.normal)
+
+    @property
+    def refit(self) -> np.ndarray:
+        """Change (parameters,) of the refitted parameters, in units of what the present logs leave uncertain."""
+        return np.linalg.solve(np.eye(len(self.slope)) + self.normal, self.slope)
+
+    @property
+    def left(self) -> float:
+        """T: what the rival leaves once it is refitted."""
+        return max(self.square - float(self.slope @ self.refit), 0.0)
+
+
+def pair_of(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> Pair:
+    """The information of samples: difference (samples,), derivatives (parameters, samples), weights (samples,)."""
+    weighted = columns * weights
+    return Pair(float(difference @ (weights * difference)), weighted @ difference, weighted @ columns.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """What motions tell: (true, rival) -> information."""
+
+    pairs: dict[tuple[int, int], Pair]
+
+    def __add__(self, other: Information) -> Information:
+        return Information({key: pair + other.pairs[key] for key, pair in self.pairs.items()})
+
+    @property
+    def left(self) -> dict[tuple[int, int], float]:
+        """(true, rival) -> T."""
+        return {key: pair.left for key, pair in self.pairs.items()}
+
+    @property
+    def criterion(self) -> float:
+        """About the least T of all pairs, smooth: what a search maximises."""
+        left = np.array(list(self.left.values())) / SOFT
+        return -SOFT * float(np.logaddexp.reduce(-left))
+
+    @property
+    def closest(self) -> tuple[int, int]:
+        """The (true, rival) of the least T."""
+        left = self.left
+        return min(left, key=lambda key: left[key])
+
+    @property
+    def probability(self) -> float:
+        """Probability that all but the true explanation are rejected, each as likely to be true."""
+        return float(np.mean([self.resolved(i) for i in sorted({true for true, _ in self.pairs})]))
+
+    def resolved(self, true: int) -> float:
+        """Probability that all rivals of a true explanation are rejected: that of the closest one."""
+        return min(power(pair.left) for key, pair in self.pairs.items() if key[0] == true)
+
+
+def power(left: float) -> float:
+    """Probability that a test along a known difference, of T = `left`, rejects at the level of a diagnosis."""
+    from scipy.stats import norm
+
+    return float(norm.sf(norm.isf(ALPHA) - np.sqrt(left)))
+
+
+def trial_of(contest: Contest, reference: np.ndarray) -> Trial:
+    """A log (frames, columns) that the first explanation would leave on a reference (frames, references) [SI]."""
+    problem = contest.problem
+    empty = Trial("experiment", "fit", reference, np.zeros((len(reference), len(problem.columns))))
+    return replace(empty, measured=problem.predict(contest.robots[:1], empty)[0])
+
+
+def likelihood_on(contest: Contest, reference: np.ndarray) -> Likelihood:
+    """The likelihood of that log, whitened as the logs of the case are."""
+    (view,) = contest.likelihood.views
+    problem = replace(contest.problem, fit=(trial_of(contest, reference),))
+    return Likelihood((replace(view, problem=problem, noise=()),))
+
+
+def information(contest: Contest, reference: np.ndarray) -> Information | None:
+    """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
+    likelihood = likelihood_on(contest, reference)
+    rows = likelihood.residual(contest.robots)
+    errors = [law_error(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
+    columns = [
+        derivatives(likelihood, e, spread, row)
+        for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
+    ]
+    if not all(np.isfinite(part).all() for part in (rows, *errors, *columns)):
+        return None
+    frames = max(CORRELATION / contest.problem.robot.machine.frame, 1.0)
+    pairs = {}
+    for i, j in permutations(range(len(rows)), 2):
+        weights = 1.0 / (frames * (1.0 + errors[i] + errors[j]))
+        pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
+    return Information(pairs)
+
+
+def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
+    scale = np.array([p.scale for p in e.parameters])[:, None]
+    steps = np.minimum(LONG_STEP, NOMINAL_STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12))
+    low, high = e.bounds
+    moved = e.x + (spread * steps).T
+    outside = ((moved < low) | (moved > high)).any(axis=1)
+    steps = np.where(outside, -steps, steps)
+    rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
+    return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
+
+
+def law_error(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
+    """Variance (samples,) that the error of the laws of an explanation adds, in noise variances."""
+    machine, found = likelihood.robot.machine, np.zeros(len(residual))
+    for identity in e.effects:
+        absent = without_effect(machine, e.robot, machine.effect(identity))
+        found += np.sum((likelihood.residual(absent) - residual) ** 2, axis=0)
+    return calibration_of(machine).same_meaning ** 2 * found
+
+
+def reduced(contest: Contest, pilot: Information) -> Contest:
+    """The contest with the directions alone in which a refit changes a pilot motion, for a quick search."""
+    spreads = []
+    for j, spread in enumerate(contest.spreads):
+        normal = next(pair.normal for (_, rival), pair in pilot.pairs.items() if rival == j)
+        size, axes = np.linalg.eigh(normal)
+        keep = np.argsort(size)[::-1][:DIRECTIONS]
+        spreads.append(spread @ axes[:, [k for k in keep if size[k] > WEAK] or keep[:1]])
+    return replace(contest, spreads=tuple(spreads))

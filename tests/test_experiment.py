@@ -1,0 +1,222 @@
+"""The next experiment: what a motion tells, what is safe, and the search."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from effects_motion import motion_of
+from scipy.stats import norm
+
+import exodrake as exo
+from exodrake.cli.main import cli
+from exodrake.compiled.inputs import Reference
+from exodrake.core.errors import InputError
+from exodrake.core.plain import plain
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.case_folder import read_case, write_case
+from exodrake.diagnosis.levels import ALPHA
+from exodrake.diagnosis.problem import make_problem, required_of
+from exodrake.diagnosis.provenance import provenance_of
+from exodrake.diagnosis.result import Rival
+from exodrake.experiment import design as search
+from exodrake.experiment.contest import contest_of
+from exodrake.experiment.design import design, frames_of
+from exodrake.experiment.information import information, pair_of, power
+from exodrake.experiment.motif import random_motif
+from exodrake.experiment.safety import safety_of
+from exodrake.experiment.stage import limited, stage_of
+from exodrake.simulation.references import from_log
+
+VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
+COULOMB = Rival(("carriage.coulomb_friction",), {"carriage.coulomb_friction.force": 15.0})
+
+
+def case_of(robot):
+    """A carriage with viscous friction, and one short motion."""
+    log = exo.simulate(robot, exo.Reference(motion_of("emps", 1)), seed=1)
+    return Case("emps", {}, (CaseLog(log, "motion", "fit", None, "motion.csv"),), robot.machine.frame)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    robot = exo.load_robot("emps")
+    worn = robot.splice("carriage.viscous_friction", {"coefficient": 150.0})
+    return make_problem(case_of(worn), robot)
+
+
+@pytest.fixture(scope="module")
+def contest(problem):
+    return contest_of(problem, [VISCOUS, COULOMB])
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """A short search."""
+    for name, count in (("RANDOM", 5), ("WINDOWS", 3), ("MUTATIONS", 4)):
+        monkeypatch.setattr(search, name, count)
+
+
+def test_what_a_refitted_rival_leaves_is_that_of_two_linear_models_by_hand():
+    """True a s^2 against b s at s = 0, 1, 2, b known to 1: d = (0, 1, 4), J = (0, 1, 2), J'd = 9, J'J = 5.
+
+    T = 17 - 81 / 6; without the prior, least squares leaves 17 - 81 / 5.
+    """
+    d, line = np.array([0.0, 1.0, 4.0]), np.array([[0.0, 1.0, 2.0]])
+    assert pair_of(d, line, np.ones(3)).left == pytest.approx(17.0 - 81.0 / 6.0)
+    assert pair_of(d, 1e6 * line, np.ones(3)).left == pytest.approx(17.0 - 81.0 / 5.0)
+    assert pair_of(d, line, np.full(3, 0.25)).left == pytest.approx(17.0 / 4.0 - (81.0 / 16.0) / (1.0 + 5.0 / 4.0))
+
+
+def test_information_adds_over_motions():
+    rng = np.random.default_rng(3)
+    d, columns, weights = rng.normal(size=20), rng.normal(size=(4, 20)), rng.uniform(0.2, 1.0, 20)
+    parts = [pair_of(d[k], columns[:, k], weights[k]) for k in (slice(0, 8), slice(8, 20))]
+    assert (parts[0] + parts[1]).left == pytest.approx(pair_of(d, columns, weights).left)
+    stacked = np.vstack([np.sqrt(weights)[:, None] * columns.T, np.eye(4)])
+    target = np.concatenate([np.sqrt(weights) * d, np.zeros(4)])
+    _, (left,), *_ = np.linalg.lstsq(stacked, target, rcond=None)
+    assert pair_of(d, columns, weights).left == pytest.approx(left)
+
+
+def test_without_a_difference_the_rival_is_rejected_at_the_level_of_the_test():
+    assert power(0.0) == pytest.approx(ALPHA)
+    assert power(norm.isf(ALPHA) ** 2) == pytest.approx(0.5)
+
+
+def test_equal_explanations_leave_nothing(problem):
+    found = information(contest_of(problem, [VISCOUS, VISCOUS]), problem.fit[0].reference)
+    assert found is not None and max(found.left.values()) == 0.0
+
+
+def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_not(contest):
+    """At one constant speed v a viscous force c v is a Coulomb force; at other speeds it is not."""
+    stage = stage_of(contest.problem.robot, contest.problem.fit)
+    s = np.linspace(0.0, 1.0, 8001)[:, None]
+    one, two = 0.2 + 0.6 * s, np.where(s < 0.5, 0.2 + 0.2 * s, 0.3 + (s - 0.5))
+    told = [information(contest, stage.reference(shares).tension) for shares in (one, two)]
+    assert told[0] is not None and told[1] is not None
+    assert min(told[1].left.values()) > 3.0 * min(told[0].left.values())
+
+
+def test_random_motifs_stay_within_the_span_and_return_to_rest():
+    rng, rest = np.random.default_rng(0), np.array([0.0, 0.3, 1.0])
+    for _ in range(50):
+        motif = random_motif(3, rng)
+        shares = motif.mutated(rng).shares(300, rest)
+        assert shares.min() >= 0.0 and shares.max() <= 1.0
+        assert shares[0] == pytest.approx(rest) and shares[-1] == pytest.approx(rest)
+
+
+def test_limited_courses_keep_the_rate_and_both_ends():
+    rows = np.concatenate([np.zeros(50), np.ones(100), np.zeros(60)])[:, None]
+    out = limited(rows, np.array([0.02]), 5)
+    assert np.abs(np.diff(out, axis=0)).max() <= 0.02 + 1e-12
+    assert out[0] == 0.0 and out[-1] == pytest.approx(0.0, abs=0.05) and out.max() == pytest.approx(1.0)
+    assert np.array_equal(limited(rows, np.array([np.inf]), 5), rows)
+
+
+def test_what_goes_beyond_a_planted_limit_is_named(contest):
+    """The same motion with the range of the position planted just below and just above its peak."""
+    safety = safety_of(contest.problem, contest.robots, [])
+    reference = Reference(contest.problem.fit[0].reference)
+    records = contest.records(reference)
+    assert safety.violations(contest.names, records) == []
+    k = next(k for k, label, _ in search_labels(safety) if label == "position_carriage")
+    peak = records[:, :, k].max(axis=1)
+    low = replace(safety, high=np.where(np.arange(len(safety.high)) == k, peak.min() - 1e-6, safety.high))
+    said = low.violations(contest.names, records)
+    assert said and all("position_carriage" in sentence for sentence in said)
+    over = [name for name, top in zip(contest.names, peak, strict=True) if top > peak.min() - 1e-6]
+    assert len(said) == len(over)
+    slow = replace(safety, rate=np.where(np.arange(len(safety.rate)) == k, 1e-9, safety.rate))
+    assert any("m/s" in sentence or "mm/s" in sentence for sentence in slow.violations(contest.names, records))
+
+
+def search_labels(safety):
+    from exodrake.experiment.safety import labels
+
+    return labels(safety.machine)
+
+
+def test_search_is_seeded_safe_and_tells_more_than_the_motion_at_hand(contest, few):
+    one, again, other = (design(contest, 20.0, seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.reference.tension, again.reference.tension)
+    assert not np.array_equal(one.reference.tension, other.reference.tension)
+    assert one.safety.violations(contest.names, contest.records(one.reference)) == []
+    low, high = contest.problem.robot.reference_limits()
+    course = one.reference.tension[:, :1]
+    assert (course >= low).all() and (course <= high).all()
+    old = information(contest, contest.problem.fit[0].reference)
+    assert old is not None and one.information.criterion > old.criterion
+
+
+def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):
+    closed = safety_of(contest.problem, contest.robots, [])
+    shut = replace(closed, high=np.full_like(closed.high, -1e3))
+    monkeypatch.setattr(search, "safety_of", lambda *_: shut)
+    with pytest.raises(InputError, match="no motion is safe"):
+        design(contest, 20.0)
+
+
+@pytest.mark.parametrize("seconds", [5.0, 61.0])
+def test_length_out_of_range_is_refused(seconds):
+    with pytest.raises(InputError, match="wanted 20 to 60 s"):
+        frames_of(seconds, 0.02)
+    assert frames_of(120.0, 1.0) == 120
+
+
+def test_log_of_an_experiment_is_used_in_full_length(problem):
+    log = problem.case.logs[0]
+    case = replace(problem.case, logs=(log, replace(log, protocol="experiment", file="experiment.csv")))
+    short = make_problem(case, problem.robot).shortened(0.35)
+    whole = len(log.log)
+    assert [len(trial.reference) for trial in short.fit] == [int(0.35 * whole), whole]
+
+
+@pytest.fixture(scope="module")
+def answered(problem, tmp_path_factory):
+    """A case folder with an ambiguous answer."""
+    folder = tmp_path_factory.mktemp("case")
+    write_case(problem.case, folder)
+    case = read_case(folder, required_of(problem.robot.machine), problem.robot.machine.frame)
+    made = provenance_of(make_problem(case, problem.robot))
+    answer = {"verdict": "AMBIGUOUS", "rivals": plain([VISCOUS, COULOMB]), "provenance": plain(made)}
+    (folder / "diagnosis.json").write_text(json.dumps(answer))
+    return folder
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path):
+    out = tmp_path / "reference.csv"
+    told = run("experiment", answered, "--robot", "emps", "--out", out, "--seconds", 20)
+    assert told.exit_code == 0, told.output
+    assert "carriage.coulomb_friction" in told.output and "diagnose again" in told.output
+    robot = exo.load_robot("emps")
+    reference = from_log(out, robot)
+    assert len(reference.tension) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    again = tmp_path / "again.csv"
+    told = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--seconds", 20)
+    assert told.exit_code == 0 and again.read_bytes() == out.read_bytes()
+
+
+def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):
+    answer = json.loads((answered / "diagnosis.json").read_text())
+    for changes, status, words in (
+        ({"verdict": "NAMED", "rivals": []}, 0, "one explanation is left"),
+        ({"rivals": 3}, 2, "rivals"),
+        ({"provenance": answer["provenance"] | {"files": {}}}, 2, "other logs"),
+        ({"provenance": answer["provenance"] | {"parameters": "0"}}, 2, "another nominal robot"),
+        ({"rivals": [{"effects": [], "parameters": {"no.such": 1.0}}] * 2}, 2, "no parameter 'no.such'"),
+    ):
+        path = tmp_path / "answer.json"
+        path.write_text(json.dumps(answer | changes))
+        out = tmp_path / "reference.csv"
+        told = run("experiment", path, "--case", answered, "--robot", "emps", "--out", out)
+        assert told.exit_code == status and words in told.output, told.output
+        assert not out.exists()
