@@ -22,8 +22,8 @@ import numpy as np
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.levels import ALPHA
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
-from exodrake.diagnosis.linearise import NOMINAL_STEP, without_effect
-from exodrake.diagnosis.parameter import apply
+from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.parameter import STEP, apply
 from exodrake.diagnosis.problem import Trial
 from exodrake.diagnosis.refine import Explanation
 from exodrake.experiment.contest import Contest
@@ -140,7 +140,7 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
     scale = np.array([p.scale for p in e.parameters])[:, None]
-    steps = np.minimum(LONG_STEP, NOMINAL_STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12))
+    steps = np.minimum(LONG_STEP, STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12))
     low, high = e.bounds
     moved = e.x + (spread * steps).T
     outside = ((moved < low) | (moved > high)).any(axis=1)
