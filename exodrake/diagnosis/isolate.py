@@ -87,6 +87,8 @@ class Isolator:
             return found
         while not found.sufficient and len(found.tested) < max_effects:
             larger = self.grown(found)
+            if not larger.explanations:
+                return found
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
             parent = next(t for t in again if t.explanation is found.tested[-1][0].explanation)
             if found.left and not parent.levels.beaten_by:

@@ -49,8 +49,10 @@ def decide(problem: Problem, found: Isolation) -> Decision:
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
     if not left and not detected:
-        verdict = RETUNE if found.retuned.levels.consistent else UNKNOWN
-        return Decision(verdict, found.retuned, (), ("no effect differs from its null value",))
+        if found.retuned.levels.consistent:
+            return Decision(RETUNE, found.retuned, (), ("no effect differs from its null value",))
+        name = found.left[0].explanation.name
+        return Decision(UNKNOWN, found.best, (), (f"an effect of the best explanation, {name}, may as well be absent",))
     if not left:
         return Decision(NAMED, found.retuned, (), detected)
     best = left[0]

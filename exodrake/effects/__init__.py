@@ -90,7 +90,7 @@ def scaled(parameter: EffectParameter, axis: str, size: float, unit: str) -> Eff
 def for_machine(
     library_id: str, identity: str, points: Mapping[str, str] | None = None, **parameters: EffectParameter
 ) -> Effect:
-    """The same law on another machine, under its own id; its parameters do not count as of `same_meaning`.
+    """The same law on another machine, under its own id.
 
     Args:
         library_id: id in the library.
@@ -111,5 +111,4 @@ def for_machine(
         parameters=tuple(parameters.get(n.name, n) for n in effect.parameters),
         advances=tuple(moved.get(point, point) for point in effect.advances),
         filters=tuple(moved.get(point, point) for point in effect.filters),
-        same_meaning=False,
     )

@@ -19,5 +19,6 @@ EFFECT = Effect(
     at={"sliding.pushed": pushed},
     parameters=(EffectParameter("force", "force", null=0.0, low=-1.0, high=1.0, default=0.2),),
     family="offset",
+    same_meaning=True,
     order=115,
 )

@@ -22,5 +22,16 @@ SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighb
 SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
 SHARE = EffectParameter("share", "-", null=0.0, low=-0.4, high=0.4, axis=JOINTS, default=0.1)
 BY_NEXT, BY_PREVIOUS = {"joint.aimed": aimed_by_next}, {"joint.aimed": aimed_by_previous}
-NEXT = Effect("joint.coupling_to_next", SUMMARY, SIGNATURE, SOURCE, BY_NEXT, (SHARE,), family="crosstalk")
-PREVIOUS = Effect("joint.coupling_to_previous", SUMMARY, SIGNATURE, SOURCE, BY_PREVIOUS, (SHARE,), family="crosstalk")
+NEXT = Effect(
+    "joint.coupling_to_next", SUMMARY, SIGNATURE, SOURCE, BY_NEXT, (SHARE,), family="crosstalk", same_meaning=True
+)
+PREVIOUS = Effect(
+    "joint.coupling_to_previous",
+    SUMMARY,
+    SIGNATURE,
+    SOURCE,
+    BY_PREVIOUS,
+    (SHARE,),
+    family="crosstalk",
+    same_meaning=True,
+)

@@ -20,4 +20,5 @@ EFFECT = Effect(
     at={"joint.aimed": aimed},
     parameters=(EffectParameter("gain", "-", null=0.0, low=-0.3, high=0.3, axis=JOINTS, default=-0.1),),
     family="gain",
+    same_meaning=True,
 )

@@ -20,4 +20,5 @@ EFFECT = Effect(
     at={"joint.aimed": aimed},
     parameters=(EffectParameter("offset", "rad", null=0.0, low=-0.3, high=0.3, axis=JOINTS, default=0.05),),
     family="offset",
+    same_meaning=True,
 )

@@ -19,5 +19,6 @@ EFFECT = Effect(
     at={"signal.mixed": mixed},
     parameters=(EffectParameter("coefficient", "-", null=0.0, low=-0.3, high=0.3, default=0.05),),
     family="crosstalk",
+    same_meaning=True,
     order=720,
 )

@@ -24,5 +24,6 @@ EFFECT = Effect(
     states=(State("history", width=DEPTH, unit="value"),),
     filters=("signal.shown",),
     family="delay",
+    same_meaning=True,
     order=760,
 )

@@ -19,5 +19,6 @@ EFFECT = Effect(
     at={"signal.shown": shown},
     parameters=(EffectParameter("gain", "-", null=0.0, low=-0.3, high=0.3, default=-0.1),),
     family="gain",
+    same_meaning=True,
     order=740,
 )

@@ -19,5 +19,6 @@ EFFECT = Effect(
     at={"signal.shown": shown},
     parameters=(EffectParameter("offset", "value", null=0.0, low=-0.3, high=0.3, default=0.05),),
     family="offset",
+    same_meaning=True,
     order=742,
 )
