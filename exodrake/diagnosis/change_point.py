@@ -82,6 +82,12 @@ class Change:
     scatter: float
     size: float = 0.0
 
+    def path(self, first: float, last: float) -> list[tuple[float, float]]:
+        """Corners (time, value) of the likeliest change between two times."""
+        onset, start, end = self.began[0], self.before[0], self.after[0]
+        landed = {STEP: end, RAMP: start}.get(self.shape, end - self.rate[0] * (last - onset))
+        return [(first, start), (onset, start), (onset, landed), (last, end)]
+
 
 class ChangePoint:
     """The scan for one change at times (points,), of series with one covariance (points, points) of their errors."""

@@ -246,4 +246,7 @@ class Diagnosis:
         """The answer as plain data, in SI."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
-        return plain(answer | {"closure": closure, "simulated_seconds": self.simulated_seconds})
+        case = None if self.problem is None else self.problem.case
+        dates = [item.date for item in case.logs if item.date is not None] if case else []
+        robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
+        return plain(answer | robot | {"closure": closure, "simulated_seconds": self.simulated_seconds})

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any
 
 from exodrake.core.display import SYMBOLS, shown_unit
+from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import LEVEL, STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.diagnosis.since import RESIDUAL, Series, Since
@@ -39,7 +40,7 @@ def words(diagnosis: Diagnosis) -> list[str]:
     alike = [one for one in found.series if one.change is not None and one.name == found.clearest.name]
     lines = [sentence(found, found.clearest, found.clearest.change)]
     if len(alike) > 1:
-        lines.append(f"so it does on {n.listed([one.channel for one in alike[1:]])}")
+        lines.append(f"it changes, too, on {n.listed([one.channel for one in alike[1:]])}")
     if diagnosis.verdict == UNKNOWN and found.effect:
         lines.append(
             f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "
@@ -68,7 +69,7 @@ def when(found: Since, change: Change) -> str:
 def speed(found: Since, one: Series, change: Change) -> str:
     """Rate by day or minute, and as a share of the value before where that is clearly not zero."""
     per, factor = ("a day", 1.0) if found.unit == "d" else ("a minute", 60.0)
-    value, *_ = n.interval(Interval(*(factor * v for v in change.rate), one.unit))
+    value = n.quantity(factor * change.rate[0], one.unit)
     level, low, high = change.before
     share = f", {n.percent(factor * change.rate[0] / level)} of the value before" if low * high > 0.0 else ""
     return f"{value} {per}{share}"
@@ -87,18 +88,17 @@ def timeline(found: Since, one: Series) -> dict[str, Any]:
     head = {"title": title(one), "unit": SYMBOLS.get(name, name), "dates": found.unit == "d"}
     times = seconds(found, found.times)
     if one.change is None:
-        return {**head, **rows, "times": times, "began": None, "ends": None}
-    ends = [factor * one.change.before[0], factor * one.change.after[0]]
-    began = seconds(found, one.change.began)
-    return {**head, **rows, "times": times, "began": began, "ends": ends, "step": one.change.shape == STEP}
+        return {**head, **rows, "times": times}
+    path = [[*seconds(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
+    return {**head, **rows, "times": times, "began": seconds(found, one.change.began), "path": path}
 
 
 def seconds(found: Since, times: Sequence[float]) -> list[float]:
     """Times [unit of `found`] in seconds since 1970, or in those of the log."""
     if found.unit == "s":
         return list(times)
-    first = datetime.fromisoformat(found.sessions[0])
-    return [(first + timedelta(days=t)).replace(tzinfo=None).timestamp() for t in times]
+    first = date_of(found.sessions[0])
+    return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
 
 
 def changes(found: Since) -> Table | None:

@@ -31,7 +31,7 @@ def read_columns(data: bytes, source: str) -> dict[str, Any]:
 
 def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
     """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
-    _, parquet = _pyarrow(source)
+    _, parquet = pyarrow_of(source)
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
         check_size(file.metadata.num_rows * file.metadata.num_columns, source)
@@ -45,7 +45,7 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
 
 def write(log: Log) -> bytes:
     """The log as Parquet in SI."""
-    arrow, parquet = _pyarrow(log.label)
+    arrow, parquet = pyarrow_of(log.label)
     columns = [arrow.array(values, from_pandas=True) for values in (log.time, *log.signals.values())]  # NaN to null
     stream = io.BytesIO()
     parquet.write_table(arrow.table(columns, names=headings(log)), stream)
@@ -77,7 +77,8 @@ def _lists(column: Any) -> np.ndarray | str:
     return flat.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy().reshape(-1, count)
 
 
-def _pyarrow(source: str) -> tuple[Any, Any]:
+def pyarrow_of(source: str) -> tuple[Any, Any]:
+    """The modules `pyarrow` and `pyarrow.parquet`. InputError naming the extra if they are not installed."""
     try:
         import pyarrow
         import pyarrow.parquet

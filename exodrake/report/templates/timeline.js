@@ -29,16 +29,16 @@
   }
 
   function change(u, one) { // level, then step or slope
-    if (!one.ends) return;
-    const first = one.times[0], last = one.times[one.times.length - 1], [before, after] = one.ends;
-    const path = one.step
-      ? [[first, before], [one.began[0], before], [one.began[0], after], [last, after]]
-      : [[first, before], [one.began[0], before], [last, after]];
+    if (!one.path) return;
     u.ctx.strokeStyle = css("--before");
     u.ctx.lineWidth = 1.5 * devicePixelRatio;
     u.ctx.beginPath();
-    path.forEach(([t, y], k) => u.ctx[k ? "lineTo" : "moveTo"](u.valToPos(t, "x", true), u.valToPos(y, "y", true)));
+    one.path.forEach(([t, y], k) => u.ctx[k ? "lineTo" : "moveTo"](u.valToPos(t, "x", true), u.valToPos(y, "y", true)));
     u.ctx.stroke();
+  }
+
+  function days(u, at, axis, space, step) { // by ISO 8601, without the year that the text gives
+    return at.map((t) => new Date(1e3 * t).toISOString().slice(5, step < 86400 ? 16 : 10).replace("T", " "));
   }
 
   function draw(place, one) {
@@ -52,11 +52,12 @@
     const room = (low, high) => uPlot.rangeNum(low, high, 0.12, false);
     const first = one.times[0], last = one.times[one.times.length - 1], edge = 0.03 * (last - first || 1);
     panels.push(new uPlot({
+      tzDate: (t) => uPlot.tzDate(new Date(1e3 * t), "Etc/UTC"),
       width: place.clientWidth, height: HEIGHT, legend: { show: false }, padding: [8, 10, 0, 0],
       cursor: { y: false, drag: { x: false, y: false } },
       scales: { x: { time: one.dates, range: [first - edge, last + edge] },
         y: { range: () => room(Math.min(...one.low), Math.max(...one.high)) } },
-      axes: [{ ...axis, grid: { show: false }, ...(one.dates ? {} : { values: (u, t) => t.map((v) => v + " s") }) },
+      axes: [{ ...axis, grid: { show: false }, values: one.dates ? days : (u, t) => t.map((v) => v + " s") },
         { ...axis, grid: { stroke: css("--rule"), width: 1 }, size: 56, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") }],
       series: [{}, { stroke: css("--after"), width: 0, paths: () => null, points: { show: true, size: 7, fill: css("--after") } }],
       hooks: { drawClear: [(u) => span(u, one)], drawAxes: [(u) => { change(u, one); intervals(u, one); }],
