@@ -16,10 +16,10 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.core.display import SYMBOLS, shown_unit
-from exodrake.diagnosis.change_point import STEP
+from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row
 from exodrake.diagnosis.fleet_change import Trend, trends
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.sessions import DAY
 from exodrake.report import number_format as n
 from exodrake.report.diagnosis_page import COLOURS
@@ -85,7 +85,7 @@ def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]
     return [
         (str(len(robots)), "robots"),
         (f"{len(rows):,}", "cases"),
-        (str(len(ill)), "robots with a cause in their last case"),
+        (str(len(ill)), "robots with a gap in their last case"),
         (str(sum(bool(m.changed) for m in robots)), "robots with a dated change"),
         (str(sum(row.verdict == FAILURE for row in rows)), "cases without an answer"),
         (f"{np.median(seconds):.1f} s" if seconds else "–", "a case, median"),
@@ -137,8 +137,8 @@ def words(trend: Trend) -> str:
 def amount(trend: Trend) -> str:
     """How much an amplitude changed."""
     assert trend.change is not None
-    before, after = (n.interval(Interval(*item, trend.unit))[0] for item in (trend.change.before, trend.change.after))
-    if trend.change.shape == STEP:
+    before, after = (n.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
+    if trend.change.shape != RAMP:
         return f"{before} to {after}"
     return f"{before} to {after}, {n.quantity(trend.change.rate[0], trend.unit)} a day"
 

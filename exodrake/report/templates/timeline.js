@@ -37,8 +37,9 @@
     u.ctx.stroke();
   }
 
-  function days(u, at, axis, space, step) { // by ISO 8601, without the year that the text gives
-    return at.map((t) => new Date(1e3 * t).toISOString().slice(5, step < 86400 ? 16 : 10).replace("T", " "));
+  function days(u, at, axis, space, step) { // parts of dates by ISO 8601: hours, days, or months
+    const [from, to] = step < 86400 ? [5, 16] : step < 20 * 86400 ? [5, 10] : [0, 7];
+    return at.map((t) => new Date(1e3 * t).toISOString().slice(from, to).replace("T", " "));
   }
 
   function draw(place, one) {
@@ -59,7 +60,7 @@
         y: { range: () => room(Math.min(...one.low), Math.max(...one.high)) } },
       axes: [{ ...axis, grid: { show: false }, values: one.dates ? days : (u, t) => t.map((v) => v + " s") },
         { ...axis, grid: { stroke: css("--rule"), width: 1 }, size: 56, values: (u, t) => t.map((v) => +v.toPrecision(6) + "") }],
-      series: [{}, { stroke: css("--after"), width: 0, paths: () => null, points: { show: true, size: 7, fill: css("--after") } }],
+      series: [{}, { stroke: css("--after"), width: 0, paths: () => null, points: { show: true, size: one.times.length > 30 ? 4 : 7, fill: css("--after") } }],
       hooks: { drawClear: [(u) => span(u, one)], drawAxes: [(u) => { change(u, one); intervals(u, one); }],
         setCursor: [(u) => {
           const i = u.cursor.idx;
