@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+TOLD, CAUSE = 4, 2  # columns of the page's table that the terminal shows, and the one that is wrapped
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 
 
@@ -35,8 +36,8 @@ def command(source: Path, out: Path | None, table: Path | None) -> None:
     if out is not None:
         write_text(out, fleet_html(rows, source.resolve().name))
     shown = robot_table(members(rows))
-    titles = [*shown.header[: shown.words], *(f">{title}" for title in shown.header[shown.words :])]
-    Console(highlight=False).print(table_of(titles, [[c.replace("`", "") for c in r] for r in shown.rows], wrapped=2))
+    titles, cells = shown.header[:TOLD], [[cell.replace("`", "") for cell in row[:TOLD]] for row in shown.rows]
+    Console(highlight=False).print(table_of(titles, cells, wrapped=CAUSE))
     for path in (table, out):
         if path is not None:
             click.echo(f"written {path}")

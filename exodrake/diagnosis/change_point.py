@@ -26,6 +26,7 @@ CONFIDENCE = 0.9  # of the date's set and of sizes
 REJECTED = 0.05  # level of a date's test: at a tenth, sets of ramps covered 82 to 88 %, since sizes are fitted, too
 DRAWS, DATE_DRAWS, SIZE_DRAWS = 1999, 199, 2000  # for the p-value, for each date that is tried, for sizes
 GRID = 4  # dates of a ramp's begin that are tried between two points
+ROUNDING = 1e-9  # of the spread of a series
 FAR = 40.0  # deviance beyond which a date is given up without draws: no level between 1e-9 and 0.5 has such a limit
 
 
@@ -212,6 +213,7 @@ class ChangePoint:
             cloud.append(stated(dates, k, mean + strength[:, None] * moves))
         best = int(weights.argmax())
         first, rows = stated(dates, best, self.fit(dates, best, values)[0][None])[0], np.concatenate(cloud)
+        first = np.where(np.abs(first) < ROUNDING * np.ptp(values), 0.0, first)
         return [interval_of(value, column) for value, column in zip(first, rows.T, strict=True)]
 
     def fit(self, dates: Dates, k: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,10 +20,11 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes
 from exodrake.core.json_file import read_json
 from exodrake.data.case import date_of
-from exodrake.data.formats.parquet import pyarrow_of
+from exodrake.data.formats.parquet import parse_rows, pyarrow_of
 from exodrake.diagnosis.many import ANSWER, FAILED
 
 FAILURE = "FAILED"  # verdict of a case without an answer
+MAGIC = b"PAR1"  # a Parquet file begins so
 UNREADABLE = "its answer cannot be read"
 
 
@@ -175,24 +176,11 @@ def table_bytes(rows: Iterable[Row]) -> bytes:
 def read_table(path: str | Path) -> list[Row]:
     """Rows of a table. InputError for a damaged file, and naming a column that is missing or of another type."""
     data = read_bytes(path)
-    return ordered(map(row_from, in_child(parse, data, str(path), source=str(path), size=len(data))))
-
-
-def parse(data: bytes, source: str) -> list[dict[str, Any]]:
-    """Rows of a table as plain data."""
-    arrow, parquet = pyarrow_of(source)
-    wanted = schema(arrow)
-    try:
-        found = parquet.read_table(io.BytesIO(data))
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
-    for name in wanted.names:
-        if name not in found.column_names:
-            raise InputError(f"{source}: column {name!r} is missing; `exodrake fleet FOLDER --table` writes it")
-    try:
-        return found.select(wanted.names).cast(wanted).to_pylist()
-    except (arrow.ArrowInvalid, arrow.ArrowNotImplementedError, TypeError, ValueError) as error:
-        raise InputError(f"{source}: a column has another type ({str(error).splitlines()[0]})") from None
+    if data[: len(MAGIC)] != MAGIC:
+        raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
+    wanted = schema(pyarrow_of(str(path))[0])
+    found = in_child(parse_rows, data, str(path), wanted, source=str(path), size=len(data))
+    return ordered(map(row_from, found))
 
 
 def row_from(values: dict[str, Any]) -> Row:

@@ -43,6 +43,31 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
         raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
 
 
+def parse_rows(data: bytes, source: str, wanted: Any) -> list[dict[str, Any]]:
+    """Rows of a table of any types as plain data.
+
+    Args:
+        data: the file.
+        source: its name.
+        wanted: `pyarrow.Schema` of the columns.
+
+    Raises:
+        InputError: for a damaged file, and naming a column that is missing; for values of another type.
+    """
+    arrow, parquet = pyarrow_of(source)
+    try:
+        found = parquet.read_table(io.BytesIO(data))
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
+    for name in wanted.names:
+        if name not in found.column_names:
+            raise InputError(f"{source}: column {name!r} is missing")
+    try:
+        return found.select(wanted.names).cast(wanted).to_pylist()
+    except (arrow.ArrowInvalid, arrow.ArrowNotImplementedError, TypeError, ValueError) as error:
+        raise InputError(f"{source}: a column has another type ({str(error).splitlines()[0]})") from None
+
+
 def write(log: Log) -> bytes:
     """The log as Parquet in SI."""
     arrow, parquet = pyarrow_of(log.label)
