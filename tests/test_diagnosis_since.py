@@ -1,16 +1,22 @@
 """Since when: the change-point scan on drawn series, and simulated robots that wear, loosen, drift or stay."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from report_synthetic import diagnosis, simulated_logs
 from scipy.stats import binomtest
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.change_point import LEVEL, RAMP, STEP, ChangePoint
+from exodrake.diagnosis.change_point import LEVEL, RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.sessions import dated_sessions, windows
+from exodrake.diagnosis.since import Series, Since
+from exodrake.report.diagnosis_page import page
+from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 
@@ -111,3 +117,48 @@ def test_logs_of_two_sessions_do_not_show_the_noise_and_both_are_fitted():
     case = Case("repeats", {}, tuple(logs))
     assert [[i.file for i in group] for group in case.repeat_groups] == [["a", "b"]]
     assert [case.is_copy(i) for i in logs] == [False, True, False]
+
+
+def test_one_long_log_is_dated_by_windows(tmp_path):
+    """A sheath whose zero moves by 0.03 rad after 48 of 80 s of a log."""
+    nominal = exo.load_robot("tendon_sheath")
+    motion = on_machine(protocols.random_motion, nominal, duration=80.0, seed=1, fastest=1.0)
+    before, after = (exo.simulate(r, motion, seed=1) for r in (nominal, nominal.splice("sheath.offset")))
+    moved = np.where(before.time >= 48.0, after["angle_bending"], before["angle_bending"])
+    log = before.with_signals({"angle_bending": moved})
+    case = Case("long", {}, (CaseLog(log, "random", "fit", None, "long.csv"),), nominal.machine.frame)
+    found = exo.diagnose(case, nominal)
+    assert found.since.unit == "s" and len(found.since.sessions) == 8
+    change = found.since.clearest.change
+    assert change.began[1] <= 48.0 <= change.began[2] and change.began[2] - change.began[1] <= 40.0
+    (text,) = words(found)[:1]
+    assert " s and " in text or "about" in text
+
+
+def changed(shape, dates=("2026-03-01", "2026-03-02", "2026-03-03", "2026-03-05", "2026-03-06")):
+    """A synthetic answer whose friction changed after the third session."""
+    rate = (0.02, 0.015, 0.025) if shape == RAMP else (np.nan,) * 3
+    change = Change(0.001, shape, (shape,), (2.5, 2.0, 4.0), (0.1, 0.09, 0.11), (0.15, 0.14, 0.16), rate, 1.0, 50.0)
+    values = (0.1, 0.1, 0.1, 0.13, 0.15)
+    series = Series("tendon.capstan_friction.mu_phi", "AF", "-", values, values, values, 0.002, change)
+    return replace(diagnosis(NAMED), since=Since(dates, (0.0, 1.0, 2.0, 4.0, 5.0), "d", (series,)))
+
+
+def test_the_change_in_words_and_on_the_page():
+    found = changed(RAMP)
+    (text,) = words(found)
+    assert "began between 2026-03-03 and 2026-03-05 (90 %)" in text and "20 % of the value before" in text
+    assert found.to_json()["since"]["began"] == {"value": "2026-03-03", "low": "2026-03-03", "high": "2026-03-05"}
+    values = since_section(found)
+    (line,) = values["timelines"]
+    assert line["times"][3] - line["times"][2] == 2 * 86400 and line["began"][1] == line["times"][2]
+    html = page(found, simulated_logs(found.robots["nominal"], frames=200))
+    assert (
+        "Since when" in html
+        and 'id="timelines"' in html
+        and "timelines"
+        not in page(diagnosis(NAMED), simulated_logs(found.robots["nominal"], frames=200))
+        .split("</style>")[1]
+        .split("<script>")[0]
+    )
+    assert "a day" not in words(changed(STEP))[0]

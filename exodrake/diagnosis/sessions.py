@@ -25,7 +25,8 @@ from exodrake.diagnosis.projection import RIDGE
 from exodrake.diagnosis.refine import FREE, Explanation, whole_jacobian
 
 DAY = 86400.0  # s
-ROUNDS = 2  # further steps of logs by date: the first is exact where the parameters act in proportion
+ROUNDS = 5  # further steps of logs by date at most: the first is exact where the parameters act in proportion
+SETTLED = 0.1  # standard deviations of the own parameters: a smaller step is the last one
 WINDOW = 10.0  # s of a long log that count as a session at least: longer than the memory of the loops
 MOST_WINDOWS = 24  # of a long log
 
@@ -145,6 +146,11 @@ class Step:
         out[:, self.own] = self.series(found[:, None])[:, :, 0].T
         return out
 
+    def small(self, moves: np.ndarray) -> bool:
+        """Whether changes (sessions, parameters) of the own parameters are small against their noise."""
+        std = self.series(np.sqrt(np.maximum(np.diag(self.noise), 0.0))[:, None])[:, :, 0].T
+        return bool(np.all(np.abs(moves[:, self.own]) <= SETTLED * std))
+
     def series(self, unknowns: np.ndarray) -> np.ndarray:
         """Own parameters by session (own, sessions, n) of unknowns (unknowns, n)."""
         return unknowns[len(self.shared) :].reshape(self.count, len(self.own), -1).transpose(1, 0, 2)
@@ -199,6 +205,8 @@ def estimates(
         )
         step, x = Step(e, jacobians, weights, own), np.array([one.x for one in here])
         moved = step(x, residuals)
+        if step.small(moved - x):
+            break
     left = [r + (b - a) @ j for r, a, b, j in zip(residuals, x, moved, jacobians, strict=True)]
     size = amplitude(likelihood, left, [errors[:, r] for r in rows])
     return Estimates(moved[:, list(own)], step.covariance([size * errors[:, r] for r in rows]), left)

@@ -121,21 +121,23 @@ def since_of(problem: Problem, found: Isolation, decision: Decision) -> Since | 
     since = Since(tuple(s.name for s in sessions), tuple(s.time for s in sessions), unit)
     if len(sessions) < LEAST:
         return replace(since, note=FEW.format(len(sessions), LEAST))
-    e, effect = decision.best.explanation, ""
-    if decision.verdict == UNKNOWN and found.tested and unit == "d":
-        e = changing(found, sessions)
+    e, effect, tests = decision.best.explanation, "", None
+    if decision.verdict == UNKNOWN and found.tested:
+        tests = whole(problem, found, found.retuned.explanation) if unit == "s" else found.tests
+        e = changing(found, tests, sessions)
         effect = e.name
-    tests = whole(problem, found, e)
+    tests = tests if tests and unit == "s" else whole(problem, found, e)
     followed, chi2 = series_of(tests, on_whole(tests, e), sessions, own(found, e), decision.verdict)
     return replace(since, series=tested(followed, sessions), effect=effect, chi2=chi2)
 
 
-def changing(found: Isolation, sessions: Sequence[Session]) -> Explanation:
-    """The single effect that leaves least with amplitudes of its own in each session."""
+def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> Explanation:
+    """The single effect that leaves least with amplitudes of its own in each session, on the frames of the tests."""
 
     def left(e: Explanation) -> float:
-        likelihood, none = found.likelihood.scaled_to(e.residual), np.zeros((2, len(e.residual)))
-        fitted = estimates(likelihood, e, sessions, own(found, e), none)
+        e = e if tests is found.tests else on_whole(tests, e)
+        none = np.zeros((2, len(e.residual)))
+        fitted = estimates(tests.likelihood.scaled_to(e.residual), e, sessions, own(found, e), none)
         return sum(float(r @ r) for r in fitted.residuals)
 
     return min((t.explanation for t in found.tested[0][:TRIED]), key=left)

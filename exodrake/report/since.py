@@ -22,7 +22,7 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
     """Values of the section's template; nothing for a case without sessions."""
     found = diagnosis.since
     if found is None:
-        return {"since": None}
+        return {"since": None, "timelines": []}
     drawn = [timeline(found, one) for one in found.series[:SHOWN]]
     return {"since": words(diagnosis), "timelines": drawn, "changes": changes(found)}
 
