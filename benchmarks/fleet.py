@@ -16,6 +16,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import click
 import numpy as np
@@ -67,16 +68,18 @@ def sample(cases: int, robots: int, sessions: int) -> Iterator[tuple[int, int]]:
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder of cases, answers, table and page.")
 def main(cases: int, robots: int, sessions: int, out: Path) -> None:
     """Rehearse a fleet."""
-    from distributed import Client, LocalCluster
+    import distributed
 
+    client_of: Any = distributed.Client  # their types are those of coroutines
+    cluster_of: Any = distributed.LocalCluster
     began, places = perf_counter(), {}
     for robot, session in sample(cases, robots, sessions):
         case = session_case(robot, session, sessions)
         write_case(case, out / "cases" / case.name)
         places[out / "cases" / case.name] = out / "answers" / case.name
     click.echo(f"{len(places)} cases written in {perf_counter() - began:.1f} s")
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
-        with Client(cluster.scheduler_address, set_as_default=False) as client:
+    with cluster_of(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster:
+        with client_of(cluster.scheduler_address, set_as_default=False) as client:
             victims = sorted(client.run(os.getpid).values())[:1]
         began, counted = perf_counter(), []
 

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
-STEP, RAMP, BOTH = "step", "ramp", "step and ramp"
+from exodrake.diagnosis.change_dates import BOTH, RAMP, STEP, Dates, dates_of
+
 LEAST = 5  # points: a change has three parameters, their scatter one
 LEVEL = 0.02  # of the test whether there is a change; that of the other tests (`levels`)
 CONFIDENCE = 0.9  # of the date's set and of sizes
@@ -28,33 +28,6 @@ DRAWS, DATE_DRAWS, SIZE_DRAWS = 1999, 199, 2000  # for the p-value, for each dat
 GRID = 4  # dates of a ramp's begin that are tried between two points
 ROUNDING = 1e-9  # of the spread of a series
 FAR = 40.0  # deviance beyond which a date is given up without draws: no level between 1e-9 and 0.5 has such a limit
-
-
-@dataclass(frozen=True, eq=False)
-class Dates:
-    """What is tried: shapes and dates with the directions in which they add to a constant.
-
-    Attributes:
-        shape: (candidates,) names.
-        low, high: (candidates,) ends of the interval of time that a candidate stands for [unit of times].
-        columns: (candidates, points, 2) g of each, the second one zero but for `BOTH`.
-        added: (candidates, points, 2) orthonormal, whitened, orthogonal to a constant.
-    """
-
-    shape: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    columns: np.ndarray
-    added: np.ndarray
-
-    def gains(self, rows: np.ndarray) -> np.ndarray:
-        """Sum of squares (candidates, n) that each candidate takes up of whitened series (points, n)."""
-        flat = self.added.transpose(0, 2, 1).reshape(-1, self.added.shape[1])
-        return ((flat @ rows) ** 2).reshape(len(self.added), 2, -1).sum(axis=1)
-
-    def where(self, mask: np.ndarray) -> Dates:
-        """The candidates of a mask (candidates,)."""
-        return Dates(self.shape[mask], self.low[mask], self.high[mask], self.columns[mask], self.added[mask])
 
 
 @dataclass(frozen=True)
@@ -138,9 +111,9 @@ class ChangePoint:
         ends = (dates.low[kept].min(), dates.high[kept].max())
         began = tuple(float(max(t, self.times[0])) for t in (middle, *ends))
         shapes = tuple(dict.fromkeys([str(dates.shape[best]), *map(str, dates.shape[kept])]))
-        return Change(
-            p, str(dates.shape[best]), shapes, began, *sizes, float(np.sqrt(scatter)), float(gain[best] / scatter)
-        )
+        before, after, rate = sizes
+        name, strength = str(dates.shape[best]), float(gain[best] / scatter)
+        return Change(p, name, shapes, began, before, after, rate, float(np.sqrt(scatter)), strength)  # pyright: ignore
 
     def needs_both(self, row: np.ndarray, rng: np.random.Generator) -> bool:
         """Whether one of step and ramp alone is rejected against both, by draws of the likelier one as fitted."""
@@ -156,7 +129,8 @@ class ChangePoint:
             one, two = self.plain.gains(rows).max(axis=0), self.all.gains(rows).max(axis=0)
             return (two - one) / np.maximum(((rows**2).sum(axis=0) - two) / (free - 1), least)
 
-        return (1.0 + (ratio(drawn, 1e-12) >= ratio(row, 1.0)).sum()) / (DATE_DRAWS + 1.0) < LEVEL
+        above = int((ratio(drawn, 1e-12) >= ratio(row, 1.0)).sum())
+        return (1.0 + above) / (DATE_DRAWS + 1.0) < LEVEL
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
         """White noise (points, draws) without its constant."""
@@ -206,7 +180,7 @@ class ChangePoint:
             rng: of the draws.
         """
         counts, cloud = rng.multinomial(SIZE_DRAWS, weights), []
-        for k in np.flatnonzero(counts):
+        for k in map(int, np.flatnonzero(counts)):
             mean, spread = self.fit(dates, k, values)
             strength = np.sqrt(scatter * free / rng.chisquare(free, counts[k]))
             moves = rng.multivariate_normal(np.zeros(3), spread, counts[k], method="eigh")
@@ -234,35 +208,6 @@ def interval_of(value: float, draws: np.ndarray) -> tuple[float, float, float]:
     """A value with the ends of its 90 % interval by draws (n,), which may be NaN."""
     known = draws[np.isfinite(draws)]
     if not np.isfinite(value) or not len(known):
-        return (float("nan"),) * 3
+        return float("nan"), float("nan"), float("nan")
     low, high = np.quantile(known, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
     return float(value), float(min(low, value)), float(max(high, value))
-
-
-def dates_of(times: np.ndarray, white: np.ndarray, constant: np.ndarray, grid: int) -> Dates:
-    """Shapes and dates that are tried on points at times (points,).
-
-    A step may lie in any gap between two points. A ramp may begin at any point but the last two, and `grid` times
-    between two of them; one that begins later cannot be told from a step.
-
-    Args:
-        times: increasing (points,).
-        white: (points, points) whitening.
-        constant: (points,) whitened constant of length 1.
-        grid: dates of a ramp's begin by gap.
-    """
-    found = [(STEP, a, b, times > a, 0.0 * times) for a, b in pairwise(times)]
-    for a, b in pairwise(times[:-1]):
-        cell = (b - a) / grid
-        found += [(RAMP, t - cell / 2, t + cell / 2, np.maximum(times - t, 0.0), 0.0 * times) for t in
-                  a + cell * np.arange(grid)]  # fmt: skip
-    found += [(BOTH, a, b, times > a, np.maximum(times - 0.5 * (a + b), 0.0)) for a, b in pairwise(times[:-1])]
-    shape, low, high, *columns = zip(*found, strict=True)
-    stacked = np.array(columns, dtype=float).transpose(1, 2, 0)
-    rows = np.einsum("ij,cjk->cik", white, stacked)
-    rows = rows - np.einsum("i,j,cjk->cik", constant, constant, rows)
-    first = rows[..., 0] / np.linalg.norm(rows[..., 0], axis=1, keepdims=True)
-    second = rows[..., 1] - np.einsum("ci,ci->c", first, rows[..., 1])[:, None] * first
-    size = np.linalg.norm(second, axis=1, keepdims=True)
-    second = np.divide(second, size, out=np.zeros_like(second), where=size > 1e-9)
-    return Dates(np.array(shape), np.array(low), np.array(high), stacked, np.stack([first, second], axis=-1))

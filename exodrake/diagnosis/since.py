@@ -228,10 +228,15 @@ def tested(followed: Sequence[Followed], sessions: Sequence[Session]) -> tuple[S
         change = scan(one.x, rng) if p < LEVEL else None
         half = Z90 * np.sqrt(np.diag(one.covariance))
         ends = np.sort([[one.value(v) for v in one.x - half], [one.value(v) for v in one.x + half]], axis=0)
-        values = tuple(one.value(v) for v in one.x)
+        values, low, high = tuple(one.value(v) for v in one.x), tuple(ends[0].tolist()), tuple(ends[1].tolist())
         told = None if change is None else in_unit(one, change)
         order = (p, 0.0 if change is None else -change.size)
-        found.append((order, Series(one.name, one.channel, one.unit, values, *map(tuple, ends.tolist()), p, told)))
+        found.append(
+            (
+                order,
+                Series(one.name, one.channel, one.unit, values, low, high, p, told),
+            )
+        )
     return tuple(series for _, series in sorted(found, key=lambda item: item[0]))
 
 

@@ -102,7 +102,7 @@ def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
     """Verdicts over time: (verdict that is most frequent, words) of at most `CELLS` groups of consecutive cases."""
     cells = []
     for group in np.array_split(np.arange(len(rows)), min(CELLS, len(rows))):
-        own = [rows[i] for i in group]
+        own = rows[int(group[0]) : int(group[-1]) + 1]
         counts = Counter(row.verdict for row in own).most_common()
         ends = [row.date.date().isoformat() if row.date else row.case for row in (own[0], own[-1])]
         when = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
