@@ -41,7 +41,7 @@ def dates_of(times: np.ndarray, white: np.ndarray, constant: np.ndarray, grid: i
     """Shapes and dates that are tried on points at times (points,).
 
     A step may lie in any gap between two points. A ramp may begin at any point but the last two, and `grid` times
-    between two of them; one that begins later cannot be told from a step.
+    between two of them, and stands for the dates up to its neighbours'; one that begins later cannot be told from a step.
 
     Args:
         times: increasing (points,).
@@ -52,7 +52,7 @@ def dates_of(times: np.ndarray, white: np.ndarray, constant: np.ndarray, grid: i
     found = [(STEP, a, b, times > a, 0.0 * times) for a, b in pairwise(times)]
     for a, b in pairwise(times[:-1]):
         cell = (b - a) / grid
-        found += [(RAMP, t - cell / 2, t + cell / 2, np.maximum(times - t, 0.0), 0.0 * times) for t in
+        found += [(RAMP, t - cell, t + cell, np.maximum(times - t, 0.0), 0.0 * times) for t in
                   a + cell * np.arange(grid)]  # fmt: skip
     found += [(BOTH, a, b, times > a, np.maximum(times - 0.5 * (a + b), 0.0)) for a, b in pairwise(times[:-1])]
     shape, low, high, *columns = zip(*found, strict=True)
