@@ -155,3 +155,25 @@ def test_any_case_file_is_refused_or_read(folder, page, raw):
         assert isinstance(read_case(folder), Case)
     except InputError as error:
         assert str(folder) in str(error)
+
+
+def test_dates_and_serial_are_read_written_and_inherited(folder):
+    page = {
+        "serial": 7,
+        "date": "2026-03-05",
+        "logs": [{"file": "a.csv"}, {"file": "b.csv.gz", "date": "2026-03-06T14:30"}, {"file": "c.npz"}],
+    }
+    (folder / "case.yaml").write_text(yaml.safe_dump(page))
+    case = read_case(folder)
+    assert case.serial == "7" and [str(i.date.date()) for i in case.logs] == ["2026-03-05", "2026-03-06", "2026-03-05"]
+    write_case(case, folder / "copy")
+    back = read_case(folder / "copy")
+    assert back.serial == "7" and [i.date for i in back.logs] == [i.date for i in case.logs]
+    (folder / "case.yaml").write_text("serial: ''\nlogs: [{file: a.csv, date: 2026-03-05T10:00+02:00}]")
+    write_case(read_case(folder), folder / "zone")
+    assert read_case(folder / "zone").logs[0].date.utcoffset().total_seconds() == 7200
+
+
+@pytest.mark.parametrize("date", ["5 March", "2026-13-01", 20260305.5, ["2026-03-05"]])
+def test_what_is_no_date_is_refused_by_key(folder, date):
+    assert "'date'" in refusal(folder, {"logs": [{"file": "a.csv", "date": date}]})

@@ -39,7 +39,7 @@ SOME = {
     "estimate": ["{}/log.csv", "--estimator", "{}/absent.npz"],
 }
 # of one machine, or none, by their nature
-NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up")
+NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
 REFUSED = {"calibrate", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
 MADE_FOR, LOOPS = "exo_index", {"emps"}  # other machines that declare a closed loop

@@ -3,6 +3,8 @@
 `case.yaml` in the folder:
 
     name: wearer 3, Tuesday              # default: the folder's name
+    serial: exo-07                       # which robot of a fleet, if it matters
+    date: 2026-03-03                     # of all logs that have none; ISO 8601, with a time if need be
     robot: {tendon: {stiffness: 2500}}   # overrides of the nominal parameters, if any
     period: 0.02                         # s, the frame; default 0.02
     logs:
@@ -10,11 +12,13 @@
       - {file: sweeps_2.csv.gz, role: fit, repeats: sweeps_1.csv.gz}     # same reference again: gives the noise
       - {file: grasps.csv.gz, role: holdout, protocol: grasps}           # default protocol: the file's name
       - {file: experiment.csv, role: fit}    # protocol `experiment`, of `exodrake experiment`: used in full length
+      - {file: later.csv.gz, date: 2026-03-05}                           # a later session of the same robot
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
 """
 
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 from exodrake.core.errors import InputError
@@ -30,13 +34,18 @@ EXPERIMENT = "experiment"  # protocol of a motion designed to tell explanations 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class CaseLog:
-    """One log of a case. repeats: file of the log whose reference this one runs again, or None."""
+    """One log of a case.
+
+    repeats: file of the log whose reference this one runs again, or None. date: of its session, or None; logs of one
+    date are one session.
+    """
 
     log: Log
     protocol: str
     role: str
     repeats: str | None
     file: str
+    date: datetime | None = None
 
 
 @short_repr
@@ -45,7 +54,8 @@ class Case:
     """Logs of one robot in one state.
 
     robot: overrides of nominal parameters as in the robot file. period: frame [s]. notes: what was assumed or mended
-    while reading. hashes: file -> SHA-256 of each file that it was read from. InputError for an unknown role, a doubled
+    while reading. hashes: file -> SHA-256 of each file that it was read from. serial: which robot it is, or "".
+    InputError for an unknown role, a doubled
     file, repeats of a log that is not there, and nothing to fit.
     """
 
@@ -55,6 +65,7 @@ class Case:
     period: float = PERIOD
     notes: tuple[str, ...] = field(default=())
     hashes: dict[str, str] = field(default_factory=dict)
+    serial: str = ""
 
     def __post_init__(self) -> None:
         files = [item.file for item in self.logs]
@@ -82,12 +93,29 @@ class Case:
 
     @property
     def repeat_groups(self) -> tuple[tuple[CaseLog, ...], ...]:
-        """Groups of two or more logs that run the same reference, in order."""
+        """Groups of two or more logs that run the same reference in one session, in order.
+
+        Between sessions the robot may change, so these do not show the noise.
+        """
         heads = {item.file: item.repeats for item in self.logs}
-        groups: dict[str, list[CaseLog]] = {}
+        groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
         for item in self.logs:
-            groups.setdefault(_head(item.file, heads), []).append(item)
+            groups.setdefault((_head(item.file, heads), item.date), []).append(item)
         return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+    def is_copy(self, item: CaseLog) -> bool:
+        """Whether a log repeats another one of its session, and so serves the noise alone."""
+        group = next((group for group in self.repeat_groups if item in group), (item,))
+        return item is not next((one for one in group if one.repeats is None), group[0])
+
+
+def date_of(written: str) -> datetime | None:
+    """The moment that a date or time by ISO 8601 names, UTC where it names no zone; None of anything else."""
+    try:
+        found = datetime.fromisoformat(written)
+    except ValueError:
+        return None
+    return found if found.tzinfo else found.replace(tzinfo=UTC)
 
 
 def _head(file: str, heads: dict[str, str | None]) -> str:

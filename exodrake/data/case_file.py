@@ -2,24 +2,43 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
-from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, text
+from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.data.case import ROLES, Case
+from exodrake.data.case import ROLES, Case, date_of
 from exodrake.data.formats import ending
 
 LONGEST_FRAME = 10.0  # s; a longer one is a mistaken unit: quasi-static logs have frames of a second
+
+
+def moment(value: Any, where: str) -> datetime:
+    """A date, or a date with a time, by ISO 8601."""
+    found = date_of(value) if isinstance(value, str) else None
+    if found is None:
+        raise refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {shown(value)}")
+    return found
+
+
 LOG = mapping(
-    {"file": text(), "role": optional(text(ROLES)), "protocol": optional(text()), "repeats": optional(text())},
+    {
+        "file": text(),
+        "role": optional(text(ROLES)),
+        "protocol": optional(text()),
+        "repeats": optional(text()),
+        "date": optional(moment),
+    },
     required=("file",),
 )
 SCHEMA = mapping(
     {
         "name": anything,
+        "serial": anything,
+        "date": optional(moment),
         "robot": optional(names(anything)),
         "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
         "logs": listing(LOG, least=1, wanted="a list of logs"),
@@ -30,21 +49,23 @@ SCHEMA = mapping(
 
 @dataclass(frozen=True)
 class CaseFile:
-    """Content of a case.yaml: name, overrides of parameters, frame period [s], and keys of each log."""
+    """Content of a case.yaml: name, overrides of parameters, frame period [s], keys of each log, and serial number."""
 
     name: str | None
     robot: dict[str, Any]
     period: float | None
     logs: tuple[dict[str, Any], ...]
+    serial: str = ""
 
 
 def read_case_file(path: Path) -> CaseFile:
     """Reads and checks a case.yaml; InputError names file and key."""
     content = SCHEMA(read_yaml(path), str(path))
-    logs = tuple({**log, "role": log.get("role") or "fit"} for log in content["logs"])
+    date = content.get("date")
+    logs = tuple({**log, "role": log.get("role") or "fit", "date": log.get("date") or date} for log in content["logs"])
     _check_files(logs, f"{path}, 'logs'")
-    name = content.get("name")
-    return CaseFile(None if name is None else str(name), content.get("robot") or {}, content.get("period"), logs)
+    name, serial = (None if content.get(key) is None else str(content[key]) for key in ("name", "serial"))
+    return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
 
 
 def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
@@ -64,8 +85,16 @@ def case_text(case: Case) -> str:
     logs = []
     for item in case.logs:
         log = {"file": item.file, "role": item.role, "protocol": item.protocol, "repeats": item.repeats}
+        log["date"] = None if item.date is None else written_date(item.date)
         logs.append({key: value for key, value in log.items() if value is not None})
-    return dump_yaml({"name": case.name, "robot": plain(case.robot), "period": float(case.period), "logs": logs})
+    head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
+    return dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
+
+
+def written_date(date: datetime) -> str:
+    """A moment by ISO 8601: the day alone where it is midnight of Coordinated Universal Time, else to the second."""
+    whole = date.tzinfo == UTC and date.time() == time()
+    return date.date().isoformat() if whole else date.isoformat().replace("+00:00", "Z")
 
 
 def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:

@@ -51,8 +51,9 @@ def read_case(
     for entry in content.logs if not allow_outside else ():
         check_inside(place, entry["file"], str(folder))
     return _case(
-        name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes, read_from
-    )
+        name, place, content.logs, content.robot, content.period or period or PERIOD, required, notes, read_from,
+        content.serial,
+    )  # fmt: skip
 
 
 def write_case(case: Case, folder: str | Path) -> None:
@@ -82,6 +83,7 @@ def _case(
     required: Sequence[str],
     notes: Sequence[str] = (),
     read_from: Path | None = None,
+    serial: str = "",
 ) -> Case:
     logs, said = [], list(notes)
     hashes = {} if read_from is None else {FILE: sha256_of(read_from)}
@@ -93,8 +95,9 @@ def _case(
         said += read_notes(path)
         said += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol = entry.get("protocol") or stem(file)
-        logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats and _relative(repeats, place), file))
-    return Case(name, robot, tuple(logs), period, tuple(said), hashes)
+        repeats = repeats and _relative(repeats, place)
+        logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
+    return Case(name, robot, tuple(logs), period, tuple(said), hashes, serial)
 
 
 def _relative(file: str, place: Path) -> str:

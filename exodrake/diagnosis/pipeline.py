@@ -29,6 +29,7 @@ from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
+from exodrake.diagnosis.since import since_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
 
@@ -186,6 +187,7 @@ def answer(
         simulated=dict(found.likelihood.simulated),
         retune=moves,
         tests=level_table(best, found.tests.calibration),
+        since=since_of(problem, found, decision),
         provenance=provenance_of(problem),
         problem=problem,
     )

@@ -242,7 +242,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     """The regression of a case.
 
     Args:
-        case: logs; repeats of a trial count for the noise only.
+        case: logs; repeats of a trial in its session count for the noise only.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
@@ -252,7 +252,7 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns = columns_of(case, robot.machine)
-    fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if item.repeats is None]
+    fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if not case.is_copy(item)]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried

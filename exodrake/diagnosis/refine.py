@@ -161,7 +161,11 @@ def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.nda
 
     size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
     scaled = normal / np.outer(size, size) + 1e-8 * np.eye(len(size))
-    factor = np.linalg.cholesky(scaled).T
+    try:
+        factor = np.linalg.cholesky(scaled).T
+    except np.linalg.LinAlgError:  # columns that others imitate, less what these explain, in single precision
+        scaled = scaled + (1e-6 - min(np.linalg.eigvalsh(scaled)[0], 0.0)) * np.eye(len(size))
+        factor = np.linalg.cholesky(scaled).T
     target = np.linalg.solve(factor.T, -slope / size)
     found = np.linalg.solve(factor, target)
     ends = low * size, np.maximum(high * size, low * size + 1e-9)

@@ -15,6 +15,7 @@ from exodrake.machines.robot_file import robot_text
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.provenance import Provenance
+    from exodrake.diagnosis.since import Since
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
 NOT_IN_JSON = ("robots", "problem")
@@ -202,6 +203,7 @@ class Diagnosis:
         retune: what retuning moved.
         tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
         provenance: what the answer was made from.
+        since: changes over dated sessions or one long log; None of other cases.
         problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
     """
 
@@ -223,6 +225,7 @@ class Diagnosis:
     retune: Retune = field(default_factory=Retune)
     tests: tuple[LevelTest, ...] = ()
     provenance: Provenance | None = None
+    since: Since | None = None
     problem: Problem | None = None
 
     @property
@@ -243,4 +246,7 @@ class Diagnosis:
         """The answer as plain data, in SI."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
-        return plain(answer | {"closure": closure, "simulated_seconds": self.simulated_seconds})
+        case = None if self.problem is None else self.problem.case
+        dates = [item.date for item in case.logs if item.date is not None] if case else []
+        robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
+        return plain(answer | robot | {"closure": closure, "simulated_seconds": self.simulated_seconds})

@@ -27,6 +27,7 @@ class Alarm:
         gap: its gap [noise standard deviations].
         limit: its limit [noise standard deviations].
         above: number of channels above their limits.
+        rose: seconds between which its gap rose (90 % set); None if it was there in all seconds before.
     """
 
     second: int
@@ -34,6 +35,7 @@ class Alarm:
     gap: float
     limit: float
     above: int
+    rose: tuple[float, float] | None = None
 
 
 @cache

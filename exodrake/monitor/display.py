@@ -41,9 +41,12 @@ def sentence(monitor: Monitor, alarm: Alarm, path: Path) -> str:
     contents = next((s.contents for s in monitor.machine.segments if s.name == alarm.channel.segment), "")
     where = f"{named(alarm.channel.segment)} ({contents})" if contents else named(alarm.channel.segment)
     more = f" and {alarm.above - 1} more" if alarm.above > 1 else ""
+    rose = "there from the begin on" if alarm.second <= SKIP + WINDOW else "no sudden rise in the last minute"
+    if alarm.rose is not None:
+        rose = f"it rose between {alarm.rose[0]:.0f} s and {alarm.rose[1]:.0f} s"
     return (
         f"ALARM at {alarm.second} s: {where}, gap of {alarm.channel.column} is {alarm.gap:.1f} noise standard "
-        f"deviations over {WINDOW} s (limit {alarm.limit:.1f}){more}; for the cause: exodrake diagnose {path}"
+        f"deviations over {WINDOW} s (limit {alarm.limit:.1f}){more}; {rose}; for the cause: exodrake diagnose {path}"
     )
 
 

@@ -59,12 +59,14 @@ class Reading:
         recent: (channels,) RMS of the last `WINDOW` seconds [noise standard deviations], NaN if too few samples.
         overall: (channels,) RMS since the start [noise standard deviations].
         full: whether a whole window has passed.
+        power: (channels,) mean square of the second alone [noise variances], NaN if nothing was measured.
     """
 
     second: int
     recent: np.ndarray
     overall: np.ndarray
     full: bool
+    power: np.ndarray
 
 
 class Gap:
@@ -94,9 +96,10 @@ class Gap:
         power, count = (np.sum(x, axis=0) for x in zip(*self.window))
         self.power, self.count = self.power + self.window[-1][0], self.count + self.window[-1][1]
         enough = count >= PRESENT * self.second * len(self.window)
+        whole, now = len(self.window) == WINDOW, rms(*self.window[-1]) ** 2
         return Reading(
-            self.done, rms(power, np.where(enough, count, 0)), rms(self.power, self.count), len(self.window) == WINDOW
-        )
+            self.done, rms(power, np.where(enough, count, 0)), rms(self.power, self.count), whole, now
+        )  # fmt: skip
 
 
 def rms(power: np.ndarray, count: np.ndarray) -> np.ndarray:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from exodrake.monitor.columns import read_heading
 from exodrake.monitor.frames import Frames, Grid
 from exodrake.monitor.gap import Gap, Reading, noise_std
 from exodrake.monitor.online_replay import OnlineReplay
+from exodrake.monitor.rise import SPAN, rise
 from exodrake.monitor.tail import Rows, Tail
 
 BATCH = 500  # frames that the model takes at once, so that a long log shows how far it is
@@ -62,6 +64,7 @@ class Monitor:
             self.notes.append(note)
         self.replay, self.gap = OnlineReplay(self.robot), Gap(self.noise, self.machine.frame)
         self.reading = self.alarm = None
+        self.powers: deque[np.ndarray] = deque(maxlen=SPAN)
 
     def push(self, frames: Frames) -> Iterator[Reading]:
         """Takes more frames."""
@@ -84,10 +87,19 @@ class Monitor:
         self.busy, self.frames = self.busy + time.perf_counter() - began, self.frames + len(rows)
         for reading in found:
             self.reading, before = reading, self.alarm
+            self.powers.append(reading.power)
             self.alarm = None if self.limit is None else judge(reading, self.channels, self.limit)
             if self.alarm is not None and before is None:
+                self.alarm = self.dated(self.alarm)
                 self.alarms.append(self.alarm)
+            elif self.alarm is not None and before is not None:
+                self.alarm = replace(self.alarm, rose=before.rose)
             yield reading
+
+    def dated(self, alarm: Alarm) -> Alarm:
+        """A new alarm with the time at which the gap of its channel rose."""
+        powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
+        return replace(alarm, rose=rise(powers, alarm.second))
 
     def rms(self, values: np.ndarray, segment: str) -> float:
         """RMS over a segment's channels of `values` (channels,); NaN if none is measured."""

@@ -35,14 +35,14 @@ def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
         log = simulated.get(item.file)
         errors = ["–"] * len(robots) if log is None else [n.digits(runs.rms(log, robot)) for robot in robots]
         length = f"{len(item.log) * runs.period:.0f} s"
-        rows.append((f"`{item.file}`", role(item), length, missing(item, runs), *errors, digest(case, item.file)))
+        rows.append((f"`{item.file}`", role(item, case), length, missing(item, runs), *errors, digest(case, item.file)))
     header = ("Log", "Role", "Length", "Missing", *titles, "SHA-256")
     return Table(header, rows, words=2)
 
 
-def role(item: CaseLog) -> str:
+def role(item: CaseLog, case: Case) -> str:
     """What a log serves."""
-    if item.repeats is not None:
+    if case.is_copy(item):
         return f"noise: repeats {item.repeats}"
     return "held out: closure" if item.role == "holdout" else "fitted"
 

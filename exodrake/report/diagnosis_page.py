@@ -14,6 +14,7 @@ from exodrake.report.assumed import assumed
 from exodrake.report.how_far import how_far
 from exodrake.report.page import render
 from exodrake.report.simulated_logs import SimulatedLogs, simulate_logs
+from exodrake.report.since import since
 from exodrake.report.where import where
 from exodrake.report.which import which
 
@@ -32,7 +33,7 @@ def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
 
 def page(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
     """The page from a diagnosis and logs that were simulated already."""
-    sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs)}
+    sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs), **since(diagnosis)}
     return render(
         "diagnosis.html",
         title=f"{diagnosis.case}: diagnosis", version=__version__, colour=COLOURS.get(diagnosis.verdict, "#1d4ed8"),

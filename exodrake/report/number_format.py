@@ -43,7 +43,7 @@ def interval(item: Interval) -> tuple[str, str]:
     if not all(math.isfinite(x) for x in (value, low, high)) or width <= 0.0:
         return with_unit(digits(value), name), f"{digits(low)} to {digits(high)}"
     places = max(0, min(8, 1 - math.floor(math.log10(width))))
-    return with_unit(f"{value:.{places}f}", name), f"{low:.{places}f} to {high:.{places}f}"
+    return with_unit(f"{value:z.{places}f}", name), f"{low:.{places}f} to {high:.{places}f}"
 
 
 def percent(fraction: float) -> str:

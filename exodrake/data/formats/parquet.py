@@ -31,7 +31,7 @@ def read_columns(data: bytes, source: str) -> dict[str, Any]:
 
 def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
     """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
-    _, parquet = _pyarrow(source)
+    _, parquet = pyarrow_of(source)
     try:
         file = parquet.ParquetFile(io.BytesIO(data))
         check_size(file.metadata.num_rows * file.metadata.num_columns, source)
@@ -43,9 +43,34 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
         raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
 
 
+def parse_rows(data: bytes, source: str, wanted: Any) -> list[dict[str, Any]]:
+    """Rows of a table of any types as plain data.
+
+    Args:
+        data: the file.
+        source: its name.
+        wanted: `pyarrow.Schema` of the columns.
+
+    Raises:
+        InputError: for a damaged file, and naming a column that is missing; for values of another type.
+    """
+    arrow, parquet = pyarrow_of(source)
+    try:
+        found = parquet.read_table(io.BytesIO(data))
+    except Exception as error:  # the parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
+    for name in wanted.names:
+        if name not in found.column_names:
+            raise InputError(f"{source}: column {name!r} is missing")
+    try:
+        return found.select(wanted.names).cast(wanted).to_pylist()
+    except (arrow.ArrowInvalid, arrow.ArrowNotImplementedError, TypeError, ValueError) as error:
+        raise InputError(f"{source}: a column has another type ({str(error).splitlines()[0]})") from None
+
+
 def write(log: Log) -> bytes:
     """The log as Parquet in SI."""
-    arrow, parquet = _pyarrow(log.label)
+    arrow, parquet = pyarrow_of(log.label)
     columns = [arrow.array(values, from_pandas=True) for values in (log.time, *log.signals.values())]  # NaN to null
     stream = io.BytesIO()
     parquet.write_table(arrow.table(columns, names=headings(log)), stream)
@@ -77,7 +102,8 @@ def _lists(column: Any) -> np.ndarray | str:
     return flat.cast(pyarrow.float64(), safe=False).fill_null(float("nan")).to_numpy().reshape(-1, count)
 
 
-def _pyarrow(source: str) -> tuple[Any, Any]:
+def pyarrow_of(source: str) -> tuple[Any, Any]:
+    """The modules `pyarrow` and `pyarrow.parquet`. InputError naming the extra if they are not installed."""
     try:
         import pyarrow
         import pyarrow.parquet

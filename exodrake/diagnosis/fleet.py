@@ -1,0 +1,190 @@
+"""A fleet: the answers to many cases as one table, a row each, and as a Parquet file.
+
+    rows = read_answers("answers")                  # folders that `exodrake diagnose --out` or `blind run` wrote
+    write_text("fleet.parquet", table_bytes(rows))
+
+A case belongs to the robot that its `serial` names (case.yaml), else to one of the case's own name.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from exodrake.core.child import in_child
+from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
+from exodrake.core.json_file import read_json
+from exodrake.data.case import date_of
+from exodrake.data.formats.parquet import parse_rows, pyarrow_of
+from exodrake.diagnosis.many import ANSWER, FAILED
+
+FAILURE = "FAILED"  # verdict of a case without an answer
+MAGIC = b"PAR1"  # a Parquet file begins so
+UNREADABLE = "its answer cannot be read"
+
+
+@dataclass(frozen=True)
+class Amount:
+    """An amplitude of a named effect on a channel ("" for the whole robot) with its 90 % interval [unit]."""
+
+    effect: str
+    parameter: str
+    channel: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A case of a fleet.
+
+    Attributes:
+        case: name.
+        serial: of its robot.
+        machine: robot file that it was compared with.
+        date: of its last session, or None.
+        verdict: its word, or `FAILED`.
+        block: where the gap lies.
+        effects: ids that are named, or that an ambiguous verdict leaves.
+        amounts: amplitudes of the effects.
+        closure: fraction of the excess error that is gone; NaN if there was none.
+        before, after: RMS error of the nominal and the last robot [noise_std].
+        began: date at which the case's own sessions changed; empty if they did not.
+        seconds: that the diagnosis took [s].
+        reason: of a failure, else of the verdict.
+        version, code: of what answered it.
+    """
+
+    case: str
+    serial: str
+    machine: str = ""
+    date: datetime | None = None
+    verdict: str = FAILURE
+    block: str = ""
+    effects: tuple[str, ...] = ()
+    amounts: tuple[Amount, ...] = ()
+    closure: float = float("nan")
+    before: float = float("nan")
+    after: float = float("nan")
+    began: str = ""
+    seconds: float = float("nan")
+    reason: str = ""
+    version: str = ""
+    code: str = ""
+
+
+def row_of(answer: Mapping[str, Any], name: str) -> Row:
+    """The row of a diagnosis.json. InputError naming the case if it is none."""
+    try:
+        made, rms = answer.get("provenance") or {}, answer["closure"].get("rms") or {}
+        case = str(answer.get("case") or name)
+        began = (answer.get("since") or {}).get("began") or {}
+        return Row(
+            case=name,
+            serial=str(answer.get("serial") or case),
+            machine=str(made.get("robot", "")),
+            date=date_of(answer["date"]) if answer.get("date") else None,
+            verdict=str(answer["verdict"]),
+            block=str(answer["where"]["block"]),
+            effects=tuple(answer["equivalents"] or [e["id"] for e in answer["effects"]]),
+            amounts=tuple(amount for effect in answer["effects"] for amount in amounts_of(effect)),
+            closure=number(answer["closure"]["overall"]["value"]),
+            before=number(rms.get("before")),
+            after=number(rms.get("after")),
+            began=str(began.get("value", "")),
+            seconds=number(answer.get("seconds")),
+            reason="; ".join(answer.get("reasons", [])),
+            version=str(made.get("version", "")),
+            code=str(made.get("code", "")),
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{name}: {UNREADABLE} ({type(error).__name__}: {error})") from None
+
+
+def amounts_of(effect: Mapping[str, Any]) -> list[Amount]:
+    """The first parameter of an effect, channel by channel where it has several."""
+    for name, item in effect["parameters"].items():
+        each = effect["channels"].get(name) or {"": item}
+        return [Amount(effect["id"], name, c, *ends(one), str(one["unit"])) for c, one in each.items()]
+    return []
+
+
+def ends(item: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Value, low and high of an interval."""
+    return number(item["value"]), number(item["low"]), number(item["high"])
+
+
+def number(value: Any) -> float:
+    """A number of a JSON file, whose null is NaN."""
+    return float("nan") if value is None else float(value)
+
+
+def read_answers(folder: str | Path) -> list[Row]:
+    """Rows of all answers and failures in the folders of a folder, by robot and date.
+
+    Raises:
+        InputError: if the folder has no answers.
+    """
+    folder, rows = Path(folder), []
+    for place in sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else ():
+        if (place / ANSWER).is_file():
+            try:
+                rows.append(row_of(read_json(place / ANSWER), place.name))
+            except InputError as error:
+                rows.append(Row(place.name, place.name, reason=str(error)))
+        elif (place / FAILED).is_file():
+            rows.append(Row(place.name, place.name, reason=str(read_json(place / FAILED).get("reason", ""))))
+    if not rows:
+        raise InputError(f"{folder}: no answers in it (folders with {ANSWER}, as `exodrake diagnose --out` writes)")
+    return ordered(rows)
+
+
+def ordered(rows: Iterable[Row]) -> list[Row]:
+    """Rows by robot and date."""
+    first = datetime.min.replace(tzinfo=UTC)
+    return sorted(rows, key=lambda row: (row.serial, row.date or first, row.case))
+
+
+def schema(arrow: Any) -> Any:
+    """Columns of the table."""
+    text, real = arrow.string(), arrow.float64()
+    amount = arrow.struct([(f.name, text if f.type == "str" else real) for f in fields(Amount)])
+    special = {
+        "date": arrow.timestamp("s", tz="UTC"),
+        "effects": arrow.list_(text),
+        "amounts": arrow.list_(amount),
+    }
+    kinds = {f.name: special.get(f.name, text if f.type == "str" else real) for f in fields(Row)}
+    return arrow.schema(list(kinds.items()))
+
+
+def table_bytes(rows: Iterable[Row]) -> bytes:
+    """The table as Parquet. InputError without pyarrow."""
+    arrow, parquet = pyarrow_of("the table")
+    stream = io.BytesIO()
+    parquet.write_table(arrow.Table.from_pylist([asdict(row) for row in rows], schema=schema(arrow)), stream)
+    return stream.getvalue()
+
+
+def read_table(path: str | Path) -> list[Row]:
+    """Rows of a table. InputError for a damaged file, and naming a column that is missing or of another type."""
+    data = read_bytes(path)
+    if data[: len(MAGIC)] != MAGIC:
+        raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
+    wanted = schema(pyarrow_of(str(path))[0])
+    found = in_child(parse_rows, data, str(path), wanted, source=str(path), size=len(data))
+    return ordered(map(row_from, found))
+
+
+def row_from(values: dict[str, Any]) -> Row:
+    """A row of the table."""
+    amounts = tuple(Amount(**item) for item in values["amounts"] or ())
+    date = values["date"] and values["date"].astimezone(UTC)
+    return Row(**(values | {"effects": tuple(values["effects"] or ()), "amounts": amounts, "date": date}))

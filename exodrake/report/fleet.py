@@ -1,0 +1,184 @@
+"""The page of a fleet: which robots, which causes, since when.
+
+rows = read_answers("answers")
+write_text("fleet.html", fleet_html(rows, "answers"))
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from exodrake import __version__
+from exodrake.core.display import SYMBOLS, shown_unit
+from exodrake.diagnosis.change_point import RAMP, STEP
+from exodrake.diagnosis.fleet import FAILURE, Row
+from exodrake.diagnosis.fleet_change import Trend, trends
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.sessions import DAY
+from exodrake.report import number_format as n
+from exodrake.report.diagnosis_page import COLOURS
+from exodrake.report.page import Bars, Table, render
+
+VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN, FAILURE)
+WORST_FIRST = (UNKNOWN, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
+CELLS = 60  # of a robot's strip of verdicts
+DRAWN = 24  # trends that are drawn
+LISTED = 30  # failed cases that are listed
+CAUSES = 15  # that have a bar
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A robot of the fleet.
+
+    Attributes:
+        serial: its number.
+        rows: its cases by date.
+        trends: of the amplitudes of its causes, the clearest change first.
+    """
+
+    serial: str
+    rows: tuple[Row, ...]
+    trends: tuple[Trend, ...]
+
+    @property
+    def last(self) -> Row:
+        """Its last case that has an answer, or the last of all."""
+        return next((row for row in reversed(self.rows) if row.verdict != FAILURE), self.rows[-1])
+
+    @property
+    def changed(self) -> tuple[Trend, ...]:
+        """Trends with a change."""
+        return tuple(trend for trend in self.trends if trend.change is not None)
+
+
+def members(rows: Sequence[Row]) -> list[Member]:
+    """Robots with their cases, those whose last verdict is worst first."""
+    grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
+    found = [Member(serial, own, tuple(trends(own))) for serial, own in grouped]
+    return sorted(found, key=lambda m: (WORST_FIRST.index(m.last.verdict), m.serial))
+
+
+def fleet_html(rows: Sequence[Row], source: str) -> str:
+    """The page of the rows of a table; source: folder or file that they come from."""
+    robots = members(rows)
+    drawn = [t for m in robots for t in m.changed][:DRAWN]
+    return render(
+        "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
+        tiles=tiles(rows, robots), colours=COLOURS | {FAILURE: "#475467"}, verdicts=VERDICTS,
+        strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots), causes=causes(robots),
+        timelines=[timeline(t) for t in drawn], rest=sum(len(m.changed) for m in robots) - len(drawn),
+        failed=failures(rows), dates=span(rows),
+    )  # fmt: skip
+
+
+def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]]:
+    """Counts for the head of the page."""
+    ill = [m for m in robots if m.last.verdict in (NAMED, AMBIGUOUS, UNKNOWN)]
+    seconds = [row.seconds for row in rows if np.isfinite(row.seconds)]
+    return [
+        (str(len(robots)), "robots"),
+        (f"{len(rows):,}", "cases"),
+        (str(len(ill)), "robots with a gap in their last case"),
+        (str(sum(bool(m.changed) for m in robots)), "robots with a dated change"),
+        (str(sum(row.verdict == FAILURE for row in rows)), "cases without an answer"),
+        (f"{np.median(seconds):.1f} s" if seconds else "–", "a case, median"),
+    ]
+
+
+def span(rows: Sequence[Row]) -> tuple[str, str] | None:
+    """First and last day of the fleet; None without dates."""
+    dates = [row.date for row in rows if row.date is not None]
+    return (min(dates).date().isoformat(), max(dates).date().isoformat()) if dates else None
+
+
+def strip(rows: Sequence[Row]) -> list[tuple[str, str]]:
+    """Verdicts over time: (verdict that is most frequent, words) of at most `CELLS` groups of consecutive cases."""
+    cells = []
+    for group in np.array_split(np.arange(len(rows)), min(CELLS, len(rows))):
+        own = rows[int(group[0]) : int(group[-1]) + 1]
+        counts = Counter(row.verdict for row in own).most_common()
+        ends = [row.date.date().isoformat() if row.date else row.case for row in (own[0], own[-1])]
+        when = ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
+        cells.append((counts[0][0], f"{when}: " + ", ".join(f"{count} {verdict}" for verdict, count in counts)))
+    return cells
+
+
+def robot_table(robots: Sequence[Member]) -> Table:
+    """Robots: cases, last verdict and cause, since when, how much."""
+    rows = []
+    for m in robots:
+        counts = Counter(effect for row in m.rows for effect in row.effects)
+        causes = m.last.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
+        cause = n.listed([f"`{effect}`" for effect in causes], "or" if m.last.verdict == AMBIGUOUS else "and")
+        trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
+        cells = (words(trend), amount(trend)) if trend else ("–", "–")
+        last = m.last.date.date().isoformat() if m.last.date else "no date"
+        rows.append((m.serial, m.last.verdict, cause or "–", *cells, last, f"{len(m.rows):,}"))
+    header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Last case", "Cases")
+    return Table(header, rows, words=6)
+
+
+def words(trend: Trend) -> str:
+    """When an amplitude changed."""
+    assert trend.change is not None
+    _, low, high = map(trend.moment, trend.change.began)
+    if trend.change.began[1] <= trend.times[0] and trend.change.shape != STEP:
+        return f"before {high}"
+    return low if low == high else f"{low} to {high}"
+
+
+def amount(trend: Trend) -> str:
+    """How much an amplitude changed."""
+    assert trend.change is not None
+    before, after = (n.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
+    if trend.change.shape != RAMP:
+        return f"{before} to {after}"
+    return f"{before} to {after}, {n.quantity(trend.change.rate[0], trend.unit)} a day"
+
+
+def causes(robots: Sequence[Member]) -> Bars | None:
+    """Causes by the number of robots in whose last case they are named or left."""
+    now = Counter(effect for m in robots for effect in m.last.effects)
+    ever = Counter(effect for m in robots for row in m.rows for effect in set(row.effects))
+    if not ever:
+        return None
+    top = sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]
+    most = max(*now.values(), 1)
+    rows = [(f"`{e}`", now[e] / most, f"{now[e]} robots, {ever[e]:,} cases", now[e] > 0) for e in top]
+    return Bars(
+        rows, "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
+    )
+
+
+def timeline(trend: Trend) -> dict[str, Any]:
+    """A trend as plain data for `timeline.js`."""
+    name, factor = shown_unit(trend.unit)
+    start = trend.first.timestamp()
+    values = (factor * trend.values).tolist()
+    change = trend.change
+    place = f" on {trend.channel}" if trend.channel else ""
+    found = {
+        "title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "unit": SYMBOLS.get(name, name),
+        "dates": True, "times": (start + DAY * trend.times).tolist(), "values": values, "low": values,
+        "high": values,
+    }  # fmt: skip
+    if change is None:
+        return found
+    path = [[start + DAY * t, factor * y] for t, y in change.path(trend.times[0], trend.times[-1])]
+    return found | {"began": [start + DAY * t for t in change.began], "path": path}
+
+
+def failures(rows: Sequence[Row]) -> Table | None:
+    """Cases without an answer and why."""
+    failed = [(row.case, row.reason) for row in rows if row.verdict == FAILURE]
+    if not failed:
+        return None
+    more = [("…", f"and {len(failed) - LISTED} more")] if len(failed) > LISTED else []
+    return Table(("Case", "Reason"), [*failed[:LISTED], *more], words=2)

@@ -1,0 +1,115 @@
+"""Section "since when" of the report: the change in words, and timelines for `templates/timeline.js`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import timedelta
+from typing import Any
+
+from exodrake.core.display import SYMBOLS, shown_unit
+from exodrake.data.case import date_of
+from exodrake.diagnosis.change_point import LEVEL, STEP, Change
+from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
+from exodrake.diagnosis.since import RESIDUAL, Series, Since
+from exodrake.report import number_format as n
+from exodrake.report.page import Table
+
+SHOWN = 6  # series that are drawn
+STEADY = f"no quantity changes over the {{}} (tests at p < {LEVEL:g})"
+
+
+def since(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Values of the section's template; nothing for a case without sessions."""
+    found = diagnosis.since
+    if found is None:
+        return {"since": None, "timelines": []}
+    drawn = [timeline(found, one) for one in found.series[:SHOWN]]
+    return {"since": words(diagnosis), "timelines": drawn, "changes": changes(found)}
+
+
+def words(diagnosis: Diagnosis) -> list[str]:
+    """What the sessions say, in sentences; none for a case without sessions."""
+    found = diagnosis.since
+    if found is None:
+        return []
+    if found.note:
+        return [found.note]
+    spans = f"{len(found.sessions)} {'sessions' if found.unit == 'd' else 'windows of the log'}"
+    if found.clearest is None or found.clearest.change is None:
+        return [STEADY.format(spans)]
+    alike = [one for one in found.series if one.change is not None and one.name == found.clearest.name]
+    lines = [sentence(found, found.clearest, found.clearest.change)]
+    if len(alike) > 1:
+        lines.append(f"it changes, too, on {n.listed([one.channel for one in alike[1:]])}")
+    if diagnosis.verdict == UNKNOWN and found.effect:
+        lines.append(
+            f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "
+            f"leaves a reduced chi-square of {n.digits(found.chi2)}"
+        )
+    return lines
+
+
+def sentence(found: Since, one: Series, change: Change) -> str:
+    """A change: what, when, and how much."""
+    begun = f"began {when(found, change)}"
+    before, after = (n.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
+    sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
+    rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
+    return f"the change of {title(one)} {begun}: {sizes}{rate} ({' or '.join(change.shapes)})"
+
+
+def when(found: Since, change: Change) -> str:
+    """The date with its 90 % set."""
+    _, low, high = (found.moment(t) for t in change.began)
+    if change.began[1] <= found.times[0] and change.shape != STEP:
+        return f"in the first session or before, by {high} at the latest"
+    return f"about {high}" if low == high else f"between {low} and {high} (90 %)"
+
+
+def speed(found: Since, one: Series, change: Change) -> str:
+    """Rate by day or minute, and as a share of the value before where that is clearly not zero."""
+    per, factor = ("a day", 1.0) if found.unit == "d" else ("a minute", 60.0)
+    value = n.quantity(factor * change.rate[0], one.unit)
+    level, low, high = change.before
+    share = f", {n.percent(factor * change.rate[0] / level)} of the value before" if low * high > 0.0 else ""
+    return f"{value} {per}{share}"
+
+
+def title(one: Series) -> str:
+    """A series in words."""
+    name = "the residual’s power" if one.name == RESIDUAL else one.name
+    return f"{name} on {one.channel}" if one.channel else name
+
+
+def timeline(found: Since, one: Series) -> dict[str, Any]:
+    """A series as plain data for `timeline.js`: times [s since 1970, or of the log], values, and the date's set."""
+    name, factor = shown_unit(one.unit)
+    rows = {key: [factor * v for v in getattr(one, key)] for key in ("values", "low", "high")}
+    head = {"title": title(one), "unit": SYMBOLS.get(name, name), "dates": found.unit == "d"}
+    times = seconds(found, found.times)
+    if one.change is None:
+        return {**head, **rows, "times": times}
+    path = [[*seconds(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
+    return {**head, **rows, "times": times, "began": seconds(found, one.change.began), "path": path}
+
+
+def seconds(found: Since, times: Sequence[float]) -> list[float]:
+    """Times [unit of `found`] in seconds since 1970, or in those of the log."""
+    if found.unit == "s":
+        return list(times)
+    first = date_of(found.sessions[0])
+    return [] if first is None else [(first + timedelta(days=t)).timestamp() for t in times]
+
+
+def changes(found: Since) -> Table | None:
+    """All series with their changes."""
+    rows = []
+    for one in found.series:
+        change = one.change
+        told = ("–",) * 4
+        if change is not None:
+            before, after = (n.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
+            told = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
+        rows.append((title(one), *told[:1], f"{one.p:.2g}", *told[1:]))
+    header = ("Quantity", "Change began", "p", "Before", "Last", "Rate")
+    return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None

@@ -1,0 +1,180 @@
+"""A fleet: answers of many cases as one table and one page, with planted onsets, failures and spoilt files."""
+
+import json
+import os
+import re
+import signal
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from report_synthetic import diagnosis
+
+from exodrake.cli.main import cli
+from exodrake.core.errors import InputError
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.case_folder import write_case
+from exodrake.diagnosis.change_point import RAMP, STEP
+from exodrake.diagnosis.fleet import FAILURE, Amount, Row, ordered, read_answers, read_table, row_of, table_bytes
+from exodrake.diagnosis.fleet_change import trends
+from exodrake.diagnosis.many import diagnose_all, stored
+from exodrake.diagnosis.result import NAMED, RETUNE, UNKNOWN
+from exodrake.report.fleet import fleet_html, members, strip
+
+START = datetime(2026, 1, 5, tzinfo=UTC)
+EFFECT = "tendon.capstan_friction"
+
+
+def robot(serial, size, days=60, seed=0):
+    """Cases of one robot, one a day; size: day -> amplitude, 0 for none."""
+    rng, rows = np.random.default_rng(seed), []
+    for day in range(days):
+        value = size(day) + 0.01 * rng.standard_normal()
+        amounts = (Amount(EFFECT, "mu_phi", "AF", value, 0.8 * value, 1.2 * value, "-"),) if size(day) else ()
+        verdict, effects = (NAMED, (EFFECT,)) if size(day) else (RETUNE, ())
+        date = START + timedelta(days=day)
+        rows.append(Row(f"{serial}-{day:03d}", serial, "exo_index", date, verdict, effects=effects, amounts=amounts))
+    return rows
+
+
+FLEET = ordered([
+    *robot("steady", lambda day: 0.3, seed=1),
+    *robot("healthy", lambda day: 0.0, seed=2),
+    *robot("loosened", lambda day: 0.25 * (day >= 33), seed=3, days=150),
+    *robot("worn", lambda day: 0.2 + 0.01 * max(day - 20, 0), seed=4),
+])  # fmt: skip
+
+
+def test_planted_onsets_are_dated_and_steady_robots_are_not():
+    found = {m.serial: m for m in members(FLEET)}
+    assert not found["steady"].changed and not found["healthy"].trends
+    (loosened,), (worn,) = found["loosened"].changed, found["worn"].changed
+    assert loosened.change.shape == STEP and loosened.change.began[1] <= 32.5 <= loosened.change.began[2]
+    assert loosened.change.after[0] == pytest.approx(0.25, abs=0.01)
+    assert worn.change.shape == RAMP and worn.change.began[1] <= 20.0 <= worn.change.began[2]
+    assert worn.change.rate[0] == pytest.approx(0.01, abs=5e-4)
+    assert worn.moment(worn.change.began[0])[:7] == "2026-01"
+
+
+def test_unknown_and_ambiguous_cases_say_nothing_of_an_amplitude():
+    rows = robot("worn", lambda day: 0.2 + 0.01 * max(day - 20, 0), seed=4)
+    hidden = [replace(r, verdict=UNKNOWN, effects=(), amounts=()) if k % 3 == 0 else r for k, r in enumerate(rows)]
+    (trend,) = trends(hidden)
+    assert trend.values.min() > 0.15 and trend.change.began[1] <= 20.0 <= trend.change.began[2]
+
+
+def test_the_table_gives_the_rows_back(tmp_path):
+    pytest.importorskip("pyarrow")
+    rows = [*FLEET, Row("x", "x", reason="lost")]
+    (tmp_path / "t.parquet").write_bytes(table_bytes(rows))
+    back = read_table(tmp_path / "t.parquet")
+    assert [repr(row) for row in back] == [repr(row) for row in ordered(rows)]
+
+
+@pytest.mark.parametrize("spoilt", [b"", b"PAR1", b"PAR1" + bytes(200) + b"PAR1"])
+def test_damaged_tables_are_refused_by_name(tmp_path, spoilt):
+    pytest.importorskip("pyarrow")
+    (tmp_path / "t.parquet").write_bytes(spoilt)
+    with pytest.raises(InputError, match=r"t\.parquet"):
+        read_table(tmp_path / "t.parquet")
+
+
+def test_tables_of_other_columns_are_refused_by_column(tmp_path):
+    arrow = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as parquet
+
+    parquet.write_table(arrow.table({"case": ["a"]}), tmp_path / "t.parquet")
+    with pytest.raises(InputError, match="column 'serial' is missing"):
+        read_table(tmp_path / "t.parquet")
+
+
+def test_the_page_says_robots_causes_dates_and_failures():
+    html = fleet_html([*FLEET, Row("lost-1", "lost", reason="KilledWorker: <gone>")], "answers")
+    text = re.sub(r"<[^>]+>", " ", html.split("<main>")[1])
+    for said in ("steady", "worn", EFFECT, "2026-01-05 to 2026-06-03", "331", "KilledWorker: &lt;gone&gt;"):
+        assert said in text
+    assert "://" not in html.split("<script>")[0]
+    assert len(json.loads(re.search(r'id="timelines">(.*?)</script>', html)[1])) == 2
+
+
+def test_a_strip_shows_the_most_frequent_verdict_of_consecutive_cases():
+    cells = strip(robot("r", lambda day: 0.3 * (day >= 60), days=120))
+    assert [verdict for verdict, _ in cells] == [RETUNE] * 30 + [NAMED] * 30 and "2 RETUNE" in cells[0][1]
+
+
+def test_answers_of_a_diagnosis_make_a_row():
+    found = diagnosis(NAMED)
+    row = row_of(json.loads(json.dumps(found.to_json())), "mine")
+    assert row.verdict == NAMED and row.effects == tuple(e.id for e in found.effects)
+    assert row.amounts[0].value == next(iter(next(iter(found.effects[0].channels.values())).values())).value
+    with pytest.raises(InputError, match="mine"):
+        row_of({"verdict": NAMED}, "mine")
+
+
+def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(tmp_path):
+    pytest.importorskip("pyarrow")
+    answers = tmp_path / "answers"
+    for k in range(2):
+        (answers / f"c{k}").mkdir(parents=True)
+        (answers / f"c{k}" / "diagnosis.json").write_text(json.dumps(diagnosis(NAMED).to_json()))
+    (answers / "bad").mkdir()
+    (answers / "bad" / "failed.json").write_text('{"reason": "no log"}')
+    (answers / "torn").mkdir()
+    (answers / "torn" / "diagnosis.json").write_text('{"verdict": "NAMED"')
+
+    def run(*arguments):
+        return CliRunner().invoke(cli, ["fleet", *map(str, arguments)])
+
+    page, table = tmp_path / "fleet.html", tmp_path / "fleet.parquet"
+    result = run(answers, "--out", page, "--table", table)
+    assert result.exit_code == 0 and "NAMED" in result.output and page.is_file()
+    assert [r.verdict for r in read_table(table)].count(FAILURE) == 2
+    again = run(table, "--out", tmp_path / "again.html")
+    assert again.exit_code == 0 and len((tmp_path / "again.html").read_text()) == pytest.approx(
+        len(page.read_text()), abs=200
+    )
+    for wrong in (tmp_path / "none", tmp_path, tmp_path / "again.html"):
+        refused = run(wrong)
+        assert refused.exit_code == 2 and "Traceback" not in refused.output and len(refused.stderr.splitlines()) == 1
+    assert run(answers, "--out", tmp_path / "no" / "x.html").exit_code == 2
+
+
+def short_case(number, serial):
+    """Two logs of 3 s of a rigid sheath: a case that is diagnosed in less than a second."""
+    import exodrake as exo
+    from exodrake.simulation import protocols
+    from exodrake.simulation.references import on_machine
+
+    nominal, logs = exo.load_robot("tendon_sheath"), []
+    for k in range(2):
+        motion = on_machine(protocols.random_motion, nominal, duration=4.0, seed=2 * number + k, fastest=1.0)
+        name, date = f"{k}.csv", START + timedelta(days=number)
+        logs.append(CaseLog(exo.simulate(nominal, motion, seed=2 * number + k), "random", "fit", None, name, date))
+    return Case(f"{serial}-{number}", {}, tuple(logs), nominal.machine.frame, serial=serial)
+
+
+def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    places = {}
+    for number in range(6):
+        write_case(short_case(number, "so-1"), tmp_path / "cases" / f"{number}")
+        places[tmp_path / "cases" / f"{number}"] = tmp_path / "answers" / f"{number}"
+    some = dict(list(places.items())[:2])
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as local:
+        address = local.scheduler_address
+        assert diagnose_all(some, cluster=address, robot="tendon_sheath") == {}
+        kept = {place: stored(place)["seconds"] for place in some.values()}
+        with distributed.Client(address, set_as_default=False) as client:
+            victims = sorted(client.run(os.getpid).values())[:1]
+
+        def progress(done, failed, total):
+            if done > 2 and victims:
+                os.kill(victims.pop(), signal.SIGKILL)
+
+        assert diagnose_all(places, cluster=address, progress=progress, robot="tendon_sheath") == {}
+    assert not victims and {place: stored(place)["seconds"] for place in some.values()} == kept
+    rows = read_answers(tmp_path / "answers")
+    assert [row.case for row in rows] == [str(n) for n in range(6)] and {row.serial for row in rows} == {"so-1"}
+    assert [row.date for row in rows] == [START + timedelta(days=n) for n in range(6)]
