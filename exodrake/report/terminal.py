@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.report import number_format as n, wording as w
+from exodrake.report.missing_law import law_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -51,6 +52,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     console.print(gap_table(diagnosis))
     for line in closing_lines(diagnosis):
         console.print(line)
+    for line in law_lines(diagnosis.missing_law):
+        console.print(escape(line))
     if diagnosis.candidates:
         console.print(ranking(diagnosis))
     for note in diagnosis.notes:
