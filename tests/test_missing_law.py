@@ -1,5 +1,8 @@
 """The missing law, found in logs of a carriage that a few lines of our own simulate, with laws that no effect holds."""
 
+import json
+import subprocess
+import sys
 from functools import cache
 
 import numpy as np
@@ -8,7 +11,9 @@ import pytest
 import exodrake as exo
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
+from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
+from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.pipeline import isolated
@@ -78,13 +83,18 @@ def motion(seed):
 
 
 @cache
-def discovered(law):
-    """What the discovery says of two logs of a law, a third one held out."""
+def case_of(law):
+    """Two logs of a law, and a third one held out."""
     roles = ("fit", "fit", "holdout")
     logs = [CaseLog(carriage(law, motion(k), k), f"{k}", role, None, f"{k}.csv") for k, role in enumerate(roles)]
-    robot = exo.load_robot("emps")
+    return Case(law.__name__, {}, tuple(logs), FRAME)
+
+
+@cache
+def discovered(law):
+    """What the discovery says of them."""
     with one_blas_thread():
-        problem, found = isolated(make_problem(Case(law.__name__, {}, tuple(logs), FRAME), robot, KNOWN))
+        problem, found = isolated(make_problem(case_of(law), exo.load_robot("emps"), KNOWN))
         return discover(problem, found)
 
 
@@ -101,8 +111,8 @@ def test_lugre_friction_is_friction_over_speed_with_a_peak_at_break_away():
 def test_saturating_spring_is_a_force_over_place():
     law = discovered(saturating_spring)
     curve = law.curves[""]
-    assert law.id == "carriage.law_pushed" and law.words == "force over place"
-    assert curve.value == pytest.approx(60.0 * np.tanh(curve.u / 0.015), abs=4.0)
+    assert law.id == "carriage.learned_pushed" and law.words == "force over place"
+    assert curve.value == pytest.approx(60.0 * np.tanh(curve.u / 0.015), abs=6.0)
     assert "tanh" in curve.formula
     assert law.closure.value > 0.9
 
@@ -114,6 +124,35 @@ def test_gain_that_depends_on_place_is_linear_in_it():
     assert curve.value == pytest.approx(-6.0 * curve.u, abs=0.03)
     assert curve.formula.startswith("f(u) = - ") and curve.formula.endswith(" u")
     assert law.closure.value > 0.9
+
+
+def test_law_is_written_as_an_effect_that_both_engines_run(tmp_path):
+    write_case(case_of(saturating_spring), tmp_path / "case")
+    exodrake(
+        tmp_path, "diagnose", "case", "--robot", "emps", "--effects", ",".join(sorted(KNOWN)), "--out-law", "law",
+        "--json", "answer.json", "--report", "report.html",
+    )  # fmt: skip
+    law = json.loads((tmp_path / "answer.json").read_text())["missing_law"]
+    assert law["id"] == "carriage.learned_pushed" and law["closure"]["value"] > 0.9
+    assert "The missing law" in (tmp_path / "report.html").read_text()
+    for engine in ("compiled", "drake"):
+        exodrake(
+            tmp_path, "--plugin", "law", "simulate", "--robot", "law/robot.yaml", "--reference", "case/2.csv",
+            "--engine", engine, "--out", engine, "--no-noise", "--no-quantisation",
+        )  # fmt: skip
+    compiled, drake = (read_log(tmp_path / engine / "log.csv", ()) for engine in ("compiled", "drake"))
+    measured = case_of(saturating_spring).logs[2].log
+    assert all(np.array_equal(compiled[c], drake[c]) for c in compiled.columns)
+    error, motion_std = compiled["force_carriage"] - measured["force_carriage"], np.std(measured["force_carriage"])
+    assert np.sqrt(np.mean(error**2)) < 0.05 * motion_std
+
+
+def exodrake(folder, *arguments):
+    """The command line in a folder; its standard output."""
+    command = [sys.executable, "-m", "exodrake", *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 @pytest.mark.parametrize("name", ["emps", "tendon_sheath", "so101", "dvrk_wrist", "exo_index"])

@@ -9,7 +9,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
-from exodrake.effects import LIBRARY, generic_effects, in_order
+from exodrake.effects import LIBRARY, generic_effects, in_order, plugin_effects
 from exodrake.systems import joint, joint_command
 from exodrake.systems.reading import sensor
 
@@ -66,14 +66,15 @@ def joint_machine(
     """
     references = (*REFERENCES, BEND) if bent else REFERENCES
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
+    parts = (replace(joint.PART, name=part), joint_command.SET_PART if bent else joint_command.PART, reading)
     return Machine(
         name=name,
         axes=Axes((), joints),
         signals=(*references, *REST),
-        parts=(replace(joint.PART, name=part), joint_command.SET_PART if bent else joint_command.PART, reading),
+        parts=parts,
         inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
         columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
-        effects=(*library, *others(generic_effects(reading), library)),
+        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),

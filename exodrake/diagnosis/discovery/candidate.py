@@ -13,7 +13,7 @@ from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE, RELAXAT
 from exodrake.diagnosis.discovery.watch import Seen, places
 from exodrake.diagnosis.problem import Problem
 
-MODES = 4  # of a law's basis with which it is screened
+MODES = 3  # of a law's basis with which it is screened
 LENGTH = 0.4  # correlation length of a curve in its range: assumed
 FINE = 40.0  # range over the width near 0 in which knots lie close: assumed
 REACHES = (0.01, 0.6)  # of hysteresis, smallest and largest in ranges of the variable: assumed
@@ -50,7 +50,7 @@ class Candidate:
     @property
     def name(self) -> str:
         """Where and what, in words."""
-        return f"{self.law.identity}: {self.form.words}"
+        return f"{self.law.learned}: {self.form.words}"
 
     def weights(self, modes: np.ndarray) -> np.ndarray:
         """Weights (channels, 8) for coordinates (channels, 8) of the modes."""

@@ -31,9 +31,9 @@ from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
-FITTED = 5  # laws that are fitted through the simulation
+FITTED = 4  # laws that are fitted through the simulation; the best two points to the end
 PER_POINT = 2  # of these at one point, at most
-FIRST, STEPS = 1, 2  # Gauss-Newton steps of all, and of all once more in units of what the best leaves
+FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
 BAND = 1.645  # standard deviations of a 90 % band
 
 
@@ -86,10 +86,15 @@ def fit_best(
     for s in chosen:
         progress(Stage.FIT, s.candidate.name)
         fits.append(refined(likelihood, base, begun(likelihood, base, model, s), jacobian, FIRST))
-    best = min(fits, key=lambda f: float(np.sum(np.log(np.maximum(likelihood.chi2(f.residual), 1.0)))))
-    likelihood = likelihood.scaled_to(best.residual)
-    fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in fits]
+    fits.sort(key=lambda f: float(np.sum(np.log(np.maximum(likelihood.chi2(f.residual), 1.0)))))
+    likelihood = likelihood.scaled_to(fits[0].residual)
+    fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in of_two_points(fits)]
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
+
+
+def of_two_points(fits: Sequence[Fit]) -> list[Fit]:
+    """The first fit, and the first one at another point."""
+    return [fits[0], *[f for f in fits if f.candidate.law is not fits[0].candidate.law][:1]]
 
 
 def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
@@ -97,7 +102,7 @@ def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
     robot = fit.robot(base, likelihood)
     fit = replace(fit, residual=likelihood.residual(robot[None])[0])
     likelihood = likelihood.scaled_to(fit.residual)
-    return refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), STEPS)
+    return refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)
 
 
 def evidence(fit: Fit) -> float:
@@ -114,7 +119,7 @@ def removed(likelihood: Likelihood, base: Explanation, fit: Fit) -> float:
 
 def runners(fits: Sequence[Fit], shares: Sequence[float]) -> tuple[Runner, ...]:
     """Fitted laws with their shares."""
-    return tuple(Runner(f.candidate.law.identity, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True))
+    return tuple(Runner(f.candidate.law.learned, f.candidate.form.words, s) for f, s in zip(fits, shares, strict=True))
 
 
 def answer(
@@ -136,12 +141,25 @@ def answer(
     formulas = {name: curve.formula for name, curve in curves.items() if curve.formula}
     weights = best.candidate.weights(best.modes)
     text = effect_text(best.candidate, weights, problem.case.name, formulas)
-    robot = improved(problem, found, best, weights, text)
     return MissingLaw(
-        True, reason_of(best.candidate, shares[0]), identity, best.candidate.form.words, best.candidate.form.unit,
-        channels, shares[0], p, None if rival is None else others[rival], apart, apart < ALPHA, others, curves,
-        closure, bool(problem.holdout), robot, text,
-    )  # fmt: skip
+        found=True,
+        reason=reason_of(best.candidate, shares[0]),
+        id=best.candidate.law.learned,
+        words=best.candidate.form.words,
+        unit=best.candidate.form.unit,
+        channels=channels,
+        share=shares[0],
+        p_noise=p,
+        runner_up=None if rival is None else others[rival],
+        p_runner_up=apart,
+        told_apart=apart < ALPHA,
+        others=others,
+        curves=curves,
+        closure=closure,
+        held_out=bool(problem.holdout),
+        robot=improved(problem, found, best, weights, text),
+        text=text,
+    )
 
 
 def reason_of(candidate: Candidate, share: float) -> str:

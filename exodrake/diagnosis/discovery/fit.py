@@ -141,7 +141,7 @@ def differentiated(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian
 
 
 def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray, steps: int) -> Fit:
-    """The fit after some Gauss-Newton steps, differentiated at its end."""
+    """The fit after some Gauss-Newton steps, differentiated at its end; the other parameters' Jacobian is kept."""
     fit = differentiated(likelihood, base, fit, jacobian)
     for _ in range(steps):
         assert fit.model is not None and fit.columns is not None and fit.weighed is not None
@@ -153,7 +153,6 @@ def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.nd
         if found is fit:
             return fit
         gained = before - cost(likelihood, base, found, fit.weighed)
-        jacobian = nuisance_jacobian(likelihood, base, found)
         fit = differentiated(likelihood, base, found, jacobian)
         if gained < REMOVED * before:
             return fit

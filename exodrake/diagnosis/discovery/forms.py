@@ -168,7 +168,7 @@ class LawPoint:
 
     Attributes:
         key: "module.point".
-        identity: id of the effect that is the law.
+        identity: id of the free law while it is searched.
         point: the point.
         arguments: names of the value and of what is known beside it.
         forms: as `FORMS` has them.
@@ -183,6 +183,11 @@ class LawPoint:
     forms: tuple[Form, ...]
     scale: str
     advanced: dict[str, tuple[str, ...]]
+
+    @property
+    def learned(self) -> str:
+        """Id of the effect that the fitted law becomes."""
+        return self.identity.replace(".law_", ".learned_")
 
 
 def law_points(machine: Machine) -> Iterator[LawPoint]:

@@ -8,7 +8,7 @@ independent samples. A formula is stated only where it is at least as likely as 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,8 @@ from exodrake.diagnosis.discovery.fit import Fit
 from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE
 
 MOST = 3  # terms
-WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.4)  # of terms with a width, in the largest |u|
+GRID = 200  # points on which a term is approximated by a curve
+WIDTHS = (0.02, 0.05, 0.1, 0.14, 0.2, 0.28, 0.4)  # of terms with a width, in the largest |u|
 BENDS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of terms with a bend, in the range of u
 
 
@@ -65,19 +66,34 @@ def terms_of(candidate: Candidate) -> Iterator[Term]:
         for i in range(SIZE):
             yield Term(f"{word}(u; {float(np.median(u[:, i])):.2g} {unit})", np.tile(np.eye(SIZE)[i], (len(u), 1)))
         return
-    largest, low, span = float(abs(u).max()), float(u.min()), float(u.max() - u.min())
-    yield from (Term("1", np.ones_like(u)), Term("u", u), Term("u^2", u**2), Term("u^3", u**3))
+    for text, function in named(float(u.min()), float(u.max())):
+        yield Term(text, np.array([projected(k, function) for k in u]))
+
+
+def projected(knots: np.ndarray, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Values (8,) at the knots of the curve that is nearest to a function over their range."""
+    at = np.linspace(knots[0], knots[-1], GRID)
+    hats = np.array([np.interp(at, knots, one) for one in np.eye(SIZE)]).T
+    return np.linalg.lstsq(hats, np.broadcast_to(function(at), at.shape), rcond=None)[0]
+
+
+def named(low: float, high: float) -> Iterator[tuple[str, Callable[[np.ndarray], np.ndarray]]]:
+    """Terms of a curve over a range, by their text."""
+    largest = max(abs(low), abs(high))
+    yield from (("1", lambda u: 1.0), ("u", lambda u: u), ("u^2", lambda u: u**2), ("u^3", lambda u: u**3))
     signed = low < -0.05 * largest
     if signed:
-        yield from (Term("sign(u)", np.sign(u)), Term("|u|", abs(u)), Term("u |u|", u * abs(u)))
+        yield from (("sign(u)", np.sign), ("|u|", abs), ("u |u|", lambda u: u * abs(u)))
     for c in (w * largest for w in WIDTHS):
-        sign, word = (np.sign(u), " sign(u)") if signed else (1.0, "")
-        yield Term(f"exp(-{'|u|' if signed else 'u'} / {c:.2g}){word}", np.exp(-abs(u) / c) * sign)
-        yield Term(f"tanh(u / {c:.2g})", np.tanh(u / c))
-        yield Term(f"sin(u / {c:.2g})", np.sin(u / c))
-    for c in (low + b * span for b in BENDS):
-        yield Term(f"max(0, u - {c:.2g})", np.maximum(0.0, u - c))
-        yield Term(f"max(0, {c:.2g} - u)", np.maximum(0.0, c - u))
+        if signed:
+            yield f"exp(-|u| / {c:.2g}) sign(u)", lambda u, c=c: np.exp(-abs(u) / c) * np.sign(u)
+        else:
+            yield f"exp(-u / {c:.2g})", lambda u, c=c: np.exp(-u / c)
+        yield f"tanh(u / {c:.2g})", lambda u, c=c: np.tanh(u / c)
+        yield f"sin(u / {c:.2g})", lambda u, c=c: np.sin(u / c)
+    for c in (low + b * (high - low) for b in BENDS):
+        yield f"max(0, u - {c:.2g})", lambda u, c=c: np.maximum(0.0, u - c)
+        yield f"max(0, {c:.2g} - u)", lambda u, c=c: np.maximum(0.0, c - u)
 
 
 def formula(fit: Fit) -> Formula | None:

@@ -38,7 +38,7 @@ FADING = "k1 .. k8 are time constants [s] of Maxwell elements and w1 .. w8 their
 
 def single(law: LawPoint, number: int) -> LawPoint:
     """The point with one of its forms alone."""
-    return replace(law, forms=(law.forms[number - 1],))
+    return replace(law, identity=law.learned, forms=(law.forms[number - 1],))
 
 
 def effect_text(candidate: Candidate, weights, case: str, formulas: dict[str, str]) -> str:
