@@ -13,6 +13,7 @@ import json
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import click
 import numpy as np
@@ -29,6 +30,7 @@ from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
 SEED = 320711
+DURATION = 0.5  # of the logs, in that of a usual blind case: for the time it takes
 LIBRARY = (
     "tendon.capstan_friction", "sensor.nonlinearity", "finger.hardening", "motor.dead_zone", "tendon.stiffening",
     "mocap.gain", "finger.viscoelasticity", "sensor.gain", "tendon.creep", "tendon.viscous_friction",
@@ -47,8 +49,8 @@ PAGE = """# The missing law
 
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
 are diagnosed with **no effect in the library**: whatever is planted is a law that nobody told. One free law is searched
-over every point of every part ([how](explain/diagnosis.md#the-missing-law)). Held-out logs are motions of another kind
-than the fitted ones.
+over every point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
+ones are motions of another kind than the fitted ones.
 
     {command}
 
@@ -90,7 +92,7 @@ def blind_case(name: str) -> tuple[Case, tuple[str, ...], float]:
     number = HEALTHY.index(name) if healthy else 100 + sorted(ENTRIES).index(name)
     ids = () if healthy else (name,)
     kind = "healthy" if healthy else "unknown" if name.startswith("outside") else "single"
-    plan = CasePlan(name, (SEED, number), kind, ids, True, CaseMix())
+    plan = CasePlan(name, (SEED, number), kind, ids, True, CaseMix(duration=DURATION))
     case, label = case_and_label(plan)
     blocks = () if healthy else SAME_PLACE.get(name, blocks_of(name))
     return case, blocks, float(label["gap"])
@@ -128,6 +130,11 @@ def measured(name: str, real: Path | None) -> Row:
     law, seconds = discovered(replace(case, name=name), "exo_index", frozenset())
     kind = "healthy" if name in HEALTHY else "outside" if name.startswith("outside") else "library"
     return row_of(name, kind, blocks, gap, law, seconds)
+
+
+def restored(stored: dict[str, Any]) -> Row:
+    """A row as it was kept."""
+    return Row(**(stored | {name: tuple(stored[name]) for name in ("blocks", "channels")}))
 
 
 def percent(value: float) -> str:
@@ -203,8 +210,7 @@ def main(out: Path, cases: str, real: Path | None) -> None:
             click.echo(
                 f"{name}: {row.law} {percent(row.share)} {percent(row.closure)} {row.seconds:.0f} s {row.reason}"
             )
-    listed = ("blocks", "channels")
-    rows = [Row(**{k: tuple(v) if k in listed else v for k, v in known[n].items()}) for n in every if n in known]
+    rows = [restored(known[n]) for n in every if n in known]
     out.write_text(page(rows, "python -m studies.missing_law --out docs/missing_law.md"))
 
 

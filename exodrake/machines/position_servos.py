@@ -60,8 +60,7 @@ def joint_machine(
         part: name of the part that moves the joints.
         joints: names of the joints.
         library: its effects; the generic ones of its sensors join those whose family is not among them.
-        frame: frame period [s].
-        max_effects: effects that a diagnosis may name together.
+        frame: frame period [s]. max_effects: effects that a diagnosis may name together.
         bent: whether logs state the bend of each joint's sheath.
     """
     references = (*REFERENCES, BEND) if bent else REFERENCES
