@@ -60,17 +60,17 @@ def joint_machine(
         part: name of the part that moves the joints.
         joints: names of the joints.
         library: its effects; the generic ones of its sensors join those whose family is not among them.
-        frame: frame period [s]. max_effects: effects that a diagnosis may name together.
+        frame: frame period [s].
+        max_effects: effects that a diagnosis may name together.
         bent: whether logs state the bend of each joint's sheath.
     """
-    references = (*REFERENCES, BEND) if bent else REFERENCES
+    references, taken = ((*REFERENCES, BEND), joint_command.SET_PART) if bent else (REFERENCES, joint_command.PART)
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
-    parts = (replace(joint.PART, name=part), joint_command.SET_PART if bent else joint_command.PART, reading)
     return Machine(
         name=name,
         axes=Axes((), joints),
         signals=(*references, *REST),
-        parts=parts,
+        parts=(parts := (replace(joint.PART, name=part), taken, reading)),
         inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
         columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
         effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),

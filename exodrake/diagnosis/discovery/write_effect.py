@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from textwrap import wrap
 
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
@@ -16,7 +17,6 @@ from exodrake.diagnosis.discovery.effect_text import (
     WEIGHTS,
     effect_source,
     law_source,
-    parameter_source,
 )  # fmt: skip
 from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE, LawPoint
 from exodrake.diagnosis.discovery.law_machine import Moved, module_of
@@ -24,10 +24,10 @@ from exodrake.machines.robot_file import robot_text
 
 SWITCH = "present"
 USED = ("curve", "dragged", "faded", "inside", "slope", "stopped")
-NOTE = """
-
-A free law that `exodrake diagnose` found in the logs of {case}. {knots}
-present = 1 puts it in, 0 is the robot without it; values of each channel are in the robot file beside this folder."""
+NOTE = (
+    "A free law that `exodrake diagnose` found: present = 1 puts it in, 0 is the robot without it. The values here are "
+    "those of the strongest channel; those of each one are in the robot file beside this folder."
+)
 KNOTS_ARE = {
     CURVE: "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there.",
     PLACE: "k1 .. k8 are knots [{unit}] and w1 .. w8 the values of the curve there.",
@@ -52,26 +52,33 @@ def effect_text(candidate: Candidate, weights, case: str, formulas: dict[str, st
     """
     law, form = single(candidate.law, candidate.number), candidate.form
     strongest = int(abs(weights).max(axis=1).argmax())
-    pairs = [(n, "-", candidate.knots[strongest, i]) for i, n in enumerate(KNOTS)]
-    pairs += [(n, "-", weights[strongest, i]) for i, n in enumerate(WEIGHTS)]
-    parameters = [parameter_source(SWITCH, law.point, "-", 0.0, 1.0)]
-    parameters += [
-        parameter_source(n, law.point, unit, float(i), float(value)) for i, (n, unit, value) in enumerate(pairs)
+    axis, several = law.point.axis, 'null=k, low=-1e9, high=1e9, axis="{}", default=k, fitted=False'
+    spread = '*(EffectParameter(f"{}{{i}}", "{}", ' + several.format(axis) + ") for i, k in enumerate({}, 1))"
+    parameters = [
+        f'EffectParameter("{SWITCH}", "-", null=0.0, low=0.0, high=1.0, axis="{axis}", default=1.0, fitted=False)',
+        spread.format("k", form.unit or "-", "AT"),
+        spread.format("w", "-", "VALUES"),
     ]
-    name = law.arguments[0]
-    acts = form.result or f"{name} + law"
-    lines = [f"{form.words[0].upper()}{form.words[1:]}, found in the logs of {case}.", ""]
-    lines += [f"{name} -> {acts}      law = {form.factor + ' ' if form.factor else ''}f(u)      u = {form.variable}"]
-    lines += [*(f"{channel or 'all'}: {text}" for channel, text in formulas.items())]
-    knots = KNOTS_ARE.get(form.kind, FADING).format(unit=form.unit)
-    doc = "\n".join(lines) + NOTE.format(case=case, knots=knots) + "\n"
+    values = {"AT": candidate.knots[strongest], "VALUES": weights[strongest]}
+    constants = [f"{name} = ({', '.join(f'{v:.6g}' for v in row)})" for name, row in values.items()]
     body = law_source(law, SWITCH)
     used = ", ".join(n for n in USED if f"{n}(" in body)
-    header = HEADER.format(summary=doc).replace(", ".join(USED), used)
-    if not any(e in body for e in ELEMENTS[:1]):
+    header = HEADER.format(summary=summary(candidate, case, formulas)).replace(", ".join(USED), used)
+    if ELEMENTS[0] not in body:
         header = header.replace("from exodrake.core.part import State\n", "")
     effect = effect_source(law, "EFFECT", f"{form.words}, found in logs", parameters, f"fitted to {case}")
-    return "\n\n\n".join([header.rstrip() + "\n", body, effect]).replace("\n\n\n\n", "\n\n\n") + "\n"
+    return "\n\n\n".join([header.rstrip() + "\n\n" + "\n".join(constants), body, effect]) + "\n"
+
+
+def summary(candidate: Candidate, case: str, formulas: dict[str, str]) -> str:
+    """The docstring of the effect's module: what it is, its equation and formulas."""
+    form, value = candidate.form, candidate.law.arguments[0]
+    law = f"law = {form.factor + ' ' if form.factor else ''}f(u)      u = {form.variable}"
+    knots = KNOTS_ARE.get(form.kind, FADING).format(unit=form.unit)
+    lines = [f"{form.words[0].upper()}{form.words[1:]}, found in the logs of {case}.", ""]
+    lines += [f"{value} -> {form.result or f'{value} + law'}      {law}"]
+    lines += [f"{channel or 'here'}: {text}" for channel, text in formulas.items()]
+    return "\n".join([*lines, "", *wrap(f"{NOTE} {knots}", 110)]) + "\n"
 
 
 def robot_with(robot: Robot, candidate: Candidate, weights, text: str) -> Robot:
