@@ -93,8 +93,9 @@ def fit_best(
 
 
 def of_two_points(fits: Sequence[Fit]) -> list[Fit]:
-    """The first fit, and the first one at another point."""
-    return [fits[0], *[f for f in fits if f.candidate.law is not fits[0].candidate.law][:1]]
+    """The first two fits at the point of the first one, and the first one at another point."""
+    here = [f for f in fits if f.candidate.law is fits[0].candidate.law]
+    return [*here[:PER_POINT], *[f for f in fits if f not in here][:1]]
 
 
 def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
