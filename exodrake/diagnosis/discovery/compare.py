@@ -8,7 +8,6 @@ import numpy as np
 
 from exodrake.diagnosis.discovery.evidence import Eliminated, weights_of
 from exodrake.diagnosis.discovery.fit import Fit, Screened
-from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.levels import DRAWS, exceeding
 from exodrake.diagnosis.likelihood import Likelihood
 
@@ -24,20 +23,9 @@ def gains(model: Eliminated, laws: Sequence[Screened], rows: np.ndarray) -> np.n
     return best
 
 
-def level_of_noise(
-    likelihood: Likelihood, model: Eliminated, laws: Sequence[Screened], moved: np.ndarray, share: float
-) -> float:
-    """p-value of what the best law takes up, were there noise and another simulator's errors alone.
-
-    Args:
-        likelihood: views of the case.
-        model: the linearisation.
-        laws: with their columns in it.
-        moved: (samples,) change of the residual by retuning.
-        share: by which another simulator differs where the nominal parameters act.
-    """
+def level_of_noise(likelihood: Likelihood, model: Eliminated, laws: Sequence[Screened]) -> float:
+    """p-value of what the best law takes up, were there noise alone."""
     noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
-    noise += np.float32(share) * random_functions(likelihood, DRAWS, 0) * moved.astype(np.float32)
     found = gains(model, laws, model.offset[None])[0]
     return exceeding(gains(model, laws, noise * weights_of(likelihood)), float(found))
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.discovery.candidate import Candidate, candidates
 from exodrake.diagnosis.discovery.compare import level_of_noise, level_of_runner_up
@@ -31,7 +30,7 @@ from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
-FITTED = 4  # laws that are fitted through the simulation; the best two points to the end
+BEGUN, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
 PER_POINT = 2  # of these at one point, at most
 FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
 BAND = 1.645  # standard deviations of a 90 % band
@@ -58,7 +57,7 @@ def discover(problem: Problem, found: Isolation, progress: StageProgress = no_pr
     jacobian = whole_jacobian(likelihood, base)
     screen = screened(likelihood, base, jacobian, tried)
     model = Eliminated(likelihood, base.residual - base.x @ jacobian, jacobian, base.prior_std)
-    p = level_of_noise(likelihood, model, screen, found.tests.moved, calibration_of(machine).same_meaning)
+    p = level_of_noise(likelihood, model, screen)
     if p > ALPHA:
         return MissingLaw(False, f"no law takes up more than noise lets one (p = {p:.2g})", p_noise=p)
     if screen[0].weighed.log_evidence <= without(model).log_evidence:
@@ -80,16 +79,23 @@ def fit_best(
     chosen: list[Screened] = []
     for s in screen:
         here = [c for c in chosen if c.candidate.law is s.candidate.law]
-        if s.active and len(here) < PER_POINT and len(chosen) < FITTED:
+        if s.active and len(here) < PER_POINT and len(chosen) < BEGUN:
             chosen.append(s)
+    starts = [begun(likelihood, base, model, s) for s in chosen]
+    starts.sort(key=lambda f: left(likelihood, f))
     fits = []
-    for s in chosen:
-        progress(Stage.FIT, s.candidate.name)
-        fits.append(refined(likelihood, base, begun(likelihood, base, model, s), jacobian, FIRST))
-    fits.sort(key=lambda f: float(np.sum(np.log(np.maximum(likelihood.chi2(f.residual), 1.0)))))
+    for start in starts[:FITTED]:
+        progress(Stage.FIT, start.candidate.name)
+        fits.append(refined(likelihood, base, start, jacobian, FIRST))
+    fits.sort(key=lambda f: left(likelihood, f))
     likelihood = likelihood.scaled_to(fits[0].residual)
     fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in of_two_points(fits)]
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
+
+
+def left(likelihood: Likelihood, fit: Fit) -> float:
+    """Sum over the views of the logarithms of what a fit leaves, reduced chi-squares above the noise."""
+    return float(np.sum(np.log(np.maximum(likelihood.chi2(fit.residual), 1.0))))
 
 
 def of_two_points(fits: Sequence[Fit]) -> list[Fit]:

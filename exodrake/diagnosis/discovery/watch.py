@@ -39,7 +39,7 @@ def state_places(machine: Machine, identity: str) -> dict[str, np.ndarray]:
             for state in effect.states:
                 width = machine.width(state.axis)
                 found[state.name] = np.arange(at, at + width)
-                at += width
+                at += width * state.width
             if effect.id == identity:
                 return found
     raise KeyError(identity)
