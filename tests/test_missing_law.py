@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
+from exodrake.compiled.splice import state_indices
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
@@ -16,6 +17,7 @@ from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
+from exodrake.diagnosis.discovery.watch import state_places
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
@@ -169,6 +171,20 @@ def test_absent_laws_leave_the_bits():
     plain = simulate(robot, reference, seed=1)
     other = simulate(Moved(robot.machine, with_laws(robot.machine)).robot(robot), reference, seed=1)
     assert all(np.array_equal(plain[c], other[c]) for c in plain.columns)
+
+
+@pytest.mark.parametrize("name", ["emps", "exo_index"])
+def test_states_of_an_effect_are_where_the_generated_code_has_them(name):
+    machine = with_laws(exo.load_robot(name).machine)
+    for part in machine.parts:
+        start = sum(sum(machine.part_size(p)) for p in machine.parts[: machine.parts.index(part)])
+        for effect in machine.effects_on(part):
+            if effect.states and all(state.axis == effect.axis and state.width == 1 for state in effect.states):
+                places = state_places(machine, effect.id)
+                z = start + machine.part_size(part)[0]
+                for j in range(machine.width(effect.axis)):
+                    own = state_indices(machine, part, effect, str(j) if effect.axis else None)
+                    assert [eval(text[2:-1]) + z for text in own] == [int(p[j]) for p in places.values()]
 
 
 def test_curve_is_the_interpolant_of_numpy():
