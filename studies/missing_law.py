@@ -57,6 +57,17 @@ ones are motions of another kind than the fitted ones.
 {summary}
 
 {tables}
+
+## Formulas that nobody told
+
+A carriage that a few lines of their own simulate (`tests/test_missing_law.py`), its law in no library:
+
+| planted | found, SI |
+|---|---|
+| a spring that saturates, 60 tanh(x / 0.015) N | force over place, 60.1 tanh(u / 0.015) |
+| a drive whose force depends on place, factor 1 - 6 x | gain over place, - 6 u |
+| LuGre friction, 20 N sliding, 34 N at break-away | dry friction over speed: 27 N at 20 to 40 mm/s, falling to 19 N |
+| nothing | no law |
 """
 
 
