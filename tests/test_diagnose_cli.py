@@ -37,7 +37,7 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda *_: None, tried=None):
+        def ready(case, robot=None, progress=lambda *_: None, tried=None, discovers=None):
             for stage in Stage:
                 progress(stage, "")
             return diagnosis(verdict)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
 
+FOLDER = {"type": click.Path(path_type=Path), "default": None}
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 
 
@@ -26,6 +27,8 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
+@click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
+@click.option("--out-law", metavar="FOLDER", **FOLDER, help="Write a law that was found, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say where the simulated seconds went.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
@@ -35,7 +38,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 def command(
     cases: tuple[str, ...], json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str,
     only: str, without: str, jobs: int | None, out: Path | None, cluster: str | None, redo: bool,
-    allow_outside: bool, profile: bool,
+    allow_outside: bool, profile: bool, discover: bool | None, out_law: Path | None,
 ) -> None:  # fmt: skip
     """Say where the logs of CASE differ from the robot's model, which effect causes it and how far it shrinks.
 
@@ -45,17 +48,20 @@ def command(
     if len(cases) != 1 or out is not None:
         from exodrake.cli.diagnose_many import diagnose_many
 
-        refuse_files(json_file, report, out_robot)
+        refuse_files(json_file, report, out_robot, out_law)
+        if discover:
+            raise click.UsageError("--discover is for one case")
         tried = tried_of(robot, only, without)
         return diagnose_many(cases, out, robot, jobs or -1, cluster, redo, tried, allow_outside)
     if cluster or redo:
         raise click.UsageError("--cluster and --redo are for several cases, with --out")
-    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside, profile)
+    law = (True if out_law is not None and discover is None else discover, out_law)
+    diagnose_case(cases[0], json_file, report, out_robot, robot, jobs, (only, without), allow_outside, profile, law)
 
 
-def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | None) -> None:
+def refuse_files(*paths: Path | None) -> None:
     """UsageError for files that hold one answer."""
-    for name, path in (("--json", json_file), ("--report", report), ("--out-robot", out_robot)):
+    for name, path in zip(("--json", "--report", "--out-robot", "--out-law"), paths, strict=True):
         if path is not None:
             raise click.UsageError(f"{name} is for one case; several are written to --out")
 
@@ -63,8 +69,9 @@ def refuse_files(json_file: Path | None, report: Path | None, out_robot: Path | 
 def diagnose_case(
     case: str, json_file: Path | None, report: Path | None, out_robot: Path | None, robot: str, jobs: int | None,
     choice: tuple[str, str] = ("", ""), allow_outside: bool = False, profile: bool = False,
+    law: tuple[bool | None, Path | None] = (None, None),
 ) -> None:  # fmt: skip
-    """One case: summary and files."""
+    """One case: summary and files; law: whether to look for a missing one (for UNKNOWN if None), and its folder."""
     from exodrake.core.progress import stages
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
@@ -79,9 +86,12 @@ def diagnose_case(
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame, allow_outside)
     with stages() as progress:
         from exodrake.diagnosis.pipeline import diagnose
+        from exodrake.diagnosis.result import UNKNOWN
 
-        found = with_command(diagnose(read, nominal, progress, tried))
-    written = write_all(contents_of(found, json_file, out_robot))
+        discovers, folder = law
+        wanted = (lambda verdict: verdict == UNKNOWN) if discovers is None else (lambda _: bool(discovers))
+        found = with_command(diagnose(read, nominal, progress, tried, wanted))
+    written = write_all(contents_of(found, json_file, out_robot)) + law_files(found, folder)
     try:
         if report is not None:
             written += write_all({report: report_of(found, read, nominal)})
@@ -90,6 +100,16 @@ def diagnose_case(
         if profile:
             print_profile(found)
         say_written(written)
+
+
+def law_files(found: Diagnosis, folder: Path | None) -> list[Path]:
+    """Writes a law that was found into a plugin folder; nothing without a folder or a law."""
+    law = found.missing_law
+    if folder is None or law is None or law.robot is None:
+        return []
+    from exodrake.diagnosis.discovery.write_effect import write_law
+
+    return write_law(folder, law.id, law.text, law.robot, found.case)
 
 
 def with_command(found: Diagnosis) -> Diagnosis:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import SHARE, Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
@@ -42,6 +44,7 @@ def diagnose(
     robot: Robot | None = None,
     progress: StageProgress = no_progress,
     tried: frozenset[str] | None = None,
+    discovers: Callable[[str], bool] = lambda verdict: False,
 ) -> Diagnosis:
     """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
 
@@ -50,6 +53,7 @@ def diagnose(
         robot: the nominal robot; the built-in one if None.
         progress: called with the stage and what it works on, such as the name of an effect.
         tried: ids of the effects to try (`candidates.chosen`); by default all that are not `not_tried`.
+        discovers: whether to look for a missing law after a verdict (`discovery`).
 
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
@@ -61,7 +65,11 @@ def diagnose(
     with one_blas_thread():
         problem, found = isolated(make_problem(case, robot, tried), progress)
         decision = decide(problem, found)
-        return answer(problem, found, decision, started, progress)
+        made = answer(problem, found, decision, started, progress)
+        if not discovers(made.verdict):
+            return made
+        law = discover(problem, found, progress)
+        return replace(made, missing_law=law, seconds=time.perf_counter() - started)
 
 
 def isolated(

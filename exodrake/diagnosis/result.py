@@ -13,6 +13,7 @@ from exodrake.core.short_repr import short_repr
 from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
+    from exodrake.diagnosis.discovery.missing_law import MissingLaw
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.provenance import Provenance
     from exodrake.diagnosis.since import Since
@@ -204,6 +205,7 @@ class Diagnosis:
         tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
         provenance: what the answer was made from.
         since: changes over dated sessions or one long log; None of other cases.
+        missing_law: the free law that explains the logs best, if one was looked for.
         problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
     """
 
@@ -226,6 +228,7 @@ class Diagnosis:
     tests: tuple[LevelTest, ...] = ()
     provenance: Provenance | None = None
     since: Since | None = None
+    missing_law: MissingLaw | None = None
     problem: Problem | None = None
 
     @property

@@ -8,6 +8,7 @@ Where several effects act at one point, they act in the order of their field `or
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -57,6 +58,13 @@ def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
     points = set(points_of(parts))
     own = [effect for effect in LIBRARY.values() if set(effect.at) <= points]
     return in_order([*own, *(effect for part in parts for effect in generic_effects(part))])
+
+
+def plugin_effects(parts: Iterable[Part]) -> tuple[Effect, ...]:
+    """Effects of plugins made for points of these parts, for a machine that lists those of the library itself."""
+    points, own = set(points_of(parts)), str(plugins.PACKAGE)
+    homes = {e.id: sys.modules[next(iter(e.at.values())).__module__].__file__ or own for e in LIBRARY.values()}
+    return tuple(e for e in LIBRARY.values() if set(e.at) <= points and not homes[e.id].startswith(own))
 
 
 def generic_effects(part: Part) -> tuple[Effect, ...]:

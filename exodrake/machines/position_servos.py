@@ -9,7 +9,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
-from exodrake.effects import LIBRARY, generic_effects, in_order
+from exodrake.effects import LIBRARY, generic_effects, in_order, plugin_effects
 from exodrake.systems import joint, joint_command
 from exodrake.systems.reading import sensor
 
@@ -64,16 +64,16 @@ def joint_machine(
         max_effects: effects that a diagnosis may name together.
         bent: whether logs state the bend of each joint's sheath.
     """
-    references = (*REFERENCES, BEND) if bent else REFERENCES
+    references, taken = ((*REFERENCES, BEND), joint_command.SET_PART) if bent else (REFERENCES, joint_command.PART)
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     return Machine(
         name=name,
         axes=Axes((), joints),
         signals=(*references, *REST),
-        parts=(replace(joint.PART, name=part), joint_command.SET_PART if bent else joint_command.PART, reading),
+        parts=(parts := (replace(joint.PART, name=part), taken, reading)),
         inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
         columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
-        effects=(*library, *others(generic_effects(reading), library)),
+        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),

@@ -233,8 +233,8 @@ def robot_text(robot: Robot, notes: str = "") -> str:
     base = load_robot(robot.machine.name)
     parameters = {
         e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
-        for e, v, b in zip(robot.machine.parameters, robot.values, base.values, strict=True)
-        if e.null is None and v != b
+        for e, v in zip(robot.machine.parameters, robot.values, strict=True)
+        if e.null is None and v != base[e.name]
     }
     effects = {
         identity: {name: values.get("", values) for name, values in present.items()}

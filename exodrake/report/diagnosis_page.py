@@ -12,6 +12,7 @@ from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN,
 from exodrake.report import number_format, wording
 from exodrake.report.assumed import assumed
 from exodrake.report.how_far import how_far
+from exodrake.report.missing_law import missing_law
 from exodrake.report.page import render
 from exodrake.report.simulated_logs import SimulatedLogs, simulate_logs
 from exodrake.report.since import since
@@ -38,4 +39,5 @@ def page(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
         "diagnosis.html",
         title=f"{diagnosis.case}: diagnosis", version=__version__, colour=COLOURS.get(diagnosis.verdict, "#1d4ed8"),
         found=diagnosis, runs=runs, w=wording, n=number_format, **sections, **assumed(diagnosis, runs),
+        **missing_law(diagnosis),
     )  # fmt: skip

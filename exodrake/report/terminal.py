@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.report import number_format as n, wording as w
+from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
 
 if TYPE_CHECKING:
@@ -54,6 +55,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
         console.print(line)
     for k, line in enumerate(since_words(diagnosis)):
         console.print(f"{'since  ' if k == 0 else '       '} {escape(line)}")
+    for line in law_lines(diagnosis.missing_law):
+        console.print(escape(line))
     if diagnosis.candidates:
         console.print(ranking(diagnosis))
     for note in diagnosis.notes:

@@ -1,0 +1,166 @@
+"""Fits free laws through the simulation: all of them by one linearisation, the best by Gauss-Newton steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.diagnosis.discovery.candidate import MODES, Candidate
+from exodrake.diagnosis.discovery.effect_text import SIZE
+from exodrake.diagnosis.discovery.evidence import Columns, Eliminated, Weighed, fitted, weights_of
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import nominal_jacobian
+from exodrake.diagnosis.parameter import apply
+from exodrake.diagnosis.refine import Explanation
+
+STEPS = (1.0, 0.5, 0.2, 0.05)  # shares of a Gauss-Newton step that are tried
+RELATIVE, LEAST = 0.1, 0.2  # step of a difference quotient in what a mode is, and at least in its scale
+REMOVED = 1e-3  # of its excess that a step must remove, or it is the last
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """A candidate as the linearisation sees it; channel (n,): of each of its directions."""
+
+    candidate: Candidate
+    columns: Columns
+    channel: np.ndarray
+    weighed: Weighed
+
+    @property
+    def active(self) -> list[int]:
+        """Channels that have the law."""
+        return [int(c) for c in np.flatnonzero(self.weighed.scales)]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A law fitted through the simulation.
+
+    Attributes:
+        candidate: the law. active: positions of the channels that have it.
+        x: (nuisance,) coordinates of the other parameters.
+        modes: (channels, 8) coordinates of the law.
+        residual: (samples,) whitened [noise_std].
+        columns, model, weighed: its linearisation there and what follows from it.
+    """
+
+    candidate: Candidate
+    active: tuple[int, ...]
+    x: np.ndarray
+    modes: np.ndarray
+    residual: np.ndarray
+    columns: Columns | None = None
+    model: Eliminated | None = None
+    weighed: Weighed | None = None
+
+    def robot(self, base: Explanation, likelihood: Likelihood) -> np.ndarray:
+        """Flat parameter vector (n,) of the robot with the law."""
+        values = apply(base.values, base.parameters, self.x)
+        return self.candidate.put(likelihood.robot.machine, values, self.candidate.weights(self.modes))
+
+    @property
+    def channel(self) -> np.ndarray:
+        """Position among the active channels of each direction (n,)."""
+        return np.repeat(np.arange(len(self.active)), SIZE)
+
+
+def screened(
+    likelihood: Likelihood, base: Explanation, jacobian: np.ndarray, found: Sequence[Candidate]
+) -> list[Screened]:
+    """All candidates by one linearisation at a robot without them, best first.
+
+    Args:
+        likelihood: views of the case.
+        base: the robot, on a machine with laws.
+        jacobian: (parameters, samples) of its residual by all its parameters.
+        found: candidates.
+    """
+    model = Eliminated(likelihood, base.residual - base.x @ jacobian, jacobian, base.prior_std)
+    robot, out = base.robot, []
+    for candidate in found:
+        everyone = range(len(candidate.channels))
+        modes = candidate.directions(everyone, MODES)
+        rows = [candidate.put(likelihood.robot.machine, robot, candidate.weights(one)) for one in modes]
+        directions = likelihood.residual(np.array(rows)) - base.residual
+        columns, channel = model.columns(directions), np.repeat(np.arange(len(candidate.channels)), MODES)
+        out.append(Screened(candidate, columns, channel, fitted(model, columns, channel)))
+    return sorted(out, key=lambda s: -s.weighed.log_evidence)
+
+
+def begun(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Screened) -> Fit:
+    """A screened candidate simulated with as much of its predicted weights as fits best."""
+    count = len(s.candidate.channels)
+    modes = np.zeros((count, SIZE))
+    modes[:, :MODES] = s.weighed.modes.reshape(count, MODES)
+    start = Fit(s.candidate, tuple(s.active), base.x, np.zeros((count, SIZE)), base.residual)
+    return searched(likelihood, base, start, model.nuisance(s.columns, s.weighed.modes), modes, s.weighed)
+
+
+def searched(
+    likelihood: Likelihood, base: Explanation, at: Fit, x: np.ndarray, modes: np.ndarray, weighed: Weighed
+) -> Fit:
+    """The best of some shares of a step to x and modes; the start itself if none is better."""
+    low, high = base.bounds
+    tries = [
+        replace(at, x=np.clip(at.x + t * (x - at.x), low, high), modes=at.modes + t * (modes - at.modes)) for t in STEPS
+    ]
+    rows = np.array([one.robot(base, likelihood) for one in tries])
+    tries = [replace(one, residual=r) for one, r in zip(tries, likelihood.residual(rows), strict=True)]
+    return min((at, *tries), key=lambda one: cost(likelihood, base, one, weighed))
+
+
+def cost(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weighed) -> float:
+    """Twice the negative log posterior of a fit, the variance of a sample as weighed."""
+    weighted = fit.residual * weights_of(likelihood)
+    scale, active = np.zeros(len(fit.candidate.channels)), list(fit.active)
+    scale[active] = weighed.scales if len(weighed.scales) == len(active) else weighed.scales[active]
+    used = np.divide(fit.modes, scale[:, None], out=np.zeros_like(fit.modes), where=scale[:, None] > 0.0)
+    squares = float(weighted @ weighted) + float(np.sum((fit.x / base.prior_std) ** 2))
+    return squares / weighed.variance + float(np.sum(used**2))
+
+
+def differentiated(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray) -> Fit:
+    """The fit with its linearisation: columns of all modes of its active channels."""
+    machine = likelihood.robot.machine
+    values = apply(base.values, base.parameters, fit.x)
+    units = fit.candidate.directions(fit.active, SIZE)
+    steps = np.array([max(LEAST, RELATIVE * abs(float(np.sum(fit.modes * unit)))) for unit in units])
+    rows = [
+        fit.candidate.put(machine, values, fit.candidate.weights(fit.modes + step * unit))
+        for unit, step in zip(units, steps, strict=True)
+    ]
+    directions = (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
+    own = fit.modes[list(fit.active)].ravel()
+    offset = fit.residual - fit.x @ jacobian - own @ directions
+    model = Eliminated(likelihood, offset, jacobian, base.prior_std)
+    columns = model.columns(directions)
+    return replace(fit, model=model, columns=columns, weighed=fitted(model, columns, fit.channel))
+
+
+def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray, steps: int) -> Fit:
+    """The fit after some Gauss-Newton steps, differentiated at its end; the other parameters' Jacobian is kept."""
+    fit = differentiated(likelihood, base, fit, jacobian)
+    for _ in range(steps):
+        assert fit.model is not None and fit.columns is not None and fit.weighed is not None
+        modes = np.zeros_like(fit.modes)
+        modes[list(fit.active)] = fit.weighed.modes.reshape(len(fit.active), SIZE)
+        x = fit.model.nuisance(fit.columns, fit.weighed.modes)
+        before = cost(likelihood, base, fit, fit.weighed)
+        found = searched(likelihood, base, fit, x, modes, fit.weighed)
+        if found is fit:
+            return fit
+        gained = before - cost(likelihood, base, found, fit.weighed)
+        fit = differentiated(likelihood, base, found, jacobian)
+        if gained < REMOVED * before:
+            return fit
+    return fit
+
+
+def nuisance_jacobian(likelihood: Likelihood, base: Explanation, fit: Fit) -> np.ndarray:
+    """Derivatives (parameters, samples) by the parameters of the base, beside the law."""
+    machine, weights = likelihood.robot.machine, fit.candidate.weights(fit.modes)
+    values = fit.candidate.put(machine, base.values, weights)
+    return nominal_jacobian(likelihood, values, base.parameters, fit.x, fit.residual)

@@ -1,0 +1,97 @@
+"""Where the variables of laws go in the logs of a case: range and counts, by states of the simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
+from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.diagnosis.discovery.effect_text import COUNTS
+from exodrake.diagnosis.discovery.forms import LawPoint
+from exodrake.diagnosis.problem import Problem, Trial
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Where a variable went: `low`, `high` (channels,) [its unit], `counts` (channels, bins) between these."""
+
+    low: np.ndarray
+    high: np.ndarray
+    counts: np.ndarray
+
+    @property
+    def span(self) -> np.ndarray:
+        """Widths (channels,) of the ranges."""
+        return self.high - self.low
+
+
+def state_places(machine: Machine, identity: str) -> dict[str, np.ndarray]:
+    """Indices (channels,) of each state of an effect in the flat state."""
+    at = 0
+    for part in machine.parts:
+        at += machine.part_size(part)[0]
+        for effect in machine.effects_on(part):
+            found = {}
+            for state in effect.states:
+                width = machine.width(state.axis)
+                found[state.name] = np.arange(at, at + width)
+                at += width * state.width
+            if effect.id == identity:
+                return found
+    raise KeyError(identity)
+
+
+def places(machine: Machine, identity: str, name: str) -> np.ndarray:
+    """Indices (channels,) of a parameter of an effect in the flat parameter vector."""
+    effect = machine.effect(identity)
+    channels = machine.axes.of(effect.axis)
+    return np.array([machine.index[".".join(p for p in (identity, name, c) if p)] for c in channels])
+
+
+def end_state(problem: Problem, values: np.ndarray, trial: Trial) -> np.ndarray:
+    """Flat state at the end of a trial that a robot runs in closed loop, without noise."""
+    machine = problem.robot.machine
+    module, n = compile_machine(machine), len(trial.reference)
+    state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
+    noise = NoiseInputs.draw(n, None, machine)
+    noise |= {name: given[:n] for name, given in trial.latent.items()}
+    module.begin(values, state)
+    rows = np.zeros((n, len(w)))
+    given = input_rows(machine, trial.reference, noise).values()
+    module.run(values, state, w, *given, machine.slot, 1, rows, NOTHING, NOTHING)
+    return state
+
+
+def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> dict[tuple[str, int], Seen]:
+    """Where the variable of each form of each law goes, and the scale of the law (one number above all forms).
+
+    Args:
+        problem: the case, its robot on a machine with laws and watches.
+        values: (parameters,) flat vector of the robot that runs.
+        laws: points.
+    """
+    found, machine = {}, problem.robot.machine
+    for k in range(1, max(len(law.forms) for law in laws) + 2):
+        here = [law for law in laws if k <= len(law.forms) + 1]
+        row = values.copy()
+        for law in here:
+            row[places(machine, f"{law.identity}_watch", "form")] = k
+        states = [end_state(problem, row, trial) for trial in problem.fit]
+        ends = {}
+        for law in here:
+            at = state_places(machine, f"{law.identity}_watch")
+            low = np.min([s[at["low_seen"]] for s in states], axis=0)
+            high = np.max([s[at["high_seen"]] for s in states], axis=0)
+            ends[law.identity] = low, np.where(high > low, high, low + 1e-9)
+            for name, end in zip(("low", "high"), ends[law.identity], strict=True):
+                row[places(machine, f"{law.identity}_watch", name)] = end
+        states = [end_state(problem, row, trial) for trial in problem.fit]
+        for law in here:
+            at = state_places(machine, f"{law.identity}_watch")
+            counts = sum(np.array([s[at[c]] for c in COUNTS]).T for s in states)
+            found[law.identity, k] = Seen(*ends[law.identity], np.asarray(counts))
+    return found

@@ -1,0 +1,93 @@
+"""Section "the missing law" of the report, and its lines in the terminal: a free law, where it acts, how sure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
+from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
+from exodrake.diagnosis.result import Diagnosis
+from exodrake.report import number_format as n
+from exodrake.report.page import Drawing, Table
+from exodrake.report.svg import RULE, SOFT, house_style, new_figure, svg_of
+
+WIDE = 8.0  # ratio of the largest to the smallest abscissa from which the axis is logarithmic
+RELAXES = "relaxation"  # a law over time since a change
+
+
+def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Values of the section's template."""
+    law = diagnosis.missing_law
+    if law is None or not law.found:
+        return {"law": law, "law_lines": law_lines(law), "law_figure": None}
+    caption = (
+        "The fitted law with its 90 % band; below it, where its variable was in the fitted logs. Where there are no "
+        "data the curve is what smoothness makes of its neighbours."
+    )
+    figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
+    rows = [(f"`{r.id}`", r.words, n.percent(r.share)) for r in law.others]
+    table = Table(("Law at", "what over what", "share of the excess removed, fitted logs"), rows, words=2, wide=False)
+    return {
+        "law": law,
+        "law_lines": law_lines(law)[1:],
+        "law_figure": figure,
+        "law_table": table,
+        "law_module": law.text,
+    }
+
+
+def law_lines(law: MissingLaw | None) -> list[str]:
+    """What a discovery found, in sentences; nothing where none was asked for."""
+    if law is None:
+        return []
+    if not law.found:
+        return [f"law     none: {law.reason}"]
+    seat = f" of {', '.join(law.channels)}" if law.channels else ""
+    lines = [f"law     {law.id}: {law.words}{seat}", f"        {law.reason}"]
+    if law.closure is not None and np.isfinite(law.closure.value):
+        logs = "held-out logs" if law.held_out else "fitted logs"
+        span = f"{n.percent(law.closure.value)} ({n.percent_span(law.closure)})"
+        lines.append(f"        {span} of what retuning leaves is gone on the {logs}")
+    for name, curve in law.curves.items():
+        if curve.formula:
+            lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
+    if law.runner_up is not None:
+        apart = "told apart" if law.told_apart else "not told apart by these logs"
+        other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
+        lines.append(f"        runner-up {other}: {apart} (p = {law.p_runner_up:.2g})")
+    return lines
+
+
+def figure_svg(law: MissingLaw) -> str:
+    """The law of each channel over the density of its variable, a panel each."""
+    unit, factor = shown_unit(law.unit) if not law.words.startswith(RELAXES) else ("s", 1.0)
+    with house_style():
+        figure = new_figure(3.4 * max(len(law.curves), 1.35), 3.0)
+        panels = figure.subplots(2, len(law.curves), sharex="col", squeeze=False, height_ratios=(4, 1))
+        for k, (name, curve) in enumerate(law.curves.items()):
+            panel(panels[0, k], panels[1, k], curve, factor, PALETTE[k % len(PALETTE)], law.words.startswith(RELAXES))
+            panels[0, k].set_title(name)
+            symbol = SYMBOLS.get(unit, unit)
+            panels[1, k].set_xlabel(f"u [{symbol}]" if symbol else "u")
+        panels[0, 0].set_ylabel("f(u), SI")
+        return svg_of(figure, "missing_law", law.words)
+
+
+def panel(axes: Any, below: Any, curve: Curve, factor: float, colour: str, fades: bool) -> None:
+    """One channel."""
+    u = factor * curve.u
+    axes.fill_between(u, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
+    axes.plot(u, curve.value, "o-", ms=3, lw=1.4, color=colour, mew=0)
+    axes.axhline(0.0, color=SOFT, lw=0.4)
+    axes.grid(color=RULE, lw=0.5)
+    if fades:
+        axes.set_xscale("symlog", linthresh=max(float(u[u > 0.0].min()), 1e-9))
+        below.set_visible(False)
+        axes.tick_params(labelbottom=True)
+        return
+    edges = factor * curve.edges
+    below.bar(edges[:-1], curve.counts, np.diff(edges), align="edge", color=SOFT, alpha=0.5, lw=0)
+    below.set_yticks([])
+    below.set_ylabel("data")
