@@ -98,7 +98,8 @@ def _number(cell: str, name: str, row: int, source: str, decimal: str) -> float:
 def guessed(data: bytes) -> Mapped:
     """A mapping of all columns of a text table, by its first lines.
 
-    Separator and decimal mark are those by which most cells are numbers; a first line of numbers alone is no heading.
+    Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
+    numbers alone is no heading.
     """
     text = data[:LOOK].decode("utf-8-sig", "replace")
     lines = [line for line in text.splitlines() if line.strip()][:LINES]
@@ -111,8 +112,9 @@ def guessed(data: bytes) -> Mapped:
         return [cell.strip() for cell in found]
 
     def worth(marks: tuple[str, str]) -> int:
-        found = [_is_number(cell, marks[1]) for line in lines[1:] or lines for cell in cells(line, marks[0])]
-        return 2 * sum(found) - len(found)
+        first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
+        whole = [len(row) == len(first) and _is_number(cell, marks[1]) for row in rows or [first] for cell in row]
+        return 2 * sum(whole) - len(whole)
 
     separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=worth)
     heading = not all(_is_number(cell, decimal) for line in lines[:1] for cell in cells(line, separator))
