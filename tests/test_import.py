@@ -338,3 +338,15 @@ def test_the_folder_of_a_log_is_made_and_a_folder_without_recording_is_named(tmp
     assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz", required=())) == 2
     for words in ((), ("--out", tmp_path / "x.csv")):
         assert "a folder without" in exodrake("import", tmp_path / "new", *words).stderr
+
+
+@pytest.mark.parametrize("numbers", [[[0.0]] * 2, [0.0, float("nan")]])
+def test_episodes_of_a_data_set_without_one_number_a_row_are_refused(tmp_path, numbers):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 50, "features": {}}))
+    parquet.write_table(
+        arrow.table({"timestamp": [0.0, 0.1], "episode_index": numbers}), tmp_path / "data" / "a.parquet"
+    )
+    assert "'episode_index': wanted one number" in exodrake("import", tmp_path).stderr
