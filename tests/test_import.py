@@ -18,6 +18,7 @@ from exodrake.data.case_folder import read_case
 from exodrake.data.foreign.derive import lag_of, low_passed
 from exodrake.data.foreign.import_log import import_all, import_log, import_recording
 from exodrake.data.foreign.mapping import read_mapping
+from exodrake.data.foreign.tables import list_columns
 from exodrake.data.foreign.track import Track
 from exodrake.data.log_file import read_log
 
@@ -313,3 +314,39 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
     assert own.exit_code == 0 and read_log(tmp_path / "own.npz", required=()).equals(case.logs[0].log)
     refused = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
     assert refused.exit_code == 2 and "3 logs" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "last"),
+    [
+        ("time [s],angle of wrist [rad],q\n0,1.0,7\n0.1,2.0,8\n", ["time [s]", "angle of wrist [rad]", "q"], 8.0),
+        ("t;a\n0,5;1,5\n0,6;2,5\n", ["t", "a"], 2.5),
+        ("t a\n0 1\n1 2\n", ["t", "a"], 2.0),
+        ("0\t1.5\n1\t-2.5\n", ["0", "1"], -2.5),
+        ('t,q,note\n0,"[1, 2]",left arm\n1,"[3, 4]",left arm\n', ["t", "q[0]", "q[1]"], 4.0),
+        ("t\n1\n2\n", ["t"], 2.0),
+    ],
+)
+def test_the_marks_of_a_text_table_are_guessed(text, names, last):
+    found = list_columns(text.encode(), "table.txt")
+    assert list(found) == names and found[names[-1]][-1] == last
+
+
+def test_the_folder_of_a_log_is_made_and_a_folder_without_recording_is_named(tmp_path):
+    (tmp_path / "t.csv").write_text("time [s],force_x [N]\n0,1\n1,2\n")
+    made = exodrake("import", tmp_path / "t.csv", "--out", tmp_path / "new" / "deep" / "t.npz")
+    assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz", required=())) == 2
+    for words in ((), ("--out", tmp_path / "x.csv")):
+        assert "a folder without" in exodrake("import", tmp_path / "new", *words).stderr
+
+
+@pytest.mark.parametrize("numbers", [[[0.0]] * 2, [0.0, float("nan")]])
+def test_episodes_of_a_data_set_without_one_number_a_row_are_refused(tmp_path, numbers):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"fps": 50, "features": {}}))
+    parquet.write_table(
+        arrow.table({"timestamp": [0.0, 0.1], "episode_index": numbers}), tmp_path / "data" / "a.parquet"
+    )
+    assert "'episode_index': wanted one number" in exodrake("import", tmp_path).stderr

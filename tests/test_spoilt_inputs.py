@@ -1,6 +1,7 @@
 """Inputs that did harm: each is refused in one short sentence, in seconds, and costs that input alone."""
 
 import gzip
+import io
 import itertools
 import os
 import time
@@ -16,6 +17,7 @@ from exodrake.core.errors import MAX_MESSAGE
 from exodrake.core.parallel import attempt
 from exodrake.data import columns
 from exodrake.data.case_folder import read_case
+from exodrake.data.foreign.tables import list_columns
 from exodrake.data.formats import csv_gz
 from exodrake.identification.kinematics.c3d import c3d_bytes
 from exodrake.identification.kinematics.marker_file import read_markers
@@ -169,3 +171,30 @@ def test_no_answer_says_where_on_this_machine_it_was_made(tmp_path):
     assert len(notes) > 2 and not [note for note in notes if str(tmp_path) in note]
     _, reason, trace = attempt(read_case, (tmp_path / "case", ("glow",)))
     assert "case_folder.py" in trace and 'File "/' not in trace and reason
+
+
+def numpy_bytes(kind: str) -> bytes:
+    """A pickle that would make a file, 10^12 items of no bytes in 128 bytes, and 5 10^7 bytes in 50 kB."""
+    stream = io.BytesIO()
+    if kind == "pickle":
+        np.save(stream, np.array([Path("made")], dtype=object), allow_pickle=True)
+    elif kind == "no bytes":
+        np.lib.format.write_array_header_1_0(
+            stream, {"descr": "|V0", "fortran_order": False, "shape": (10**12,)}
+        )  # fmt: skip
+    else:
+        np.savez_compressed(stream, a=np.zeros(50_000_000, "u1"))
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(("kind", "word"), [("pickle", "allow_pickle"), ("no bytes", "samples"), ("bytes", "samples")])
+def test_numpy_files_hold_no_pickles_and_no_more_than_a_log(kind, word):
+    assert word in refusal(list_columns, numpy_bytes(kind), "x.npz" if kind == "bytes" else "x.npy")
+
+
+def test_lists_in_cells_and_empty_tables_are_read_in_time():
+    cells = ",".join("2" * 3000)
+    found = list_columns(("a;b\n" + f"[{cells}];1\n" * 300).encode(), "x.csv")
+    assert len(found) == 3001 and found["a[2999]"].sum() == 600.0
+    assert "empty" in refusal(list_columns, b"", "x.csv")
+    assert "columns" in refusal(list_columns, b"1," * 30_000, "x.csv")

@@ -66,7 +66,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from exodrake.analysis.figures import figures_of
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.analysis.results import closed_loop_numbers, model_bytes
-    from exodrake.core.files import write_bytes
+    from exodrake.core.files import make_folder, write_bytes
 
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)
     with Console(stderr=True).status("analysing (the first run after a change compiles for half a minute)"):
@@ -79,7 +79,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
         contents |= {out / "analysis.json": text} if out else {}
         contents |= {target: text} if target else {}
         contents |= {model: model_bytes(result)} if model else {}
-    make_folder(out)
+    if out:
+        make_folder(out)
     for path, data in contents.items():
         write_bytes(path, data)
     show(result)
@@ -142,17 +143,6 @@ def point_of(text: str) -> dict[str, float] | str | None:
                 f"--at: {item!r} is not CHANNEL=NUMBER, each channel once, nor the name of a point"
             ) from None
     return found or None
-
-
-def make_folder(out: Path | None) -> None:
-    """Makes the folder of the results. InputError if that cannot be."""
-    from exodrake.core.errors import InputError
-
-    try:
-        if out:
-            out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made ({error.strerror})") from None
 
 
 def show(result: ClosedLoop) -> None:

@@ -89,7 +89,7 @@ def imported_logs(recordings: tuple[Path, ...], mapping: Path | None, unit: str,
 
 def write_logs(logs: dict[str, Imported], out: Path) -> None:
     """Writes one log, or a case whose last log is held out, with their notes."""
-    from exodrake.core.files import write_bytes, write_folder
+    from exodrake.core.files import make_folder, write_bytes, write_folder
     from exodrake.data.case import FILE as CASE, Case, CaseLog
     from exodrake.data.case_file import case_text
     from exodrake.data.formats import ending, format_of
@@ -101,7 +101,9 @@ def write_logs(logs: dict[str, Imported], out: Path) -> None:
         if len(logs) > 1:
             raise InputError(f"{out}: {len(logs)} logs, wanted the folder of a case, or --episodes with one number")
         item = next(iter(logs.values()))
-        write_bytes(out, log_bytes(item.log, out))
+        content = log_bytes(item.log, out)
+        make_folder(out.parent)
+        write_bytes(out, content)
         if item.notes:
             write_bytes(out.with_name(notes_name(out)), notes_text(item.notes))
     else:
@@ -140,6 +142,7 @@ def list_contents(recording: Path) -> None:
 
     from exodrake.core.files import read_bytes
     from exodrake.data.foreign import lerobot
+    from exodrake.data.foreign.import_log import refuse_folder
     from exodrake.data.foreign.ros2 import is_bag, topics_of
     from exodrake.data.foreign.tables import list_columns
     from exodrake.report.terminal import table
@@ -155,6 +158,7 @@ def list_contents(recording: Path) -> None:
         name, columns = next(lerobot.episodes(recording))
         console.print(f"LeRobot data set, {name}")
     else:
+        refuse_folder(recording)
         columns = list_columns(read_bytes(recording), str(recording))
     rows = []
     for name, values in columns.items():

@@ -94,6 +94,14 @@ def write_text(path: str | Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def make_folder(folder: str | Path) -> None:
+    """Make a folder, and those above it. InputError if that cannot be."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: cannot be made ({_reason(error)})") from None
+
+
 def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
     """Write files into a folder together: all are there before the first is moved to its place.
 

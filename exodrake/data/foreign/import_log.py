@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes
+from exodrake.core.files import is_folder, read_bytes
 from exodrake.core.units import si_unit, to_si
 from exodrake.data.columns import check_columns, log_from_columns
 from exodrake.data.foreign import lerobot
@@ -83,11 +83,18 @@ def import_all(
         return found
     if unit or chosen:
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
+    refuse_folder(path)
     if mapped is None and ending(path) and not is_bag(path):
         return {stem(path): Imported(read_log(path, required=()), ())}
     if mapped is None and not is_bag(path):
         raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
     return {stem(path): import_recording(path, mapped or default_mapping(path))}
+
+
+def refuse_folder(path: Path) -> None:
+    """InputError for a folder that holds no bag."""
+    if is_folder(path) and not is_bag(path):
+        raise InputError(f"{path}: a folder without a ROS 2 bag or a LeRobot data set; wanted one, or a file")
 
 
 def imported(tracks: dict[str, Track], mapped: Mapped, source: str) -> Imported:

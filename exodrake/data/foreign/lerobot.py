@@ -59,8 +59,8 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
         if EPISODE not in table or TIME not in table:
             raise InputError(f"{file}: no column {EPISODE!r} and {TIME!r}, as a LeRobot data set has")
-        if not np.isfinite(table[EPISODE]).all():
-            raise InputError(f"{file}: column {EPISODE!r} has no number in some row")
+        if table[EPISODE].ndim > 1 or not np.isfinite(table[EPISODE]).all():
+            raise InputError(f"{file}: column {EPISODE!r}: wanted one number in each row")
         for number in np.unique(table[EPISODE]):
             rows = table[EPISODE] == number
             columns: dict[str, np.ndarray] = {}

@@ -16,6 +16,7 @@ from exodrake.data.foreign.mapping import Mapped
 
 MISSING = ("", "nan", "na", "null", "none", "-")
 SEPARATORS = (",", ";", "\t", " ")
+LOOK, LINES = 1_000_000, 20  # bytes, and lines in them, by which separator and decimal mark are guessed
 
 
 def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
@@ -94,22 +95,35 @@ def _number(cell: str, name: str, row: int, source: str, decimal: str) -> float:
         raise InputError(f"{source}: column {name!r}, row {row + 1}: {cell[:40]!r} is not a number") from None
 
 
-def guessed(data: bytes, source: str) -> Mapped:
-    """A mapping of all columns of a text table: the separator of its first line, no heading if that holds numbers."""
-    try:
-        first = data[: data.find(b"\n") if b"\n" in data else None].decode("utf-8-sig").strip()
-    except UnicodeDecodeError:
-        raise InputError(f"{source}: not a text file") from None
-    separator = max(SEPARATORS, key=lambda mark: len(first.split(mark)))
-    cells = [cell.strip() for cell in first.split(separator)]
-    decimal = "," if separator != "," and b"," in data[:2000] and b"." not in data[:2000] else "."
-    heading = not all(_is_number(cell, decimal) for cell in cells)
+def guessed(data: bytes) -> Mapped:
+    """A mapping of all columns of a text table, by its first lines.
+
+    Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
+    numbers alone is no heading.
+    """
+    text = data[:LOOK].decode("utf-8-sig", "replace")
+    lines = [line for line in text.splitlines() if line.strip()][:LINES]
+
+    def cells(line: str, separator: str) -> list[str]:
+        try:
+            found = line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
+        except csv.Error:
+            found = [line]
+        return [cell.strip() for cell in found]
+
+    def worth(marks: tuple[str, str]) -> int:
+        first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
+        whole = [len(row) == len(first) and _is_number(cell, marks[1]) for row in rows or [first] for cell in row]
+        return 2 * sum(whole) - len(whole)
+
+    separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=worth)
+    heading = not all(_is_number(cell, decimal) for line in lines[:1] for cell in cells(line, separator))
     return Mapped((), separator=separator, decimal=decimal, heading=heading)
 
 
 def read_all(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a text table; a column of lists as `name[0]`, `name[1]` ..."""
-    guess = guessed(data, source)
+    guess = guessed(data)
     check_size(sum(data.count(end) for end in {b"\n", b"\r", b",", guess.separator.encode()}), source)
     rows = _rows(data, source, guess)
     first = next(rows, [])
