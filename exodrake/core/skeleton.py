@@ -60,3 +60,27 @@ class Skeleton:
         """End of the last segment (3,) [m]; angle (joints,) [rad]."""
         direction = np.cumsum(angle)
         return np.array([self.lengths @ np.cos(direction), 0.0, -self.lengths @ np.sin(direction)])
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Geometry of a serial arm in space, and the columns that move and colour it; world: axes of the base.
+
+    Attributes:
+        joints: their names, from the base to the tip.
+        origins, angles, axes: (joints, 3) of each joint in the frame of the one before: place [m], roll, pitch, yaw
+            [rad], unit vector.
+        sliding: (joints,) 1 for a prismatic joint, else 0.
+        tip: (3,) [m] in the frame of the last joint.
+        position: kind of the columns with joint positions.
+        load: kind of the columns that colour the joints.
+    """
+
+    joints: tuple[str, ...]
+    origins: np.ndarray
+    angles: np.ndarray
+    axes: np.ndarray
+    sliding: np.ndarray
+    tip: np.ndarray
+    position: str
+    load: str

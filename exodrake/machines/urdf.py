@@ -1,0 +1,291 @@
+"""Serial arms from URDF files: joints, link inertias and limits; meshes are not looked at.
+
+The file is data of somebody else: its size is limited, and document types and entities are refused, so that nothing is
+expanded or fetched. Drake's parser reads the same values (`tests/test_arm_urdf.py`).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.files import read_bytes
+from exodrake.core.schema import shown
+
+MAX_BYTES, MAX_JOINTS = 4_000_000, 30
+TURNING, SLIDING = ("revolute", "continuous"), "prismatic"
+KINDS = (*TURNING, SLIDING, "fixed")
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A rigid body in the frame of a link: mass [kg], centre (3,) [m], inertia about the centre (3, 3) [kg m2]."""
+
+    mass: float = 0.0
+    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def joined(self, other: Body, rotation: np.ndarray, origin: np.ndarray) -> Body:
+        """This body and another one whose frame stands at `origin` (3,) [m], turned by `rotation` (3, 3)."""
+        mass = self.mass + other.mass
+        if not mass:
+            return self
+        place = origin + rotation @ other.centre
+        centre = (self.mass * self.centre + other.mass * place) / mass
+        inertia = self.inertia + rotation @ other.inertia @ rotation.T
+        for m, at in ((self.mass, self.centre - centre), (other.mass, place - centre)):
+            inertia = inertia + m * (at @ at * np.eye(3) - np.outer(at, at))
+        return Body(mass, centre, inertia)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of a URDF file.
+
+    Attributes:
+        name, kind, parent, child: as the file says.
+        origin, angles, axis: (3,) [m], (3,) roll, pitch, yaw [rad], (3,) unit vector.
+        lower, upper, effort: limits [rad] or [m], [N m] or [N]; infinite where there is none.
+        damping, friction: of its `dynamics`.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: np.ndarray
+    angles: np.ndarray
+    axis: np.ndarray
+    lower: float
+    upper: float
+    effort: float
+    damping: float
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """A serial arm: its moving joints from the base to the tip, and the body that each moves.
+
+    Attributes:
+        names: of the joints, letters and digits alone, as log columns have them.
+        joints: in the same order; `origin` and `angles` are those in the frame of the moving joint before.
+        bodies: of the links, with all that is fixed to them.
+        tip: (3,) [m] where the tool is, in the frame of the last joint.
+    """
+
+    names: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    bodies: tuple[Body, ...]
+    tip: np.ndarray
+
+    @property
+    def sliding(self) -> np.ndarray:
+        """(joints,) 1 for a prismatic joint, else 0."""
+        return np.array([float(joint.kind == SLIDING) for joint in self.joints])
+
+
+def read_urdf(path: str | Path, tip: str = "") -> Chain:
+    """The arm of a URDF file.
+
+    Args:
+        path: of the file.
+        tip: link at which the arm ends; needed where the moving joints branch. Joints elsewhere stand at 0.
+
+    Raises:
+        InputError: naming file and what is wrong.
+    """
+    source = Path(path).name
+    root = parsed(read_bytes(path), source)
+    bodies = {text_of(link, "name", source): body_of(link, source) for link in root.iter("link")}
+    joints = [joint_of(element, source) for element in root.findall("joint")]
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in bodies:
+                raise InputError(f"{source}: joint {joint.name} names a link {link!r} that is not there")
+    by_child = {joint.child: joint for joint in joints}
+    if len(by_child) < len(joints):
+        raise InputError(f"{source}: a link hangs on two joints, so this is no serial arm")
+    path_ = way_to(end_of(joints, bodies, tip, source), by_child, source)
+    return chain_of(path_, joints, bodies, source)
+
+
+def parsed(data: bytes, source: str) -> ElementTree.Element:
+    """The `robot` element. InputError for what is no XML, is too long, or declares entities."""
+    if len(data) > MAX_BYTES:
+        raise InputError(f"{source}: {len(data)} bytes, more than {MAX_BYTES}")
+    plain = data.replace(b"\0", b"").upper()  # UTF-16 would hide a declaration
+    if b"<!DOCTYPE" in plain or b"<!ENTITY" in plain:
+        raise InputError(f"{source}: declares a document type or entities, which a robot description does not need")
+    try:
+        root = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(f"{source}: not XML ({error})") from None
+    if root.tag != "robot":
+        raise InputError(f"{source}: begins with <{shown(root.tag)[1:-1]}>, wanted <robot>, a URDF file")
+    if root.find("{*}macro") is not None or b"<XACRO:" in plain:
+        raise InputError(f"{source}: holds xacro macros; expand them first: xacro {source} > arm.urdf")
+    return root
+
+
+def text_of(element: ElementTree.Element, name: str, source: str) -> str:
+    """An attribute that must be there."""
+    found = element.get(name)
+    if not found:
+        raise InputError(f"{source}: a <{element.tag}> without {name}")
+    return found
+
+
+def numbers(element: ElementTree.Element | None, name: str, default: Sequence[float], where: str) -> np.ndarray:
+    """Finite numbers of an attribute, as many as the default has; the default without it."""
+    text = None if element is None else element.get(name)
+    if text is None:
+        return np.array(default, dtype=float)
+    try:
+        found = np.array([float(word) for word in text.split()])
+    except ValueError:
+        found = np.zeros(0)
+    if len(found) != len(default) or not np.isfinite(found).all():
+        raise InputError(f"{where}: {name} is {shown(text)}, wanted {len(default)} number{'s' * (len(default) > 1)}")
+    return found
+
+
+def rotation(angles: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) of roll, pitch, yaw (3,) [rad] about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ])  # fmt: skip
+
+
+def body_of(link: ElementTree.Element, source: str) -> Body:
+    """Mass and inertia of a link; none where it states none."""
+    inertial, where = link.find("inertial"), f"{source}: link {shown(link.get('name'))}"
+    if inertial is None:
+        return Body()
+    origin, tensor = inertial.find("origin"), inertial.find("inertia")
+    mass = float(numbers(inertial.find("mass"), "value", [0.0], where)[0])
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    xx, xy, xz, yy, yz, zz = (float(numbers(tensor, name, [0.0], where)[0]) for name in names)
+    turn = rotation(numbers(origin, "rpy", [0.0] * 3, where))
+    inertia = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    if mass < 0.0 or np.linalg.eigvalsh(inertia)[0] < -1e-9 * max(1e-9, float(np.abs(inertia).max())):
+        raise InputError(f"{where}: mass {mass:g} kg and inertia are those of no body")
+    return Body(mass, numbers(origin, "xyz", [0.0] * 3, where), inertia)
+
+
+def joint_of(element: ElementTree.Element, source: str) -> Joint:
+    """A joint. InputError for a kind that an arm does not have."""
+    name = text_of(element, "name", source)
+    kind, where = text_of(element, "type", source), f"{source}: joint {name}"
+    if kind not in KINDS:
+        raise InputError(f"{where} is {shown(kind)}, wanted {', '.join(KINDS)}")
+    if element.find("mimic") is not None:
+        raise InputError(f"{where} mimics another one, which is not modelled")
+    parent, child = (element.find(end) for end in ("parent", "child"))
+    if parent is None or child is None:
+        raise InputError(f"{where} lacks its parent or child link")
+    origin, limit, dynamics = (element.find(tag) for tag in ("origin", "limit", "dynamics"))
+    axis = numbers(element.find("axis"), "xyz", [1.0, 0.0, 0.0], where)
+    if kind != "fixed" and not np.linalg.norm(axis) > 0.0:
+        raise InputError(f"{where}: its axis has no length")
+    free = (-math.inf, math.inf) if kind == "continuous" or limit is None else (0.0, 0.0)
+    given = [free[0], free[1], math.inf]
+    ends = [numbers(limit, n, [d], where)[0] for n, d in zip(("lower", "upper", "effort"), given, strict=True)]
+    if ends[0] > ends[1]:
+        raise InputError(f"{where}: its lower limit {ends[0]:g} exceeds its upper one {ends[1]:g}")
+    losses = [float(numbers(dynamics, n, [0.0], where)[0]) for n in ("damping", "friction")]
+    return Joint(
+        name, kind, text_of(parent, "link", source), text_of(child, "link", source),
+        numbers(origin, "xyz", [0.0] * 3, where), numbers(origin, "rpy", [0.0] * 3, where),
+        axis / (np.linalg.norm(axis) or 1.0), *(float(end) for end in ends), *losses,
+    )  # fmt: skip
+
+
+def end_of(joints: Sequence[Joint], bodies: Mapping[str, Body], tip: str, source: str) -> str:
+    """The link at which the arm ends. InputError where there are several, naming them."""
+    if tip:
+        if tip not in bodies:
+            raise InputError(f"{source}: no link {tip!r}{nearest(tip, list(bodies))}")
+        return tip
+    moving, parents = [j for j in joints if j.kind != "fixed"], {j.child: j for j in joints}
+
+    def moved(link: str) -> tuple[str, ...]:
+        path = way_to(link, parents, source)
+        return tuple(joint.name for joint in path if joint.kind != "fixed")
+
+    leaves = [link for link in bodies if all(joint.parent != link for joint in joints)]
+    whole = [link for link in leaves if len(moved(link)) == len(moving)]
+    if not moving or not leaves:
+        raise InputError(f"{source}: no joint moves, so there is no arm")
+    if not whole:
+        raise InputError(f"{source}: its moving joints branch; name the last link, `tip`: {', '.join(leaves[:8])}")
+    return max(whole, key=lambda link: len(way_to(link, parents, source)))
+
+
+def way_to(link: str, by_child: Mapping[str, Joint], source: str) -> list[Joint]:
+    """Joints from the base to a link. InputError for a ring."""
+    found: list[Joint] = []
+    while link in by_child:
+        found.append(by_child[link])
+        link = found[-1].parent
+        if len(found) > len(by_child):
+            raise InputError(f"{source}: its links form a ring")
+    return found[::-1]
+
+
+def chain_of(path: Sequence[Joint], joints: Sequence[Joint], bodies: Mapping[str, Body], source: str) -> Chain:
+    """The arm along a path of joints; what hangs on its links moves with them."""
+    moving = [joint for joint in path if joint.kind != "fixed"]
+    if not 0 < len(moving) <= MAX_JOINTS:
+        raise InputError(f"{source}: {len(moving)} moving joints on the way to the tip, wanted 1 to {MAX_JOINTS}")
+    on_way = {joint.name for joint in moving}
+
+    def whole(link: str, depth: int = 0) -> Body:
+        """A link and all that hangs on it, but for what the arm's next joint moves."""
+        if depth > len(bodies):
+            raise InputError(f"{source}: its links form a ring")
+        found = bodies[link]
+        for joint in (j for j in joints if j.parent == link and j.name not in on_way):
+            found = found.joined(whole(joint.child, depth + 1), rotation(joint.angles), joint.origin)
+        return found
+
+    turn, point, placed, direct = np.eye(3), np.zeros(3), [], True
+    for joint in path:
+        point, turn = point + turn @ joint.origin, turn @ rotation(joint.angles)
+        if joint.kind != "fixed":
+            angles = joint.angles if direct else angles_of(turn)
+            placed.append(replace(joint, origin=point, angles=angles))
+            turn, point = np.eye(3), np.zeros(3)
+        direct = joint.kind != "fixed"
+    carried = tuple(whole(joint.child) for joint in moving)
+    if not carried[-1].mass > 0.0:
+        raise InputError(f"{source}: link {moving[-1].child}, which the last joint moves, has no mass")
+    return Chain(channel_names([joint.name for joint in moving], source), tuple(placed), carried, point)
+
+
+def angles_of(turn: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw (3,) [rad] of a rotation (3, 3)."""
+    flat = math.hypot(turn[0, 0], turn[1, 0])
+    pitch = math.atan2(-turn[2, 0], flat)
+    if flat > 1e-9:
+        return np.array([math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])])
+    return np.array([math.atan2(-turn[1, 2], turn[1, 1]), pitch, 0.0])
+
+
+def channel_names(names: Sequence[str], source: str) -> tuple[str, ...]:
+    """Names of joints as log columns have them: letters and digits. InputError where two become one."""
+    found = tuple(re.sub(r"[^A-Za-z0-9]", "", name) for name in names)
+    found = tuple(name if name[:1].isalpha() else f"J{name}" for name in found)
+    if len(set(found)) < len(found):
+        raise InputError(f"{source}: names of joints differ only in signs: {', '.join(names)}")
+    return found
