@@ -72,7 +72,8 @@ class Shape:
             [rad], unit vector.
         sliding: (joints,) 1 for a prismatic joint, else 0.
         tip: (3,) [m] in the frame of the last joint.
-        position: kind of the columns with joint positions.
+        tilt: (2,) roll and pitch of the base [rad].
+        angle: kind of the columns with joint positions.
         load: kind of the columns that colour the joints.
     """
 
@@ -82,5 +83,11 @@ class Shape:
     axes: np.ndarray
     sliding: np.ndarray
     tip: np.ndarray
-    position: str
+    tilt: np.ndarray
+    angle: str
     load: str
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        """Names of what is coloured by its load: the joints."""
+        return self.joints

@@ -41,7 +41,8 @@ STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 POSTURES = 20  # at which efforts are looked at
 TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m"}
 SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N"}
-ABSENT = ("arm.offset", "torque.crosstalk")  # as `torque.offset`; efforts of joints are measured one by one
+CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
+OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
 
 
 def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
@@ -78,7 +79,7 @@ def units(chain: Chain) -> dict[str, str]:
 def stated(chain: Chain, part: str) -> dict[str, float]:
     """Parameters of the arm as the URDF states them, by full name [SI]."""
     names = ("x", "y", "z")
-    found = {f"{part}.gravity": 9.81, f"{part}.payload": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
+    found = {f"{part}.gravity": 9.81, f"{part}.tip_mass": 0.0, f"{part}.base_roll": 0.0, f"{part}.base_pitch": 0.0}
     found |= {f"{part}.tip_{name}": float(value) for name, value in zip(names, chain.tip, strict=True)}
     for channel, joint, body in zip(chain.names, chain.joints, chain.bodies, strict=True):
         values = {"mass": body.mass, "sliding": float(joint.kind == "prismatic")}
@@ -184,7 +185,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         parts=parts,
         inputs=(*(s.name for s in motion), "noise_effort", "arrival_effort"),
         columns=found,
-        effects=tuple(e for e in effects_of(parts) if e.id not in ABSENT),
+        effects=tuple(e for e in effects_of(parts) if e.id not in CROSSTALK + OFFSET),
         frame=frame,
         slots=1,
         noise=tuple(f"torque.sigma.{j}" for j in chain.names),
@@ -234,7 +235,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         parts=parts,
         inputs=(*(s.name for s in given), *(s.name for s in noises)),
         columns=found,
-        effects=tuple(e for e in effects_of(parts) if e.id not in ABSENT),
+        effects=tuple(e for e in effects_of(parts) if e.id not in CROSSTALK),
         frame=frame,
         slots=slots,
         noise=tuple(f"{part}.sigma.{j}" for part in ("encoder", "torque") for j in chain.names),
@@ -286,5 +287,6 @@ def shape(robot: Any) -> Shape:
     column = next(c for c in robot.machine.columns if c.kind.endswith("position") and c.signal != "position_ref")
     return Shape(
         robot.machine.axes.joints, rows("x", "y", "z"), rows("roll", "pitch", "yaw"),
-        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), tip, column.kind, robot.machine.compared[-1],
+        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), tip,
+        np.array([robot["arm.base_roll"], robot["arm.base_pitch"]]), column.kind, robot.machine.compared[-1],
     )  # fmt: skip

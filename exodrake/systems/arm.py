@@ -52,7 +52,7 @@ def settle(e, z, j, dt, travel):
 
 def link(x, z, n, e, j, count, q):
     """Place and inertia of link j at q; the last one holds the payload."""
-    body(x, n, j, count, q, weighed(e, z, j, n.mass[j]), carried(e, z, n.payload))
+    body(x, n, j, count, q, weighed(e, z, j, n.mass[j]), carried(e, z, n.tip_mass))
 
 
 def body(x, n, j, count, q, mass, payload):
@@ -76,7 +76,7 @@ LINK = {
 }  # fmt: skip
 BODY = {
     "gravity": "m/s2", "base_roll": "rad", "base_pitch": "rad",
-    "payload": "kg", "tip_x": "m", "tip_y": "m", "tip_z": "m",
+    "tip_mass": "kg", "tip_x": "m", "tip_y": "m", "tip_z": "m",
 }  # fmt: skip
 
 

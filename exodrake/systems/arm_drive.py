@@ -32,7 +32,7 @@ def weigh(x, n, count, position):
     """Wrenches on the links at rest."""
     gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
     for j in range(count):
-        body(x, n, j, count, position[j], n.mass[j], n.payload)
+        body(x, n, j, count, position[j], n.mass[j], n.tip_mass)
         move(x, j, 0.0, 0.0, gravity)
     gather(x, count, WRENCH, WIDTH - WRENCH)
 

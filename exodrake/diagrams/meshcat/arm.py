@@ -1,0 +1,98 @@
+"""A serial arm in space: a bar for each link, a drum for each turning joint, a carriage on a rail for each sliding one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.skeleton import Shape
+from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, ROOT, draw_squares, pose, segment_path
+from exodrake.diagrams.meshcat.shapes import along
+
+SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coincide: assumed
+BAR, DRUM, LONG, CUBE, RAIL = 0.028, 0.045, 0.11, 0.11, 0.015  # radii, lengths and widths as shares of the reach
+LIMB, DARK, DRUMS = (0.90, 0.89, 0.86, 1.0), (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
+VIEW = np.array([1.0, -1.6, 0.55])  # camera from the middle of the arm, in reaches
+
+
+class Arm:
+    """Draws an arm of some shape with a Meshcat."""
+
+    def __init__(self, meshcat: Any, shape: Shape) -> None:
+        self.meshcat, self.shape = meshcat, shape
+        self.ends = np.vstack([shape.origins[1:], shape.tip])  # of each link, in its joint's frame
+        reach = np.linalg.norm(shape.origins, axis=1).sum() + np.linalg.norm(shape.tip)
+        self.reach = max(SMALLEST, float(reach))
+
+    def begin(self, position: np.ndarray, ghost: bool) -> None:
+        """Draws what there is at positions (joints,) [rad] or [m]; ghost: a second arm, too."""
+        from pydrake.geometry import Box, Rgba
+
+        base = self.reach * np.array([0.16, 0.16, 0.03])
+        self.meshcat.SetObject(f"{ROOT}/base", Box(*base), Rgba(*DARK))
+        self._limbs(ROOT, LIMB, 1.0)
+        if ghost:
+            self._limbs(GHOST, GHOSTLY, 1.25)
+            self.turn(GHOST, 0.0, position)
+        for root in (ROOT, GHOST) if ghost else (ROOT,):
+            self.meshcat.SetTransform(root, pose([0.0, 0.0, 0.0], rotation(*self.shape.tilt, 0.0)))
+        self.turn(ROOT, 0.0, position)
+        step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
+        draw_squares(self.meshcat, -0.5 * base[2], float(step) / 2.0, round(2.4 * self.reach / step) + 2)
+        middle = np.array([0.0, 0.0, 0.45 * self.reach])
+        self.meshcat.SetCameraPose(middle + self.reach * VIEW, middle)
+
+    def _limbs(self, root: str, colour: tuple, width: float) -> None:
+        """Bars, drums and carriages under a path."""
+        from pydrake.geometry import Box, Capsule, Cylinder, Rgba
+
+        size, shape = width * self.reach, self.shape
+        for j, end in enumerate(self.ends):
+            path = segment_path(shape, j + 1, root)
+            if np.linalg.norm(end) > 1e-6:
+                middle, turn, length = along(np.zeros(3), end)
+                self.meshcat.SetObject(f"{path}/link", Capsule(BAR * size, length), Rgba(*colour))
+                self.meshcat.SetTransform(f"{path}/link", pose(middle, turn))
+            body = Box(*(3 * [CUBE * size])) if shape.sliding[j] else Cylinder(DRUM * size, LONG * size)
+            self.meshcat.SetObject(f"{path}/joint", body, Rgba(*(DRUMS if root == ROOT else colour)))
+            self.meshcat.SetTransform(f"{path}/joint", pose([0.0, 0.0, 0.0], along(np.zeros(3), shape.axes[j])[1]))
+            if shape.sliding[j] and root == ROOT:
+                rail, fixed = f"{segment_path(shape, j, root)}/rail_{j}", rotation(*shape.angles[j])
+                turn = fixed @ along(np.zeros(3), shape.axes[j])[1]
+                self.meshcat.SetObject(rail, Box(RAIL * size, RAIL * size, 4.0 * SMALLEST), Rgba(*DARK))
+                self.meshcat.SetTransform(rail, pose(shape.origins[j], turn))
+
+    def turn(self, root: str, time: float, position: np.ndarray) -> None:
+        """Adds a frame at a time [s] with these positions (joints,)."""
+        from pydrake.math import RotationMatrix
+
+        shape = self.shape
+        for j, q in enumerate(position):
+            fixed, origin = rotation(*shape.angles[j]), shape.origins[j]
+            if shape.sliding[j]:
+                at, turn = origin + fixed @ (q * shape.axes[j]), fixed
+            else:
+                at, turn = origin, fixed @ RotationMatrix(angle_axis(float(q), shape.axes[j])).matrix()
+            self.meshcat.SetTransform(segment_path(shape, j + 1, root), pose(at, turn), time)
+
+    def frame(self, time: float, position: np.ndarray, colour: np.ndarray) -> None:
+        """Adds a frame at a time [s]: positions (joints,), and linear RGB (joints, 3) of the joints."""
+        self.turn(ROOT, time, position)
+        for j in range(len(position)):
+            path = f"{segment_path(self.shape, j + 1)}/joint/<object>"
+            self.meshcat.SetProperty(path, "material.color", colour[j].tolist(), time)
+
+
+def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Rotation matrix (3, 3) of angles about fixed axes [rad]."""
+    from pydrake.math import RollPitchYaw
+
+    return RollPitchYaw(roll, pitch, yaw).ToRotationMatrix().matrix()
+
+
+def angle_axis(angle: float, axis: np.ndarray) -> Any:
+    """Drake's rotation by an angle [rad] about a unit axis (3,)."""
+    from pydrake.common.eigen_geometry import AngleAxis
+
+    return AngleAxis(angle, axis)
