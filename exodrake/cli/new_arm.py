@@ -17,16 +17,6 @@ WHAT = {
     "inverse": "its efforts predicted from measured motion (inverse dynamics)",
     "closed-loop": "moved by motors under a PD controller (forward dynamics)",
 }
-OWN = {
-    "inverse": "    mobility: {{value: {mobility}, unit: \"-\", range: [1.0e-9, 1.0], source: \"assumed: speed per effort "
-    'below which dry friction counts as rest"}}\n',
-    "closed-loop": "  drive:\n    kp: {{value: 1.0, unit: \"-\", range: [0.01, 100.0], source: \"assumed: stiffness as the "
-    "default, 2 Hz\"}}\n    kd: {{value: 1.0, unit: \"-\", range: [0.01, 100.0], source: \"assumed: viscosity as the "
-    "default, critical\"}}\n  encoder:\n    sigma: {{value: 2.0e-5, unit: \"{angle}\", range: [0.0, 0.01], source: assumed}}\n"
-    "    step: {{value: 0.0, unit: \"{angle}\", range: [0.0, 0.01], source: \"assumed: counts too small to be seen\"}}\n"
-    "    floor: {{value: 2.0e-5, unit: \"{angle}\", range: [1.0e-9, 0.01], source: \"assumed: by how much equal motions "
-    'differ, at least"}}\n',
-}
 
 
 def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None) -> dict[str, bytes]:
@@ -53,6 +43,7 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
         "name": folder.resolve().name, "folder": str(folder), "urdf": "arm.urdf", "form": form,
         "what": WHAT[form], "frame": f"{frame or FRAME:g}", "tip": f", tip: {tip}" if tip else "",
     }  # fmt: skip
+    values["own"] = Template((SCAFFOLD / "own" / f"{form}.txt").read_text()).substitute(values)
     found = {file.name.removesuffix(".txt"): file.read_text() for file in sorted(SCAFFOLD.glob("*.txt"))}
     texts = {name: Template(text).substitute(values).encode() for name, text in found.items()}
     return {"arm.urdf": read_bytes(path), **texts}
@@ -82,7 +73,7 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
         "floor": f"{float(noise.min()) / 10:.2g}", "force": f'"{unit["effort"]}"', "angle": f'"{unit["position"]}"',
         "lowest": joined(names, places - reach), "highest": joined(names, places + reach),
         "limited": "assumed: a moderate motion about the middle of the URDF's limits",
-        "own": OWN[form].format(mobility=mobility, angle=unit["position"]), "columns": "\n".join(columns),
+        "mobility": f"{mobility:g}", "columns": "\n".join(columns),
         "derived": "\n".join(derived),
         "derived_note": "rates of the motion, through a filter whose cut-off you choose" if inverse
         else "where each joint stands at first",

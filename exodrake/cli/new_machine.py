@@ -19,7 +19,7 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
 @click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
-@click.option("--urdf", default="", metavar="FILE", help="A serial arm: URDF file, or cable_arm, linear_axis, rotary_axis.")
+@click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
 @click.option("--form", default="inverse", show_default=True, help="Of an arm: inverse or closed-loop.")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
 def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str, tip: str) -> None:

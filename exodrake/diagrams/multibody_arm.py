@@ -1,6 +1,6 @@
-"""A serial arm as Drake's own MultibodyPlant, from the parameters of a robot: `multibody_arm(load_robot("improved.yaml"))`.
+"""A serial arm as Drake's own MultibodyPlant: `multibody_arm(load_robot("improved.yaml"))`.
 
-It knows the payload and inertias of a diagnosis too, and has an actuator for each joint, ports and all of Drake's tools.
+It knows payload and inertias of a diagnosis, and has an actuator for each joint, ports and all of Drake's tools.
 """
 
 from __future__ import annotations
@@ -9,7 +9,12 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
-    FixedOffsetFrame, PrismaticJoint, RevoluteJoint, RigidBody, RotationalInertia, SpatialInertia,
+    FixedOffsetFrame,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    RotationalInertia,
+    SpatialInertia,
 )  # fmt: skip
 
 from exodrake.core.errors import InputError

@@ -18,8 +18,6 @@ EFFECT = Effect(
     signature="position at the motor off in proportion to the effort; a resonance of rotor against link",
     source="harmonic drives 1e4-1e5 N m/rad, cables and belts 3e2-1e4 N m/rad; range assumed",
     at={"arm.sprung": sprung},
-    parameters=(
-        EffectParameter("compliance", "rad/(N m)", null=0.0, low=3e-5, high=3e-3, axis=JOINTS, default=5e-4),
-    ),
+    parameters=(EffectParameter("compliance", "rad/(N m)", null=0.0, low=3e-5, high=3e-3, axis=JOINTS, default=5e-4),),
     family="elasticity",
 )

@@ -11,8 +11,8 @@ A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a 
 
 Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
 
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code. A folder that
-holds a robot file with an `arm` section and no machine.py is a machine, too (`machines.serial_arm`).
+`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code. A folder
+that holds a robot file with an `arm` section and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
 from __future__ import annotations

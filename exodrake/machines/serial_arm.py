@@ -160,11 +160,14 @@ def drawn(*names: str) -> tuple[Signal, ...]:
 
 def columns(chain: Chain, shown: Mapping[str, str], rates: Mapping[str, str]) -> tuple[Column, ...]:
     """Log columns: kind -> signal; rates: kind -> the one whose rate it is. Kinds of mixed joints say so."""
-    before = "joint_" if len(set(chain.sliding)) > 1 else ""
+    before, unit = "joint_" if len(set(chain.sliding)) > 1 else "", units(chain)
     return tuple(
-        Column(before + kind, signal, rate_of=before + rates[kind] if kind in rates else "")
+        Column(
+            before + kind, signal, required=kind != "effort_ref", unit=unit["effort"] if "effort" in kind else "",
+            rate_of=before + rates[kind] if kind in rates else "",
+        )
         for kind, signal in shown.items()
-    )
+    )  # fmt: skip
 
 
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
@@ -220,12 +223,11 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     forward = arm_forward.part(count, 0, scales(efforts, unit), unit)
     parts = (forward, gear_motor.PART, encoder, torque, arm_drive.part(2, unit))
     given = signals(unit, "position_ref", "position_start")
-    inner = signals(
-        unit, "position", "position_read", "effort_ref", "effort", "effort_true", "effort_read"
-    )
+    inner = signals(unit, "position", "position_read", "effort_ref", "effort", "effort_true", "effort_read")
     link = Signal("link_position", unit["position"], JOINTS)
     noises = drawn("position", "effort")
-    shown = {**{s.name: s.name for s in given}, "position": "position_read", "effort": "effort_read"}
+    shown = {s.name: s.name for s in given}
+    shown |= {"effort_ref": "effort_ref", "position": "position_read", "effort": "effort_read"}
     found = columns(chain, shown, {})
     position, effort = found[-2].kind, found[-1].kind
     return Machine(

@@ -42,7 +42,7 @@ def pushed(e, z, j, effort, speed):
 
 
 def braked(e, z, j, speed, mobility, load):
-    """Point: speed of joint j [rad/s] after dry friction; mobility: speed per effort; load: size of the effort [N m]."""
+    """Point: speed of joint j [rad/s] after dry friction; mobility: speed per effort; load: |effort| [N m]."""
     return speed
 
 

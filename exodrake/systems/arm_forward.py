@@ -1,7 +1,7 @@
 """Forward dynamics of a serial arm under the efforts of its drives, with elastic joints where a compliance is stated.
 
-    (M(q) + B) q'' = tau - c(q, q') - g(q)                                  rigid joint, B: inertia of its rotor
-    M(q) q'' = k (theta - q) - c(q, q') - g(q),   B theta'' = tau - k (theta - q)       elastic joint, k = 1 / compliance
+    (M(q) + B) q'' = tau - c(q, q') - g(q)                                rigid joint, B: inertia of its rotor
+    M(q) q'' = k (theta - q) - c(q, q') - g(q),   B theta'' = tau - k (theta - q)     elastic joint, k = 1 / compliance
 
 Euler's rule for the speeds, then for the positions with the new speeds. Dry friction sits at the drive: it takes speed
 away after the push, at most all of it, on all rigid joints at once (projected Gauss-Seidel). Positions are measured at
@@ -72,7 +72,7 @@ def accelerate(x, count, dt):
 
 def brake(x, z, n, e, count, dt, efforts):
     """Dry friction of the rigid joints: impulses that agree with all speeds."""
-    for sweep in range(SWEEPS):
+    for _ in range(SWEEPS):
         change = 0.0
         for j in range(count):
             if sprung(e, z, j, n.compliance[j]) > 0.0:

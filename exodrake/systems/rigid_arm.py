@@ -32,22 +32,22 @@ def put(w, i, values):
 
 
 def plus(a, b):
-    """a + b."""
+    """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def scaled(s, a):
-    """s a."""
+    """Product s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
 def dot(a, b):
-    """a . b."""
+    """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a, b):
-    """a x b."""
+    """Vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -131,7 +131,7 @@ def in_base(w, j, point):
 
 
 def load(w, j, mass, centre, inertia):
-    """Inertia of link j: mass [kg], centre of mass [m], (xx, xy, xz, yy, yz, zz) about it [kg m2], in the link's axes."""
+    """Inertia of link j: mass [kg], centre of mass [m], (xx, xy, xz, yy, yz, zz) about it [kg m2], all in its axes."""
     at, rotation = WIDTH * j, nine(w, WIDTH * j + ROTATION)
     xx, xy, xz, yy, yz, zz = inertia
     own = times(times(rotation, (xx, xy, xz, xy, yy, yz, xz, yz, zz)), transposed(rotation))

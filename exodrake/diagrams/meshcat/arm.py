@@ -1,4 +1,4 @@
-"""A serial arm in space: a bar for each link, a drum for each turning joint, a carriage on a rail for each sliding one."""
+"""A serial arm in space: a bar for each link, a drum for a turning joint, a carriage on a rail for a sliding one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from exodrake.diagrams.meshcat.shapes import along
 SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coincide: assumed
 BAR, DRUM, LONG, CUBE, RAIL = 0.028, 0.045, 0.11, 0.11, 0.015  # radii, lengths and widths as shares of the reach
 LIMB, DARK, DRUMS = (0.90, 0.89, 0.86, 1.0), (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
-VIEW = np.array([1.0, -1.6, 0.55])  # camera from the middle of the arm, in reaches
+VIEW = np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
 
 
 class Arm:

@@ -10,7 +10,7 @@ from exodrake.core.skeleton import Piece, Shape, Skeleton
 
 
 def skeleton(robot: Robot) -> Skeleton | Shape:
-    """Segments and tendons of a robot, or the shape of an arm. InputError for a machine that says nothing of its shape, or a part without."""
+    """Segments and tendons of a robot, or an arm. InputError where there is none, or a part has no size."""
     if robot.machine.skeleton is None:
         raise InputError(f"{robot.machine.name}: nothing to draw, since its machine.py says nothing of its shape")
     return robot.machine.skeleton(robot)
