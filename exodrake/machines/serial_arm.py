@@ -287,8 +287,9 @@ def shape(robot: Any) -> Shape:
 
     tip = np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])
     column = next(c for c in robot.machine.columns if c.kind.endswith("position") and c.signal != "position_ref")
+    origins = rows("x", "y", "z")
     return Shape(
-        robot.machine.axes.joints, rows("x", "y", "z"), rows("roll", "pitch", "yaw"),
-        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), tip,
+        robot.machine.axes.joints, origins, rows("roll", "pitch", "yaw"),
+        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), np.vstack([origins[1:], tip]),
         np.array([robot["arm.base_roll"], robot["arm.base_pitch"]]), column.kind, robot.machine.compared[-1],
     )  # fmt: skip

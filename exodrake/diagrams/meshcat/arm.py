@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.skeleton import Shape
+from exodrake.core.skeleton import SPACING, Shape
 from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, ROOT, draw_squares, pose, segment_path
 from exodrake.diagrams.meshcat.shapes import along
 
 SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coincide: assumed
+PLATE, BELOW = 0.16, 0.1  # width of the base, and how far it lies below axes side by side: shares of the size
 BAR, DRUM, LONG, CUBE, RAIL = 0.028, 0.045, 0.11, 0.11, 0.015  # radii, lengths and widths as shares of the reach
 LIMB, DARK, DRUMS = (0.90, 0.89, 0.86, 1.0), (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
-VIEW = np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
+FRONT, VIEW = np.array([1.1, -0.3, 0.7]), np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
 
 
 class Arm:
@@ -21,16 +22,19 @@ class Arm:
 
     def __init__(self, meshcat: Any, shape: Shape) -> None:
         self.meshcat, self.shape = meshcat, shape
-        self.ends = np.vstack([shape.origins[1:], shape.tip])  # of each link, in its joint's frame
-        reach = np.linalg.norm(shape.origins, axis=1).sum() + np.linalg.norm(shape.tip)
-        self.reach = max(SMALLEST, float(reach))
+        self.reach = max(SMALLEST, shape.reach)
+        self.size = 2.0 * SPACING if shape.beside else self.reach  # to which widths are in proportion
 
     def begin(self, position: np.ndarray, ghost: bool) -> None:
         """Draws what there is at positions (joints,) [rad] or [m]; ghost: a second arm, too."""
         from pydrake.geometry import Box, Rgba
 
-        base = self.reach * np.array([0.16, 0.16, 0.03])
-        self.meshcat.SetObject(f"{ROOT}/base", Box(*base), Rgba(*DARK))
+        wide = np.array([PLATE * self.size, self.reach if self.shape.beside else PLATE * self.size, 0.03 * self.size])
+        base = f"{ROOT}/base", pose([0.0, 0.0, -BELOW * self.size * self.shape.beside])
+        if self.shape.beside and self.shape.sliding.any():
+            wide = wide[[1, 0, 2]]  # along the rail
+        self.meshcat.SetObject(base[0], Box(*wide), Rgba(*DARK))
+        self.meshcat.SetTransform(*base)
         self._limbs(ROOT, LIMB, 1.0)
         if ghost:
             self._limbs(GHOST, GHOSTLY, 1.25)
@@ -39,16 +43,18 @@ class Arm:
             self.meshcat.SetTransform(root, pose([0.0, 0.0, 0.0], rotation(*self.shape.tilt, 0.0)))
         self.turn(ROOT, 0.0, position)
         step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
-        draw_squares(self.meshcat, -0.5 * base[2], float(step) / 2.0, round(2.4 * self.reach / step) + 2)
-        middle = np.array([0.0, 0.0, 0.45 * self.reach])
-        self.meshcat.SetCameraPose(middle + self.reach * VIEW, middle)
+        ground = -0.5 * wide[2] - BELOW * self.size * self.shape.beside
+        draw_squares(self.meshcat, ground, float(step) / 2.0, round(2.4 * self.reach / step) + 2)
+        middle = np.array([0.0, 0.0, 0.0 if self.shape.beside else 0.45 * self.reach])
+        view = FRONT if self.shape.beside and not self.shape.sliding.any() else VIEW
+        self.meshcat.SetCameraPose(middle + self.reach * view, middle)
 
     def _limbs(self, root: str, colour: tuple, width: float) -> None:
         """Bars, drums and carriages under a path."""
         from pydrake.geometry import Box, Capsule, Cylinder, Rgba
 
-        size, shape = width * self.reach, self.shape
-        for j, end in enumerate(self.ends):
+        size, shape = width * self.size, self.shape
+        for j, end in enumerate(shape.ends):
             path = segment_path(shape, j + 1, root)
             if np.linalg.norm(end) > 1e-6:
                 middle, turn, length = along(np.zeros(3), end)
@@ -58,9 +64,10 @@ class Arm:
             self.meshcat.SetObject(f"{path}/joint", body, Rgba(*(DRUMS if root == ROOT else colour)))
             self.meshcat.SetTransform(f"{path}/joint", pose([0.0, 0.0, 0.0], along(np.zeros(3), shape.axes[j])[1]))
             if shape.sliding[j] and root == ROOT:
-                rail, fixed = f"{segment_path(shape, j, root)}/rail_{j}", rotation(*shape.angles[j])
+                base = root if shape.beside else segment_path(shape, j, root)
+                rail, fixed = f"{base}/rail_{j}", rotation(*shape.angles[j])
                 turn = fixed @ along(np.zeros(3), shape.axes[j])[1]
-                self.meshcat.SetObject(rail, Box(RAIL * size, RAIL * size, 4.0 * SMALLEST), Rgba(*DARK))
+                self.meshcat.SetObject(rail, Box(RAIL * size, RAIL * size, 3.0 * SMALLEST), Rgba(*DARK))
                 self.meshcat.SetTransform(rail, pose(shape.origins[j], turn))
 
     def turn(self, root: str, time: float, position: np.ndarray) -> None:

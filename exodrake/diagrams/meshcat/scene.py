@@ -33,8 +33,8 @@ class Thing:
 
 
 def segment_path(bones: Skeleton | Shape, segment: int, root: str = ROOT) -> str:
-    """Meshcat path of a segment; segments hang on each other."""
-    return "/".join([root, *bones.joints[:segment]])
+    """Meshcat path of a segment; segments hang on those that carry them."""
+    return "/".join([root, *bones.carriers(segment)])
 
 
 def tendon_path(bones: Skeleton, piece: Any) -> str:

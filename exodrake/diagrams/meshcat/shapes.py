@@ -16,6 +16,14 @@ def skeleton(robot: Robot) -> Skeleton | Shape:
     return robot.machine.skeleton(robot)
 
 
+def finger_skeleton(robot: Robot) -> Skeleton:
+    """`skeleton` of a finger. InputError for a machine that has none."""
+    found = skeleton(robot)
+    if isinstance(found, Shape):
+        raise InputError(f"{robot.machine.name}: nothing to draw, since it has no finger")
+    return found
+
+
 def turn(angle: float) -> np.ndarray:
     """Rotation (3, 3) [-] by a joint's angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
