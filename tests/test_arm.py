@@ -16,7 +16,8 @@ from exodrake.cli.new_arm import SCAFFOLD
 from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
 from exodrake.diagrams.multibody_arm import multibody_arm
-from exodrake.machines.serial_arm import arm_machine, moved
+from exodrake.machines.arm_defaults import moved
+from exodrake.machines.serial_arm import arm_machine
 from exodrake.machines.urdf import read_urdf
 from exodrake.simulation.simulate import record
 from exodrake.systems import arm_forward, rigid_arm

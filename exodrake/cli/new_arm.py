@@ -51,7 +51,7 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
 
 def texts_of(chain: Chain, form: str) -> dict[str, str]:
     """What the files say of the joints."""
-    from exodrake.machines.serial_arm import middle, typical_efforts, units
+    from exodrake.machines.arm_defaults import middle, typical_efforts, units
 
     unit, efforts, names = units(chain), typical_efforts(chain), chain.names
     noise = NOISE * efforts.clip(SMALLEST / NOISE * efforts.max())

@@ -14,7 +14,7 @@ SMALLEST = 0.3  # m, reach of a drawn arm at least, for an axis whose frames coi
 PLATE, BELOW = 0.16, 0.1  # width of the base, and how far it lies below axes side by side: shares of the size
 BAR, DRUM, LONG, CUBE, RAIL = 0.028, 0.045, 0.11, 0.11, 0.015  # radii, lengths and widths as shares of the reach
 LIMB, DARK, DRUMS = (0.90, 0.89, 0.86, 1.0), (0.27, 0.31, 0.38, 1.0), (0.55, 0.60, 0.67, 1.0)
-FRONT, VIEW = np.array([1.1, -0.3, 0.7]), np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
+FRONT, VIEW = np.array([0.75, -0.15, 0.5]), np.array([0.8, -1.3, 0.45])  # camera from the middle of the arm, in reaches
 
 
 class Arm:
@@ -23,7 +23,7 @@ class Arm:
     def __init__(self, meshcat: Any, shape: Shape) -> None:
         self.meshcat, self.shape = meshcat, shape
         self.reach = max(SMALLEST, shape.reach)
-        self.size = 2.0 * SPACING if shape.beside else self.reach  # to which widths are in proportion
+        self.size = 3.0 * SPACING if shape.beside else self.reach  # to which widths are in proportion
 
     def begin(self, position: np.ndarray, ghost: bool) -> None:
         """Draws what there is at positions (joints,) [rad] or [m]; ghost: a second arm, too."""
