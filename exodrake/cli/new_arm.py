@@ -71,6 +71,7 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
     return {
         "rotors": joined(names, [0.0] * len(names)), "noise": joined(names, noise),
         "floor": f"{float(noise.min()) / 10:.2g}", "force": f'"{unit["effort"]}"', "angle": f'"{unit["position"]}"',
+        "inertia": f'"{unit["inertia"]}"',
         "lowest": joined(names, places - reach), "highest": joined(names, places + reach),
         "limited": "assumed: a moderate motion about the middle of the URDF's limits",
         "mobility": f"{mobility:g}", "columns": "\n".join(columns),

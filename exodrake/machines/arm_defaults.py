@@ -14,8 +14,8 @@ SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: 
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
 POSTURES = 20  # at which efforts are looked at
-TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m"}
-SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N"}
+TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m", "inertia": "kg m2"}
+SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N", "inertia": "kg"}
 
 
 def units(chain: Chain) -> dict[str, str]:
@@ -25,6 +25,7 @@ def units(chain: Chain) -> dict[str, str]:
     mixed = len(kinds) > 1
     force, per = found["effort"], found["position"]
     ratios = {"effort/speed": f"{force} s/{per}", "effort/position": f"{force}/{per}"}
+    ratios["position/effort"] = f"{per}/({force})" if " " in force else f"{per}/{force}"
     return found | (dict.fromkeys(ratios, "-") if mixed else ratios)
 
 

@@ -11,11 +11,13 @@ an arm of one joint.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine
@@ -27,6 +29,7 @@ from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
 from exodrake.machines.arm_defaults import (
     SWING,
+    TURNS,
     drive_defaults,
     losses,
     middle,
@@ -110,6 +113,16 @@ def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: f
     return sensor(name, joined, unit[signal], slot, frame, size, count)
 
 
+def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
+    """The effects of the parts but for some, those that are made for turning joints in the units of these."""
+    own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
+    return tuple(
+        replace(e, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in e.parameters))
+        for e in effects_of(parts)
+        if e.id not in without
+    )
+
+
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in inverse-dynamics form: position, velocity and acceleration are measured, the effort is predicted."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
@@ -125,7 +138,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         parts=parts,
         inputs=(*(s.name for s in motion), "noise_effort", "arrival_effort"),
         columns=found,
-        effects=tuple(e for e in effects_of(parts) if e.id not in CROSSTALK + OFFSET),
+        effects=effects_in(unit, parts, CROSSTALK + OFFSET),
         frame=frame,
         slots=1,
         noise=tuple(f"torque.sigma.{j}" for j in chain.names),
@@ -168,7 +181,7 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         parts=parts,
         inputs=(*(s.name for s in given), *(s.name for s in noises)),
         columns=found,
-        effects=tuple(e for e in effects_of(parts) if e.id not in CROSSTALK),
+        effects=effects_in(unit, parts, CROSSTALK),
         frame=frame,
         slots=slots,
         noise=tuple(f"{part}.sigma.{j}" for part in ("encoder", "torque") for j in chain.names),

@@ -131,10 +131,11 @@ def part(count: int, slot: int, scales: dict[str, tuple[float, str]], unit: dict
         count: of joints.
         slot: in which it learns where it stands.
         scales: of its friction.
-        unit: of position, speed, effort and effort/speed.
+        unit: of position, velocity, effort, inertia, effort/speed and position/effort.
     """
     per_joint = {
-        "rotor_inertia": "kg m2", "damping": unit["effort/speed"], "dry_friction": unit["effort"], "compliance": "-",
+        "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
+        "compliance": unit["position/effort"],
     }  # fmt: skip
     angle, rate = unit["position"], unit["velocity"]
     own = ("angle", angle), ("speed", rate), ("rotor", angle), ("rotor_speed", rate), ("push", "-"), ("impulse", "-")

@@ -45,9 +45,9 @@ def start(x, z, n, e, start_stroke):
 
 
 def part(scales: dict[str, tuple[float, str]], unit: dict[str, str]) -> Part:
-    """The arm as a part; scales: of its friction; unit: of position, effort and effort/speed."""
+    """The arm as a part; scales: of its friction; unit: of inertia, effort and effort/speed."""
     per_joint = {
-        "rotor_inertia": "kg m2", "damping": unit["effort/speed"], "dry_friction": unit["effort"],
+        "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
     }  # fmt: skip
     return Part(
         name="arm",

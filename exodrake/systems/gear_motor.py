@@ -14,7 +14,7 @@ from exodrake.core.signal import JOINTS
 
 
 class Parameters(NamedTuple):
-    """Torque constant, gear ratio, limit of the current and time constant of its loop, 0 for an ideal one."""
+    """Torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0."""
 
     torque_constant: Annotated[tuple, Unit("N m/A", JOINTS)]
     ratio: Annotated[tuple, Unit("-", JOINTS)]
