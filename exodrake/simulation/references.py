@@ -106,8 +106,9 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
         held = first_rows[0] if start else np.zeros(machine.width(machine.signal[column.signal].axis))
-        rate = column.rate_of and np.gradient(rows[column.rate_of], machine.frame, axis=0)
-        rows[column.kind] = rate if column.rate_of else np.tile(held, (len(first_rows), 1))
+        rows[column.kind] = np.tile(held, (len(first_rows), 1))
+        if column.rate_of:
+            rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
     return Reference(np.hstack(list(rows.values())), shares.name)
 
 

@@ -40,7 +40,9 @@ class Arm:
             self._limbs(GHOST, GHOSTLY, 1.25)
             self.turn(GHOST, 0.0, position)
         for root in (ROOT, GHOST) if ghost else (ROOT,):
-            self.meshcat.SetTransform(root, pose([0.0, 0.0, 0.0], rotation(*self.shape.tilt, 0.0)))
+            self.meshcat.SetTransform(
+                root, pose([0.0, 0.0, 0.0], rotation(self.shape.tilt[0], self.shape.tilt[1], 0.0))
+            )
         self.turn(ROOT, 0.0, position)
         step = 10.0 ** np.floor(np.log10(self.reach)) * (0.5 if self.reach < 3.0 * SMALLEST else 1.0)
         ground = -0.5 * wide[2] - BELOW * self.size * self.shape.beside
