@@ -18,7 +18,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import read_bytes
 from exodrake.machines.urdf_elements import SLIDING, Body, Joint, body_of, joint_of, parsed, rotation, text_of
 
-MAX_JOINTS = 30
+MAX_JOINTS, MAX_ALL = 30, 300  # that move on the way to the tip; in the file
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +55,10 @@ def read_urdf(path: str | Path, tip: str = "") -> Chain:
     """
     source = Path(path).name
     root = parsed(read_bytes(path), source)
-    bodies = {text_of(link, "name", source): body_of(link, source) for link in root.iter("link")}
+    bodies = {text_of(link, "name", source): body_of(link, source) for link in root.findall("link")}
     joints = [joint_of(element, source) for element in root.findall("joint")]
+    if len(joints) > MAX_ALL:
+        raise InputError(f"{source}: {len(joints)} joints, more than {MAX_ALL}")
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in bodies:
