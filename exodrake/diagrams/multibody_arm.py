@@ -15,12 +15,11 @@ from pydrake.multibody.tree import (
     RigidBody,
     RotationalInertia,
     SpatialInertia,
+    UnitInertia,
 )  # fmt: skip
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-
-POINT = 1e-9  # kg m2/kg, unit inertia of a point mass: as good as none
 
 
 def multibody_arm(robot: Robot, step: float = 0.0) -> MultibodyPlant:
@@ -72,8 +71,7 @@ def arm_loads(robot: Robot) -> list[SpatialInertia]:
     payload = robot["arm.tip_mass"] + effect_value(robot, "arm.payload.mass")
     if payload > 0.0:
         tip = np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])
-        point = RotationalInertia(*(3 * [POINT * payload]))
-        found[-1] += SpatialInertia.MakeFromCentralInertia(payload, tip, point)
+        found[-1] += SpatialInertia(payload, tip, UnitInertia.PointMass(tip))
     return found
 
 
