@@ -73,14 +73,13 @@ def recording_html(
         meshcat.StopRecording()
         repeat(meshcat)
         html = meshcat.StaticHtml()
-    display = display_of(bones.load, robot.machine)
+    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
     readings = {
         "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
-        "load": (display.factor * load).round(2).tolist(), "unit": display.unit, "top": (display.factor * top).tolist(),
         "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
-        "ghost": [] if ghost is None else ghost.round(3).tolist(), "names": names,
+        "load": (display.factor * load).round(2).tolist(), "unit": display.unit, "top": (display.factor * top).tolist(),
+        "ghost": [] if ghost is None else ghost.round(4).tolist(), "names": names,
     }  # fmt: skip
-    coloured = "joint" if isinstance(bones, Shape) else "tendon"
     return with_readings(html, title or log.label, readings, details, f"{coloured}: its {display.label.lower()}")
 
 
