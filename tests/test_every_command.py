@@ -5,10 +5,12 @@ import os
 import click
 import pytest
 from click.testing import CliRunner
+from test_arm import MIXED
 
 import exodrake as exo
 from exodrake.cli.main import cli
 from exodrake.cli.options import OTHERS
+from exodrake.core import plugins
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.diagnosis import pipeline
 from exodrake.machines.library import machine_folders, machine_names
@@ -42,7 +44,12 @@ SOME = {
 NONE = ("demo", "identify", "blind", "import", "new-machine", "feedforward", "warm-up", "fleet")
 REFUSED = {"calibrate", "grasp", "train", "estimate"}  # what this test asks of these is wrong for any machine
 LONG = {"analyse", "tune", "workspace"}  # for the machine that they are made for, tested elsewhere
-MADE_FOR, LOOPS = "exo_index", {"emps"}  # other machines that declare a closed loop
+MADE_FOR, LOOPS = "exo_index", {"emps", "mixed_loop"}  # other machines that declare a closed loop
+ARMS = {
+    "cable_arm": ["--urdf", "cable_arm"],
+    "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],
+}  # from `new-machine`
+EVERY = (*machine_names(), *ARMS)
 
 
 def run(*arguments):
@@ -51,14 +58,21 @@ def run(*arguments):
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """A folder with a short log of each machine."""
-    found = {}
-    for name in machine_names():
+    """A folder with a short log of each machine; that of an arm is made first."""
+    found, machines = {}, tmp_path_factory.mktemp("machines")
+    (machines / "mixed.urdf").write_text(MIXED)
+    before = os.environ.get(plugins.VARIABLE)
+    for name, options in ARMS.items():
+        words = [word.replace("{}", str(machines / "mixed.urdf")) for word in options]
+        assert run("new-machine", machines / name, *words).exit_code == 0
+        exo.add_plugin(machines / name)
+    for name in EVERY:
         found[name] = tmp_path_factory.mktemp(name)
         robot = exo.load_robot(name)
         motion = f"steps:dwell={max(1.0, 40 * robot.machine.frame):g}"  # 100 frames at least
         exo.write_log(exo.simulate(robot, motion), found[name] / "log.csv")
-    return found
+    yield found
+    os.environ.pop(plugins.VARIABLE) if before is None else os.environ.update({plugins.VARIABLE: before})
 
 
 def assert_one_sentence(result, name):
@@ -74,7 +88,7 @@ def test_no_command_is_left_out():
     assert not (set(ALL) & set(SOME)) and set(ALL) <= {*ALL, "export"}
 
 
-@pytest.mark.parametrize("machine", machine_names())
+@pytest.mark.parametrize("machine", EVERY)
 @pytest.mark.parametrize("name", ALL)
 def test_a_command_for_any_machine_works_with_each(name, machine, folders, monkeypatch):
     def ended(*_, **__):
@@ -94,14 +108,14 @@ def test_a_command_for_any_machine_works_with_each(name, machine, folders, monke
         assert result.exit_code in (0, 1 if name == "watch" else 0), result.output
 
 
-@pytest.mark.parametrize("machine", machine_names())
+@pytest.mark.parametrize("machine", EVERY)
 @pytest.mark.parametrize("name", SOME)
 def test_a_command_for_one_machine_says_why_it_takes_no_other(name, machine, folders):
     if name in LONG and (machine == MADE_FOR or (machine in LOOPS and name != "workspace")):
         return
     words = [word.replace("{}", str(folders[machine])) for word in SOME[name]]
     result = run(name, *words, "--robot", machine)
-    if machine == MADE_FOR and name not in REFUSED:
+    if (machine == MADE_FOR or (name == "show")) and name not in REFUSED:
         assert result.exit_code == 0, result.output
         return
     assert_one_sentence(result, name)

@@ -22,9 +22,10 @@ REFUSED = [
     f"exodrake {line} --machine my_arm"
     for line in (
         "blind make --seed 1 --cases 1 --out x", "blind run x", "demo", "identify", "workspace", "train x", "warm-up",
-        "estimate x", "grasp x --size 60", "analyse", "show first/log.csv", "export first/log.csv --out y.npz",
+        "estimate x", "grasp x --size 60", "analyse", "export first/log.csv --out y.npz",
     )
 ]  # fmt: skip
+ANSWERS = {"exodrake diagnose case": " --json found.json", "exodrake diagnose held/log.csv": " --json arm.json"}
 DRIVER = """
 import json, shlex, sys
 from click.testing import CliRunner
@@ -48,7 +49,7 @@ def done(tmp_path_factory):
     pieces = [(language, block) for language, block, _ in PIECES.findall(PAGE.read_text())]
     lines = [line for _, _, line in PIECES.findall(PAGE.read_text())]
     steps = [
-        (language, block) if language else ("command", line + (" --json found.json" if " diagnose " in line else ""))
+        (language, block) if language else ("command", line + ANSWERS.get(" ".join(line.split()[:3]), ""))
         for (language, block), line in zip(pieces, lines, strict=True)
         if language in ("", "python")
     ]
@@ -81,6 +82,14 @@ def test_the_verdict_is_what_the_recordings_hide(done):
     assert effects["servo.latency"]["frames"]["value"] == pytest.approx(2.0, abs=0.2)
     assert found["closure"]["overall"]["value"] > 0.95
     assert (folder / "report.html").stat().st_size > 10_000
+
+
+def test_the_payload_of_the_arm_is_named(done):
+    folder, _ = done
+    found = json.loads((folder / "arm.json").read_text())
+    assert [effect["id"] for effect in found["effects"]] == ["arm.payload"]
+    assert found["effects"][0]["parameters"]["mass"]["value"] == pytest.approx(0.5, rel=0.05)
+    assert (folder / "held" / "arm.html").stat().st_size > 1e5
 
 
 def test_the_page_shows_the_mapping_and_the_headline_that_are_there(done):

@@ -91,6 +91,15 @@ def test_one_row(log):
     assert "caging" in recording_html(log.rows(slice(0, 1)), ROBOT)
 
 
-def test_robot_without_finger_is_refused_by_name(log):
-    with pytest.raises(exo.InputError, match="emps: nothing to draw"):
+def test_a_log_of_another_machine_is_refused(log):
+    with pytest.raises(exo.InputError, match="position"):
         recording_html(log, exo.load_robot("emps"))
+
+
+@pytest.mark.parametrize("name", ["emps", "so101"])
+def test_axes_of_which_no_shape_is_known_stand_side_by_side(name):
+    robot = exo.load_robot(name)
+    log = exo.simulate(robot, f"steps:dwell={40 * robot.machine.frame:g}")
+    page = recording_html(log, robot)
+    sliding = [float(name == "emps")] * len(robot.machine.axes.joints)
+    assert len(page) < 5e6 and "colour of a joint" in page and f'"sliding": {sliding}' in page

@@ -66,7 +66,7 @@ class FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine declares no loop."""
         if robot.machine.loop is None:
             raise InputError(
-                f"{robot.machine.name}: no closed loop to analyse (its machine.py declares none: its parts follow "
+                f"{robot.machine.name}: no closed loop to analyse (the machine declares none: its parts follow "
                 "their references without a controller that is simulated)"
             )
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))

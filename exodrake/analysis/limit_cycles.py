@@ -145,7 +145,7 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     found, own = [], robot.effects()
     if own and plain is not robot:
         found.append(cycles_of(" + ".join(own), robot, point, whole, channel, margins[channel], False))
-    if loop.loop.resolution and plain[loop.loop.resolution] > 0.0:
+    if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
         label = f"rounding, {loop.loop.resolution}"
         found.append(cycles_of(label, plain, point, whole, channel, margins[channel], True))
     for identity, values in loop.loop.nonlinear.items():
@@ -181,7 +181,7 @@ def cycles_of(
     references, state = point.references, point.state
     if rounded:
         edge = np.zeros(len(references))
-        edge[channel] = 0.5 * robot[loop.loop.resolution]
+        edge[channel] = 0.5 * np.broadcast_to(robot.channels(loop.loop.resolution), len(edge))[channel]
         references = references + edge
         rows = np.tile(references, (RUN, 1))
         state = replace(loop, parameters=prepared(robot, quantisation=False)).run(state, rows)[0]

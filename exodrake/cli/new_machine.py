@@ -10,6 +10,7 @@ import click
 SCAFFOLD = Path(__file__).parent / "scaffold"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9]*")
+FRAME = 0.02  # s, of servos on a bus: assumed
 TURN = 1.0  # rad either way that a protocol asks for until the owner says otherwise: assumed, a moderate motion
 SLOWEST = 10.0  # s, as the longest frame of a case
 
@@ -17,17 +18,28 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
-@click.option("--frame", default=0.02, show_default=True, type=float, help="From one command to the next [s].")
-def command(folder: Path, joints: str, frame: float) -> None:
+@click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
+@click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
+@click.option("--form", default="inverse", show_default=True, help="Of an arm: inverse or closed-loop.")
+@click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
+def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str, tip: str) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
+
+    With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion, or
+    `closed-loop`, references through PD controller, motors and forward dynamics.
 
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.
     """
+    from exodrake.cli.new_arm import arm_files
     from exodrake.core.files import write_folder
 
-    names = checked(folder, joints, frame)
-    files = write_folder(folder, {name: text.encode() for name, text in contents(folder, names, frame).items()})
+    names = checked(folder, joints, frame or FRAME)
+    if urdf:
+        texts = arm_files(folder, urdf, form, tip, frame)
+    else:
+        texts = {name: text.encode() for name, text in contents(folder, names, frame or FRAME).items()}
+    files = write_folder(folder, texts)
     click.echo(f"{folder}: {', '.join(file.name for file in files)}")
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
 

@@ -57,7 +57,7 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
     def add(command: Callable) -> Callable:
         machine = click.option(
             "--machine", metavar="FOLDER", expose_value=False, is_eager=True, callback=machine_added,
-            help="Folder of a machine of your own (machine.py, robot.yaml); its robot is the default.",
+            help="Folder of a machine of your own (robot.yaml, machine.py); its robot is the default.",
         )  # fmt: skip
         robot = click.option(
             "--robot", name, default=default, metavar="FILE", callback=robot_named,
@@ -75,8 +75,8 @@ def machine_added(context: click.Context, _: click.Parameter, folder: str | None
     from exodrake.core import plugins
 
     path = plugins.add_plugin(folder)
-    if not (path / plugins.MACHINE).is_file():
-        raise InputError(f"{folder}: no {plugins.MACHINE} in it")
+    if not plugins.is_machine(path):
+        raise InputError(f"{folder}: no {plugins.MACHINE} or {plugins.ROBOT} in it")
     context.meta[MACHINE] = path.name
 
 

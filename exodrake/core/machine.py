@@ -19,7 +19,7 @@ from exodrake.core.wiring import check_effects, check_schedule, check_signals
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
-    from exodrake.core.skeleton import Skeleton
+    from exodrake.core.skeleton import Shape, Skeleton
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,6 +55,7 @@ class Machine:
         colours: colours of channels in figures; others take theirs from a palette.
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
+        defaults: values [SI] by full name of parameters that a robot file need not state.
     """
 
     name: str
@@ -82,8 +83,9 @@ class Machine:
     end_stops: tuple[str, ...] = ()
     regime: Regime | None = None
     colours: Mapping[str, str] = field(default_factory=dict)
-    skeleton: Callable[[Robot], Skeleton] | None = None
+    skeleton: Callable[[Robot], Skeleton | Shape] | None = None
     loop: Loop | None = None
+    defaults: Mapping[str, float] = field(default_factory=dict)
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:

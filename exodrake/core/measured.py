@@ -18,6 +18,7 @@ class Column:
         label: name in figures and reports; made from the kind by default.
         unit: unit in figures and reports; by default that of `display.SHOWN`.
         delay: what makes the samples late; None: they are on time.
+        rate_of: of an input: kind whose rate of change it is, so that a protocol can state it.
     """
 
     kind: str
@@ -26,6 +27,7 @@ class Column:
     label: str = ""
     unit: str = ""
     delay: Delay | None = None
+    rate_of: str = ""
 
 
 @dataclass(frozen=True)

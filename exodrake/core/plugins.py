@@ -5,7 +5,7 @@ A plugin folder is laid out as this package is, each module where its like is he
     machines/NAME/machine.py, robot.yaml    effects/NAME.py    systems/NAME.py    data/formats/NAME.py
 
 Its modules are imported under this package's names (`exodrake.effects.NAME`); names that exist here keep their meaning.
-A folder that holds `machine.py` itself is one machine, named like the folder.
+A folder that holds `machine.py`, or a `robot.yaml` that describes a machine, is one machine, named like the folder.
 
 Plugins come from `add_plugin` (the options `--plugin` and `--machine`), from the environment variable EXODRAKE_PLUGINS,
 which worker processes inherit, and from installed packages with an entry point in the group `exodrake.plugins` whose
@@ -28,7 +28,7 @@ from exodrake.core.errors import InputError
 VARIABLE = "EXODRAKE_PLUGINS"
 GROUP = "exodrake.plugins"
 PACKAGE = Path(__file__).parent.parent
-MACHINE = "machine.py"
+MACHINE, ROBOT = "machine.py", "robot.yaml"
 EXTENSIBLE = ("machines", "effects", "systems", "data/formats", "diagnosis/detect")
 
 
@@ -41,9 +41,9 @@ def add_plugin(folder: str | Path) -> Path:
     path = Path(folder).resolve()
     if not path.is_dir():
         raise InputError(f"{folder}: no such plugin folder")
-    if not (path / MACHINE).is_file() and not any((path / part).is_dir() for part in EXTENSIBLE):
-        raise InputError(f"{folder}: no plugin: wanted {MACHINE}, or a folder {', '.join(EXTENSIBLE)}")
-    if (path / MACHINE).is_file() and (PACKAGE / "machines" / path.name).is_dir():
+    if not is_machine(path) and not any((path / part).is_dir() for part in EXTENSIBLE):
+        raise InputError(f"{folder}: no plugin: wanted {MACHINE}, {ROBOT}, or a folder {', '.join(EXTENSIBLE)}")
+    if is_machine(path) and (PACKAGE / "machines" / path.name).is_dir():
         raise InputError(f"{folder}: there is a machine {path.name} already; rename the folder")
     if path in folders():
         return path
@@ -53,6 +53,11 @@ def add_plugin(folder: str | Path) -> Path:
         if package is not None:
             extend(package.__path__, part)
     return path
+
+
+def is_machine(folder: Path) -> bool:
+    """Whether a folder is one machine, by code or by a robot file alone."""
+    return (folder / MACHINE).is_file() or (folder / ROBOT).is_file()
 
 
 def folders() -> list[Path]:
@@ -77,7 +82,7 @@ def installed() -> list[Path]:
 
 def single_machines() -> dict[str, Path]:
     """Plugin folders that are one machine each, by name."""
-    return {path.name: path for path in folders() if (path / MACHINE).is_file()}
+    return {path.name: path for path in folders() if is_machine(path)}
 
 
 def extend(search_path: MutableSequence[str], part: str) -> None:

@@ -51,6 +51,10 @@ class Skeleton:
     angle: str
     load: str
 
+    def carriers(self, segment: int) -> tuple[str, ...]:
+        """Joints that carry a segment, from the base on."""
+        return self.joints[:segment]
+
     @property
     def tendons(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of their pieces."""
@@ -60,3 +64,63 @@ class Skeleton:
         """End of the last segment (3,) [m]; angle (joints,) [rad]."""
         direction = np.cumsum(angle)
         return np.array([self.lengths @ np.cos(direction), 0.0, -self.lengths @ np.sin(direction)])
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Geometry of a serial arm in space, or of axes side by side, and the columns that move and colour it.
+
+    World: axes of the base.
+
+    Attributes:
+        joints: their names, from the base to the tip.
+        origins, angles, axes: (joints, 3) of each joint in the frame of the one before: place [m], roll, pitch, yaw
+            [rad], unit vector.
+        sliding: (joints,) 1 for a prismatic joint, else 0.
+        ends: (joints, 3) where what each joint moves ends, in its frame [m].
+        tilt: (2,) roll and pitch of the base [rad].
+        angle: kind of the columns with joint positions.
+        load: kind of the columns that colour the joints.
+    """
+
+    joints: tuple[str, ...]
+    origins: np.ndarray
+    angles: np.ndarray
+    axes: np.ndarray
+    sliding: np.ndarray
+    ends: np.ndarray
+    tilt: np.ndarray
+    angle: str
+    load: str
+    beside: bool = False  # each joint stands on the base, and not on the one before
+
+    def carriers(self, segment: int) -> tuple[str, ...]:
+        """Joints that carry a segment, from the base on."""
+        return self.joints[segment - 1 : segment] if self.beside and segment else self.joints[:segment]
+
+    @property
+    def reach(self) -> float:
+        """How far the arm reaches, or how wide the axes stand [m]."""
+        spans = np.linalg.norm(self.origins, axis=1)
+        lengths = np.linalg.norm(self.ends, axis=1)
+        return float(np.ptp(self.origins, axis=0).max() + lengths.max() if self.beside else spans.sum() + lengths[-1])
+
+    @property
+    def tendons(self) -> tuple[str, ...]:
+        """Names of what is coloured by its load: the joints."""
+        return self.joints
+
+
+SPACING, POINTER = 0.2, 0.08  # m between axes side by side, and of the pointer of a turning one: assumed
+
+
+def axes_side_by_side(joints: tuple[str, ...], angle: str, load: str, axis: str = "z", sliding: bool = False) -> Shape:
+    """Axes of which no more is known than that they turn or slide; angle, load: kinds of columns as in `Shape`."""
+    n = len(joints)
+    row = np.zeros((n, 3))
+    row[:, 1] = SPACING * (0.5 * (n - 1) - np.arange(n))
+    lines = np.tile([float(axis == name) for name in "xyz"], (n, 1))
+    ends = np.tile([0.0 if sliding else POINTER, 0.0, 0.0], (n, 1))
+    return Shape(
+        joints, row, np.zeros((n, 3)), lines, np.full(n, float(sliding)), ends, np.zeros(2), angle, load, beside=True
+    )

@@ -45,7 +45,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "angle_speed": ("rad/s",),
     "position": ("rad", "m"), "position_ref": ("rad", "m"), "position_start": ("rad", "m"),
     "speed_start": ("rad/s", "m/s"),
-    "velocity": ("rad/s", "m/s"), "velocity_ref": ("rad/s", "m/s"),
+    "velocity": ("rad/s", "m/s"), "velocity_ref": ("rad/s", "m/s"), "acceleration": ("rad/s2", "m/s2"),
     "current": ("A",), "current_ref": ("A",), "voltage": ("V",), "voltage_ref": ("V",),
     "torque": ("N m",), "torque_ref": ("N m",), "force": ("N",), "force_ref": ("N",),
     "effort": ("N m", "N", "A"), "effort_ref": ("N m", "N", "A"), "temperature": ("K",),

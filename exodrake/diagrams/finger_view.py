@@ -32,7 +32,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.diagrams.binding import weak_method
 from exodrake.diagrams.meshcat.scene import draw_ground
-from exodrake.diagrams.meshcat.shapes import along, skeleton, span, turn
+from exodrake.diagrams.meshcat.shapes import along, finger_skeleton, span, turn
 
 BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity of the skin
 LINKS, OVERLAP = 5, 1.1  # rods that slide over each other make a piece of tendon over a joint, whose length changes
@@ -62,7 +62,7 @@ class FingerView(Diagram):
         draw_ground(meshcat)
         builder = DiagramBuilder()
         self.scene_graph = SceneGraph()
-        poses = FingerPoses(skeleton(robot), self.scene_graph)
+        poses = FingerPoses(finger_skeleton(robot), self.scene_graph)
         builder.AddNamedSystem("scene_graph", self.scene_graph)
         builder.AddNamedSystem("poses", poses)
         source = self.scene_graph.get_source_pose_port(poses.source)

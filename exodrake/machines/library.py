@@ -14,15 +14,14 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.units import add_kind
-
-ROBOT = "robot.yaml"
+from exodrake.core.yaml_file import read_yaml
 
 
 def machine_folders() -> dict[str, Path]:
     """Folder of each machine by name: built-in ones first; a plugin cannot replace them."""
     found: dict[str, Path] = {}
     for place in map(Path, exodrake.machines.__path__):
-        for file in sorted(place.glob(f"*/{plugins.MACHINE}")):
+        for file in sorted(place.glob(f"*/{plugins.ROBOT}")):
             found.setdefault(file.parent.name, file.parent)
     return {**plugins.single_machines(), **found}
 
@@ -40,7 +39,7 @@ def recorded_machines() -> tuple[str, ...]:
 def robot_yaml(name: str) -> Path | None:
     """The robot file of a machine, or None if there is no machine of that name."""
     folder = machine_folders().get(name)
-    return folder / ROBOT if folder else None
+    return folder / plugins.ROBOT if folder else None
 
 
 @cache
@@ -52,16 +51,33 @@ def machine_named(name: str, tolerances: tuple[Tolerance, ...] = ()) -> Machine:
     """
     if name not in machine_folders():
         raise InputError(f"unknown machine {name!r}{nearest(name, list(machine_names()))}; known: {joined()}")
+    folder = machine_folders()[name]
+    found = coded(name) if (folder / plugins.MACHINE).is_file() else described(name, folder / plugins.ROBOT)
+    if found.name != name:
+        raise InputError(f"{folder}: the machine calls itself {found.name!r}, not {name!r}")
+    for column in found.columns:
+        add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
+    return replace(found, tolerances=tolerances)
+
+
+def coded(name: str) -> Machine:
+    """The machine of a folder with code. InputError naming file and line for code that fails."""
     with plugins.shown_errors():
         made = getattr(module_of(name, "machine"), "machine", None)
         found = made() if callable(made) else made
     if not isinstance(found, Machine):
         raise InputError(f"{machine_folders()[name]}: machine.py defines no function machine() that returns a Machine")
-    if found.name != name:
-        raise InputError(f"{machine_folders()[name]}: the machine calls itself {found.name!r}, not {name!r}")
-    for column in found.columns:
-        add_kind(column.kind, found.signal[column.signal].unit, f"machine {name}")
-    return replace(found, tolerances=tolerances)
+    return found
+
+
+def described(name: str, file: Path) -> Machine:
+    """The machine of a folder without code, whose robot file describes an arm. InputError for another robot file."""
+    from exodrake.machines.serial_arm import arm_machine
+
+    content, source = read_yaml(file), f"{name}/{file.name}"
+    if not isinstance(content, dict) or "arm" not in content:
+        raise InputError(f"{file.parent}: neither {plugins.MACHINE}, nor an `arm` in its {plugins.ROBOT}")
+    return arm_machine(name, content["arm"], file.parent, source)
 
 
 def module_of(name: str, module: str) -> ModuleType:

@@ -9,6 +9,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
+from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import LIBRARY, generic_effects, in_order, plugin_effects
 from exodrake.systems import joint, joint_command
 from exodrake.systems.reading import sensor
@@ -83,4 +84,5 @@ def joint_machine(
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),
+        skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
     )

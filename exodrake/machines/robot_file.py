@@ -11,7 +11,8 @@ A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a 
 
 Numbers are in SI, or have their unit: `2.5 N/mm`, or `{value: 2.5, unit: N/mm}`.
 
-`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code.
+`machine` is a machine of the library or of a plugin (`exodrake.core.plugins`): robot files import no code. A folder
+that holds a robot file with an `arm` section and no machine.py is a machine, too (`machines.serial_arm`).
 """
 
 from __future__ import annotations
@@ -79,6 +80,7 @@ TOLERANCE = mapping(
 SCHEMA = mapping(
     {
         "machine": optional(text()),
+        "arm": anything,
         "base": optional(text()),
         "parameters": optional(PARAMETERS),
         "effects": optional(EFFECTS),
@@ -158,9 +160,11 @@ def blank(content: Mapping[str, Any], source: str) -> Robot:
         machine = machine_named(str(content.get("machine")), tolerances_of(content.get("tolerances") or ()))
     given = {n for n, *_ in flatten(content.get("parameters") or {})}
     for parameter in machine.parameters:
-        if parameter.null is None and parameter.name not in given and parameter.name.rsplit(".", 1)[0] not in given:
+        stated = {parameter.name, parameter.name.rsplit(".", 1)[0]} & {*given, *machine.defaults}
+        if parameter.null is None and not stated:
             raise InputError(f"{source}: parameter {parameter.name} is missing")
-    return Robot(machine, np.array([p.null if p.null is not None else math.nan for p in machine.parameters]))
+    unset = (p.null if p.null is not None else machine.defaults.get(p.name, math.nan) for p in machine.parameters)
+    return Robot(machine, np.array(list(unset)), dict.fromkeys(machine.defaults, "default of the machine"))
 
 
 def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, ...]:

@@ -20,6 +20,7 @@ from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
 
+SMOOTH = 0.08  # s, standard deviation of the filter of a motion whose rates are inputs, too: assumed
 ALIKE = 1e-6  # [s] two clocks closer than this are the same
 
 PROTOCOLS: dict[str, Callable[..., Reference]] = {
@@ -80,7 +81,8 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     """A protocol on any machine.
 
     Tensions are shares of the highest one, never below the lowest. Other references, such as angles, are shares of the
-    span between both; `kind_start` stands where `kind_ref` begins, and further inputs at 0.
+    span between both; `kind_start` stands where `kind_ref` begins, rates of a motion are those of the smoothed one, and
+    further inputs stand at 0.
 
     Raises:
         InputError: if the machine or its robot file states no limits of the reference.
@@ -99,12 +101,22 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     channels = machine.axes.of(machine.signal[first.signal].axis)
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
-    rows = [low + shares.tension * (high - low)]
+    first_rows = low + shares.tension * (high - low)
+    rows = {first.kind: smooth(first_rows, machine.frame) if any(c.rate_of for c in others) else first_rows}
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
-        held = rows[0][0] if start else np.zeros(machine.width(machine.signal[column.signal].axis))
-        rows.append(np.tile(held, (len(rows[0]), 1)))
-    return Reference(np.hstack(rows), shares.name)
+        held = first_rows[0] if start else np.zeros(machine.width(machine.signal[column.signal].axis))
+        rows[column.kind] = np.tile(held, (len(first_rows), 1))
+        if column.rate_of:
+            rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
+    return Reference(np.hstack(list(rows.values())), shares.name)
+
+
+def smooth(rows: np.ndarray, frame: float) -> np.ndarray:
+    """A motion (n, channels) as a body can follow it that has a mass, by a zero-phase filter; frame [s]."""
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(rows, SMOOTH / frame, axis=0, mode="nearest")
 
 
 def reference_rows(machine: Machine, log: Log) -> np.ndarray:

@@ -18,10 +18,11 @@ import numpy as np
 from exodrake.core.display import display_of
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-from exodrake.core.skeleton import Skeleton
+from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.data.log import Log
+from exodrake.diagrams.meshcat.arm import Arm
 from exodrake.diagrams.meshcat.page import colours, with_readings
-from exodrake.diagrams.meshcat.scene import GHOST, ROOT, Thing, draw_scene, draw_tendons, move_tendons, turn_joints
+from exodrake.diagrams.meshcat.scene import GHOST, Finger, Thing
 from exodrake.diagrams.meshcat.shapes import skeleton
 
 __all__ = ["Thing", "beside", "frames_of", "recording_html"]
@@ -62,27 +63,27 @@ def recording_html(
     top = full_load(robot, bones, load)
     step = float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
     with silent_meshcat() as meshcat:
-        draw_scene(meshcat, bones, thing, ghost is not None)
-        draw_tendons(meshcat, bones, angle[0])
+        drawn = Arm(meshcat, bones) if isinstance(bones, Shape) else Finger(meshcat, bones, thing)
+        drawn.begin(angle[0], ghost is not None)
         meshcat.StartRecording(frames_per_second=1.0 / step, set_visualizations_while_recording=False)
         for k in range(len(time)):
-            turn_joints(meshcat, bones, ROOT, k * step, angle[k])
-            move_tendons(meshcat, bones, k * step, angle[k], colours(load[k] / top))
+            drawn.frame(k * step, angle[k], colours(np.abs(load[k]) / top))
             if ghost is not None:
-                turn_joints(meshcat, bones, GHOST, k * step, ghost[k])
+                drawn.turn(GHOST, k * step, ghost[k])
         meshcat.StopRecording()
         repeat(meshcat)
         html = meshcat.StaticHtml()
-    display = display_of(bones.load, robot.machine)
+    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
     readings = {
         "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
+        "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
         "load": (display.factor * load).round(2).tolist(), "unit": display.unit, "top": (display.factor * top).tolist(),
-        "angle": angle.round(3).tolist(), "ghost": [] if ghost is None else ghost.round(3).tolist(), "names": names,
+        "ghost": [] if ghost is None else ghost.round(4).tolist(), "names": names,
     }  # fmt: skip
-    return with_readings(html, title or log.label, readings, details, display.label.lower())
+    return with_readings(html, title or log.label, readings, details, f"{coloured}: its {display.label.lower()}")
 
 
-def frames_of(log: Log, bones: Skeleton, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def frames_of(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Means of a log over the frames of the recording, at most `FRAMES`.
 
     Returns:
@@ -106,9 +107,9 @@ def beside(time: np.ndarray, own: np.ndarray, angle: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(time, own, column) for column in angle.T])
 
 
-def full_load(robot: Robot, bones: Skeleton, load: np.ndarray) -> np.ndarray:
+def full_load(robot: Robot, bones: Skeleton | Shape, load: np.ndarray) -> np.ndarray:
     """Load of each tendon (tendons,) [SI] at the end of the colour scale: its limit, else the largest seen."""
-    largest = np.maximum(1.0, load.max(axis=0))
+    largest = np.maximum(1.0, np.abs(load).max(axis=0))
     first = robot.machine.references[0]
     limited = first.kind.removesuffix("_ref") == bones.load and robot.machine.reference_limits
     highest = robot.reference_limits()[1] if limited else largest

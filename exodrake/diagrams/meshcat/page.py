@@ -39,7 +39,7 @@ def with_readings(html: str, title: str, readings: dict[str, Any], details: Sequ
         title: plain text.
         readings: time, step, tendons, joints, load, unit, angle, ghost, names, top as lists.
         details: lines below the title.
-        label: what the colour of a tendon shows.
+        label: what is coloured, and by what.
     """
     scale = [(round(100 * share), [round(255 * c) for c in rgb]) for share, rgb in STOPS]
     added = render(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.skeleton import Skeleton
+from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.diagrams.meshcat.shapes import along, span, turn
 
 ROOT, GHOST = "/robot", "/ghost"  # Meshcat paths
@@ -32,9 +32,9 @@ class Thing:
     length: float | None = None
 
 
-def segment_path(bones: Skeleton, segment: int, root: str = ROOT) -> str:
-    """Meshcat path of a segment; segments hang on each other."""
-    return "/".join([root, *bones.joints[:segment]])
+def segment_path(bones: Skeleton | Shape, segment: int, root: str = ROOT) -> str:
+    """Meshcat path of a segment; segments hang on those that carry them."""
+    return "/".join([root, *bones.carriers(segment)])
 
 
 def tendon_path(bones: Skeleton, piece: Any) -> str:
@@ -88,20 +88,46 @@ def draw_segments(meshcat: Any, bones: Skeleton, root: str, name: str, radii: li
         meshcat.SetTransform(path, pose([(lengths[i] if i else -lengths[0]) / 2.0, 0.0, 0.0], lying))
 
 
+class Finger:
+    """Draws a finger with tendons with a Meshcat."""
+
+    def __init__(self, meshcat: Any, bones: Skeleton, thing: Thing | None = None) -> None:
+        self.meshcat, self.bones, self.thing = meshcat, bones, thing
+
+    def begin(self, angle: np.ndarray, ghost: bool) -> None:
+        """Draws what there is at angles (joints,) [rad]; ghost: a second finger, too."""
+        draw_scene(self.meshcat, self.bones, self.thing, ghost)
+        draw_tendons(self.meshcat, self.bones, angle)
+
+    def turn(self, root: str, time: float, angle: np.ndarray) -> None:
+        """Adds a frame at a time [s] with these angles (joints,) [rad]."""
+        turn_joints(self.meshcat, self.bones, root, time, angle)
+
+    def frame(self, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
+        """Adds a frame at a time [s]: angles (joints,) [rad], and linear RGB (tendons, 3) of the tendons."""
+        self.turn(ROOT, time, angle)
+        move_tendons(self.meshcat, self.bones, time, angle, colour)
+
+
 def draw_ground(meshcat: Any) -> None:
-    """Draws a white background, a pale grid of 1 cm squares, and sets the camera at the side."""
+    """Draws a pale grid of 1 cm squares below the finger, and sets the camera at the side."""
+    draw_squares(meshcat, GROUND, CELL, CELLS)
+    meshcat.SetCameraPose([0.040, -0.148, 0.022], [0.008, 0.0, -0.020])
+
+
+def draw_squares(meshcat: Any, height: float, width: float, count: int) -> None:
+    """Draws a white background and a pale grid of 2 `count` squares of that width [m] a side, at a height [m]."""
     from pydrake.geometry import Rgba
 
     for end in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background", end, [1.0, 1.0, 1.0])
     meshcat.SetProperty("/Axes", "visible", False)
     meshcat.SetProperty("/Grid", "visible", False)
-    at, reach = CELL * np.arange(-CELLS, CELLS + 1), CELL * CELLS
-    far, low = np.full_like(at, reach), np.full_like(at, GROUND)
+    at = width * np.arange(-count, count + 1)
+    far, low = np.full_like(at, width * count), np.full_like(at, height)
     starts = np.hstack([[at, -far, low], [-far, at, low]])
     ends = np.hstack([[at, far, low], [far, at, low]])
     meshcat.SetLineSegments("/ground", starts, ends, 1.0, Rgba(0.86, 0.88, 0.91, 1.0))
-    meshcat.SetCameraPose([0.040, -0.148, 0.022], [0.008, 0.0, -0.020])
 
 
 def draw_tendons(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:

@@ -4,11 +4,7 @@ v after the tick = v - sgn(v) min(|v|, force dt / M)
 """
 
 from exodrake.core.effect import Effect, EffectParameter
-
-
-def slowed(speed, loss):
-    """Speed after it lost `loss` at most, never turned round."""
-    return speed - loss if speed > loss else speed + loss if speed < -loss else 0.0
+from exodrake.systems.dry_friction import slowed
 
 
 def braked(speed, mobility, load, force):

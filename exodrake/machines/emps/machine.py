@@ -9,6 +9,7 @@ from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
+from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import effects_of
 from exodrake.systems import carriage, position_drive
 from exodrake.systems.reading import sensor
@@ -79,5 +80,6 @@ def machine() -> Machine:
         segments=(Segment("drive", "force", ("position",)), Segment("carriage", "position", ("force",))),
         max_effects=4,
         reference_limits=("position_min", "position_max"),
+        skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "position", "force", "x", sliding=True),
         loop=LOOP,
     )

@@ -26,6 +26,7 @@
   }
 
   const degrees = (angle) => (angle * 180 / Math.PI).toFixed(0) + "°";
+  const place = (value, i) => data.sliding[i] ? (1000 * value).toFixed(0) + " mm" : degrees(value);
   const at = (t) => Math.min(data.time.length - 1, Math.max(0, Math.round((t - data.time[0]) / data.step)));
 
   // The readings at time t [s] of the recording.
@@ -35,13 +36,13 @@
       const row = table.insertRow();
       cell(row, name);
       cell(row, data.load[k][j].toFixed(1) + " " + data.unit, "n");
-      bar(row.insertCell(), data.load[k][j] / data.top[j]);
+      bar(row.insertCell(), Math.abs(data.load[k][j]) / data.top[j]);
     });
     data.joints.forEach((name, i) => {
       const row = table.insertRow();
       cell(row, name);
-      cell(row, degrees(data.angle[k][i]), "n");
-      if (data.ghost.length) cell(row, data.names[1] + " " + degrees(data.ghost[k][i]), "g");
+      cell(row, place(data.angle[k][i], i), "n");
+      if (data.ghost.length) cell(row, data.names[1] + " " + place(data.ghost[k][i], i), "g");
     });
     document.getElementById("exo-now").replaceChildren(table);
   }

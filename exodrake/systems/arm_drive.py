@@ -1,0 +1,65 @@
+"""Controller of an arm's joints, once a frame: PD on position, and gravity of the arm that the controller believes in.
+
+    tau_ref = kp K (q_ref - q) + kd D d(q_ref - q)/dt + feedforward g(q)
+
+K and D are the gains of each joint, kp and kd factors on all of them; the derivative is the difference over a frame.
+"""
+
+import sys
+from typing import NamedTuple
+
+from exodrake.core.part import Output, Part, State, Task
+from exodrake.core.signal import JOINTS
+from exodrake.systems.arm import body, fields
+from exodrake.systems.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
+
+
+def control(x, z, n, e, position_ref, position_read):
+    """The law; signals [rad]. x: memory of the links, efforts [N m], errors before [rad], started."""
+    count = position_ref.shape[0]
+    held, before, started = WIDTH * count, (WIDTH + 1) * count, (WIDTH + 2) * count
+    weigh(x, n, count, position_read)
+    for j in range(count):
+        error = position_ref[j] - position_read[j]
+        rate = (error - x[before + j]) / n.period if x[started] > 0.0 else 0.0
+        law = n.kp * n.stiffness[j] * error + n.kd * n.viscosity[j] * rate
+        x[held + j] = law + n.feedforward[j] * effort(x, j)
+        x[before + j] = error
+    x[started] = 1.0
+
+
+def weigh(x, n, count, position):
+    """Wrenches on the links at rest."""
+    gravity = downwards(n.gravity, n.base_roll, n.base_pitch)
+    for j in range(count):
+        body(x, n, j, count, position[j], n.mass[j], n.tip_mass)
+        move(x, j, 0.0, 0.0, gravity)
+    gather(x, count, WRENCH, WIDTH - WRENCH)
+
+
+def output(x, z, n, e, effort_ref):
+    """Efforts asked of the motors [N m]."""
+    count = effort_ref.shape[0]
+    for j in range(count):
+        effort_ref[j] = x[WIDTH * count + j]
+
+
+def start(x, z, n, e, start_stroke):
+    """Nothing read."""
+    x[:] = 0.0
+
+
+def part(slot: int, unit: dict[str, str]) -> Part:
+    """The controller as a part; slot: in which it runs; unit: of position, effort, effort/position, effort/speed."""
+    joints = {"stiffness": unit["effort/position"], "viscosity": unit["effort/speed"], "feedforward": "-"}
+    return Part(
+        name="drive",
+        module=sys.modules[__name__],
+        parameters=NamedTuple("Parameters", fields(joints, {"kp": "-", "kd": "-", "period": "s"})),
+        states=(
+            State("link", JOINTS, WIDTH), State("effort", JOINTS, unit=unit["effort"]),
+            State("before", JOINTS, unit=unit["position"]), State("started"),
+        ),
+        tasks=(Task("control", ("position_ref", "position_read"), slots=(slot,)),),
+        outputs=(Output("output", ("effort_ref",)),),
+    )  # fmt: skip

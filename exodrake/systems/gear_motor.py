@@ -1,0 +1,61 @@
+"""Motors behind gears with current loops: the effort asked for becomes a current within its limit, then an effort.
+
+    i_ref = min(max(tau_ref / (k_t N), -i_max), i_max)       time_constant i' = i_ref - i       tau = k_t N i
+
+The reported effort is the one that the current stands for with these constants; what the joint gets passes the point.
+"""
+
+import sys
+from math import exp
+from typing import Annotated, NamedTuple
+
+from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.signal import JOINTS
+
+
+class Parameters(NamedTuple):
+    """Torque constant, gear ratio (of a sliding joint in 1/m), limit of the current, time constant of its loop or 0."""
+
+    torque_constant: Annotated[tuple, Unit("N m/A", JOINTS)]
+    ratio: Annotated[tuple, Unit("-", JOINTS)]
+    current_max: Annotated[tuple, Unit("A", JOINTS)]
+    time_constant: Annotated[tuple, Unit("s", JOINTS)]
+
+
+def driven(e, z, j, effort):
+    """Point: effort on joint j [N m], from the one that the current stands for."""
+    return effort
+
+
+def update(x, z, n, e, dt, effort_ref):
+    """Currents after a tick, exact for a reference held over it; signal [N m]. x: currents [A], efforts [N m]."""
+    count = effort_ref.shape[0]
+    for j in range(count):
+        scale = n.torque_constant[j] * n.ratio[j]
+        aim = min(max(effort_ref[j] / scale, -n.current_max[j]), n.current_max[j])
+        x[j] = aim + (x[j] - aim) * exp(-dt / n.time_constant[j]) if n.time_constant[j] > 0.0 else aim
+        x[count + j] = scale * x[j]
+        x[2 * count + j] = driven(e, z, j, scale * x[j])
+
+
+def output(x, z, n, e, effort, effort_true):
+    """Efforts that the currents stand for, and those on the joints [N m]."""
+    count = effort.shape[0]
+    for j in range(count):
+        effort[j], effort_true[j] = x[count + j], x[2 * count + j]
+
+
+def start(x, z, n, e, start_stroke):
+    """No current."""
+    x[:] = 0.0
+
+
+PART = Part(
+    name="motor",
+    module=sys.modules[__name__],
+    parameters=Parameters,
+    states=(State("current", JOINTS, unit="A"), State("effort", JOINTS, 2, "N m")),
+    tasks=(Task("update", ("effort_ref",)),),
+    outputs=(Output("output", ("effort", "effort_true")),),
+    points=(Point("driven", JOINTS),),
+)

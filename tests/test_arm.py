@@ -1,0 +1,299 @@
+"""Serial arms from URDF files: their dynamics against Drake's parser and MultibodyPlant, and against a two-link arm."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces_
+
+import exodrake as exo
+from exodrake.cli.main import cli
+from exodrake.cli.new_arm import SCAFFOLD
+from exodrake.compiled.inputs import Reference
+from exodrake.core import plugins
+from exodrake.diagrams.multibody_arm import multibody_arm
+from exodrake.machines.arm_defaults import moved
+from exodrake.machines.serial_arm import arm_machine
+from exodrake.machines.urdf import read_urdf
+from exodrake.simulation.simulate import record
+from exodrake.systems import arm_forward, rigid_arm
+
+CABLE = SCAFFOLD / "cable_arm.urdf"
+LINK = '<link name="{0}"><inertial>{1}<mass value="{2}"/><inertia {3}/></inertial></link>'
+TENSOR = 'ixx="{}" ixy="0.001" ixz="-0.002" iyy="{}" iyz="0.0015" izz="{}"'
+# all kinds of joints, a plate that is welded on, tilted frames, an axis that is no unit vector
+MIXED = "".join([
+    '<robot name="mixed"><link name="base"/>',
+    LINK.format("a", '<origin xyz="0.1 0.02 -0.2" rpy="0.3 0.2 -0.5"/>', 2.0, TENSOR.format(0.03, 0.025, 0.02)),
+    LINK.format("plate", '<origin xyz="0 0.1 0" rpy="1 0 0"/>', 0.7, TENSOR.format(0.013, 0.014, 0.015)),
+    LINK.format("b", '<origin xyz="0 0 -0.15"/>', 1.0, TENSOR.format(0.02, 0.03, 0.02)),
+    LINK.format("c", '<origin xyz="0.02 0.03 -0.15"/>', 0.5, TENSOR.format(0.02, 0.02, 0.01)),
+    '<joint name="turn-table" type="continuous"><parent link="base"/><child link="a"/>'
+    '<origin xyz="0.1 0 0.3" rpy="0.1 -0.4 0.9"/><axis xyz="1 2 3"/></joint>',
+    '<joint name="weld" type="fixed"><parent link="a"/><child link="plate"/>'
+    '<origin xyz="0.2 0.1 -0.1" rpy="0.5 1.2 0.3"/></joint>',
+    '<joint name="lift_2" type="prismatic"><parent link="plate"/><child link="b"/><origin xyz="0 0 -0.4"/>'
+    '<axis xyz="0 0.6 0.8"/><limit lower="-0.1" upper="0.4" effort="100" velocity="1"/></joint>',
+    '<joint name="3" type="revolute"><parent link="b"/><child link="c"/>'
+    '<origin xyz="0.1 0 0" rpy="0 1.5707963267949 0"/>'
+    '<axis xyz="0 0 -1"/><limit lower="-1" upper="2" effort="100" velocity="1"/></joint><link name="tool"/>',
+    '<joint name="grip" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.1 0 -0.3"/></joint></robot>',
+])  # fmt: skip
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder for machines, whose registration is undone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(plugins.VARIABLE, "")
+        yield tmp_path_factory.mktemp("arms")
+
+
+def made(folder: Path, name: str, *options: str) -> exo.Robot:
+    """The robot of a machine that the command makes."""
+    result = run("new-machine", folder / name, *options)
+    assert result.exit_code == 0, result.output
+    exo.add_plugin(folder / name)
+    return exo.load_robot(name)
+
+
+@pytest.fixture(scope="module")
+def inverse(folder):
+    return made(folder, "cable_arm", "--urdf", "cable_arm")
+
+
+@pytest.fixture(scope="module")
+def closed(folder, tmp_path_factory):
+    path = tmp_path_factory.mktemp("urdf") / "mixed.urdf"
+    path.write_text(MIXED)
+    return made(folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
+
+
+def parsed(path: Path) -> MultibodyPlant:
+    """The arm as Drake's own parser reads it."""
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(path))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    plant.Finalize()
+    return plant
+
+
+def dynamics(plant, q, rate, acceleration):
+    """Efforts and mass matrix of a MultibodyPlant."""
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, rate)
+    forces = MultibodyForces_[float](plant)
+    plant.CalcForceElementsContribution(context, forces)
+    return plant.CalcInverseDynamics(context, acceleration, forces), plant.CalcMassMatrixViaInverseDynamics(context)
+
+
+def states(count, joints, seed=1):
+    return np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 3, joints))
+
+
+@pytest.mark.parametrize("name", ["cable_arm", "mixed"])
+def test_urdf_and_dynamics_agree_with_drakes_parser_and_plant(name, tmp_path):
+    path = CABLE if name == "cable_arm" else tmp_path / "mixed.urdf"
+    if name == "mixed":
+        path.write_text(MIXED)
+    chain, plant = read_urdf(path), parsed(path)
+    assert chain.names == (("turntable", "lift2", "J3") if name == "mixed" else tuple(f"J{i}" for i in range(1, 8)))
+    for state in states(20, len(chain.names)):
+        efforts, matrix = moved(chain, *state)
+        wanted, inertia = dynamics(plant, *state)
+        assert efforts == pytest.approx(wanted, abs=1e-9) and matrix == pytest.approx(inertia, abs=1e-9)
+
+
+def test_dynamics_are_those_of_the_closed_form_of_two_links(tmp_path):
+    m1, m2, l1, c1, c2, i1, i2, g = 2.0, 1.3, 0.4, 0.22, 0.17, 0.02, 0.012, 9.81
+    body = '<origin xyz="0 0 -{}"/>'
+    tensor = 'ixx="1" ixy="0" ixz="0" iyy="{}" iyz="0" izz="1"'
+    ends = '<joint name="{}" type="continuous"><parent link="{}"/><child link="{}"/>'
+    joint = ends + '<origin xyz="0 0 {}"/><axis xyz="0 1 0"/></joint>'
+    path = tmp_path / "two.urdf"
+    path.write_text(
+        '<robot name="two"><link name="base"/>'
+        + LINK.format("u", body.format(c1), m1, tensor.format(i1))
+        + LINK.format("v", body.format(c2), m2, tensor.format(i2))
+        + joint.format("q1", "base", "u", 0)
+        + joint.format("q2", "u", "v", -l1)
+        + "</robot>"
+    )
+    chain = read_urdf(path)
+    for q, v, a in states(10, 2):
+        h = m2 * l1 * c2 * np.sin(q[1])
+        a22 = i2 + m2 * c2**2
+        a12 = a22 + m2 * l1 * c2 * np.cos(q[1])
+        a11 = i1 + m1 * c1**2 + m2 * l1**2 + 2 * a12 - a22
+        g2 = m2 * g * c2 * np.sin(q.sum())
+        g1 = (m1 * c1 + m2 * l1) * g * np.sin(q[0]) + g2
+        wanted = [
+            a11 * a[0] + a12 * a[1] - h * (2 * v[0] * v[1] + v[1] ** 2) + g1,
+            a12 * a[0] + a22 * a[1] + h * v[0] ** 2 + g2,
+        ]
+        efforts, matrix = moved(chain, q, v, a)
+        assert efforts == pytest.approx(wanted, abs=1e-9)
+        assert matrix == pytest.approx(np.array([[a11, a12], [a12, a22]]), abs=1e-9)
+
+
+def test_compiled_inverse_dynamics_agree_with_a_plant_of_the_same_robot(inverse):
+    """Payload, link mass, rotor inertia, damping and a tilted base included."""
+    robot = inverse.with_parameters({"arm.base_roll": 0.3, "arm.base_pitch": -0.7, "arm.damping": 0.2})
+    robot = robot.splice("arm.payload", {"mass": 0.5}).splice("arm.link_mass", {"share": 0.3}, ["J4"])
+    robot = robot.splice("arm.rotor_inertia", {"inertia": 0.05}, ["J2"])
+    motion, plant = states(8, 7), multibody_arm(robot)
+    found = record(robot, Reference(motion.reshape(8, 21)), seed=None).signals["effort"]
+    for state, efforts in zip(motion, found, strict=True):
+        assert efforts == pytest.approx(dynamics(plant, *state)[0], abs=1e-9)
+
+
+def of_part(robot, part):
+    """The parameters of a part by name, as its equations take them."""
+    found = {f.name: robot.channels(f"{f.group}.{f.name}") for f in part.fields}
+    return SimpleNamespace(**{k: v if len(v) > 1 else float(v[0]) for k, v in found.items()})
+
+
+def ticks(robot, efforts, q, count=1, dt=1e-4, rotor=None):
+    """State of the forward dynamics after some ticks from rest at q, by the equations themselves."""
+    part, n = robot.machine.parts[0], len(q)
+    x = np.zeros(sum(robot.machine.part_size(part)))
+    parameters = of_part(robot, part)
+    arm_forward.stand(x, None, parameters, None, q)
+    if rotor is not None:
+        x[arm_forward.place_of(n, arm_forward.ROTOR, 0) : arm_forward.place_of(n, arm_forward.ROTOR, n)] = rotor
+    for _ in range(count):
+        arm_forward.update(x, None, parameters, None, dt, np.asarray(efforts, dtype=float))
+    return {
+        name: x[arm_forward.place_of(n, k, 0) : arm_forward.place_of(n, k, n)]
+        for k, name in enumerate(("angle", "speed", "rotor", "rotor_speed"))
+    }
+
+
+def test_forward_dynamics_agree_with_a_plant_of_the_same_robot(closed):
+    robot = closed.with_parameters({"arm.rotor_inertia": 0.07})
+    plant = multibody_arm(robot)
+    for q, efforts, _ in states(5, 3):
+        context = plant.CreateDefaultContext()
+        plant.SetPositions(context, q)
+        plant.get_actuation_input_port().FixValue(context, efforts)
+        wanted = plant.EvalTimeDerivatives(context).get_generalized_velocity().CopyToVector()
+        assert ticks(robot, efforts, q)["speed"] / 1e-4 == pytest.approx(wanted, abs=1e-9)
+
+
+def test_dry_friction_above_gravity_holds_the_arm_and_below_it_does_not(closed):
+    q = np.array([0.4, 0.1, 0.5])
+    weight = moved(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
+    for share, rests in ((1.05, True), (0.5, False)):
+        robot = closed.with_parameters({f"arm.dry_friction.{j}": share * abs(w) + 1e-3 * rests
+                                        for j, w in zip(closed.machine.axes.joints, weight, strict=True)})  # fmt: skip
+        speed = ticks(robot, np.zeros(3), q, count=20)["speed"]
+        assert (np.abs(speed).max() < 1e-4) == rests
+
+
+def read_urdf_of(robot):
+    return read_urdf(plugins.single_machines()[robot.machine.name] / "arm.urdf")
+
+
+def test_an_elastic_joint_rests_where_its_spring_carries_the_link(closed):
+    """Deflection is compliance times effort; with half of it the link sinks."""
+    q, compliance = np.array([0.4, 0.1, 0.5]), 2e-3
+    robot = closed.with_parameters({"arm.compliance": compliance, "arm.rotor_inertia": 0.1, "arm.dry_friction": 1e6})
+    weight = moved(read_urdf_of(closed), q, np.zeros(3), np.zeros(3))[0]
+    rests = ticks(robot, np.zeros(3), q, count=50, rotor=q + compliance * weight)
+    assert rests["speed"] == pytest.approx(np.zeros(3), abs=1e-9) and rests["angle"] == pytest.approx(q, abs=1e-12)
+    assert rests["rotor"] == pytest.approx(q + compliance * weight)
+    assert np.abs(ticks(robot, np.zeros(3), q, count=50, rotor=q + 0.5 * compliance * weight)["speed"]).max() > 1e-3
+
+
+def test_both_engines_agree_to_the_last_bit(closed):
+    for name in ("position", "effort"):
+        logs = [exo.simulate(closed, "steps:dwell=0.3", engine=engine) for engine in ("compiled", "drake")]
+        kind = f"joint_{name}"
+        assert all(np.array_equal(logs[0][c], logs[1][c]) for c in logs[0].columns if c.startswith(kind))
+
+
+def test_the_closed_loop_follows_its_references(closed):
+    log = exo.simulate(closed, "random-motion:duration=6,fastest=0.2", seed=None)
+    for joint in closed.machine.axes.joints:
+        error = log[f"joint_position_{joint}"] - log[f"joint_position_ref_{joint}"]
+        assert np.std(error[len(error) // 2 :]) < 0.2 * np.std(log[f"joint_position_ref_{joint}"])
+
+
+def test_the_place_of_the_tip_is_drakes(inverse):
+    q, w = np.linspace(-1.0, 1.0, 7), np.zeros(7 * rigid_arm.WIDTH)
+    chain, plant = read_urdf(CABLE), parsed(CABLE)
+    for j, joint in enumerate(chain.joints):
+        rigid_arm.place(w, j, joint.origin, joint.angles, joint.axis, 0.0, q[j])
+    context = plant.CreateDefaultContext()
+    plant.SetPositions(context, q)
+    wanted = plant.GetFrameByName("tool").CalcPoseInWorld(context).translation()
+    assert rigid_arm.in_base(w, 6, chain.tip) == pytest.approx(wanted, abs=1e-12)
+
+
+WELD = '<joint name="b" type="fixed"><parent link="a"/><child link="a"/></joint>'
+SPOILT = {
+    "entities": ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="x"/>', "document type"),
+    "remote": ('<!DOCTYPE r SYSTEM "http://example.org/a.dtd"><robot name="x"/>', "document type"),
+    "text": ("no XML", "not XML"),
+    "other": ("<sdf/>", "wanted <robot>"),
+    "empty": ('<robot name="x"/>', "no joint moves"),
+    "mimic": (MIXED.replace('<axis xyz="0 0 -1"/>', '<mimic joint="lift_2"/>'), "mimics"),
+    "kind": (MIXED.replace('"continuous"', '"floating"'), "floating"),
+    "number": (MIXED.replace('xyz="1 2 3"', 'xyz="1 2 nan"'), "wanted 3 numbers"),
+    "axis": (MIXED.replace('xyz="1 2 3"', 'xyz="0 0 0"'), "no length"),
+    "limits": (MIXED.replace('lower="-1" upper="2"', 'lower="2" upper="-1"'), "exceeds"),
+    "mass": (MIXED.replace('<mass value="0.5"/>', '<mass value="-0.5"/>'), "no body"),
+    "link": (MIXED.replace('<parent link="plate"/>', '<parent link="nowhere"/>'), "not there"),
+    "branch": (MIXED.replace('<parent link="b"/>', '<parent link="a"/>'), "branch"),
+    "ring": (MIXED.replace('<parent link="base"/>', '<parent link="c"/>'), "ring"),
+    "many": (f'<robot name="x"><link name="a"/>{400 * WELD}</robot>', "more than 300"),
+    "xacro": ('<robot name="x"><xacro:macro xmlns:xacro="x"/></robot>', "xacro"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_a_spoilt_urdf_is_refused_in_one_sentence(name, tmp_path):
+    text, reason = SPOILT[name]
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    with pytest.raises(exo.InputError, match=reason) as refused:
+        read_urdf(path)
+    assert "arm.urdf" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_branches_are_resolved_by_the_tip(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(MIXED.replace('<parent link="b"/>', '<parent link="a"/>'))
+    assert read_urdf(path, "tool").names == ("turntable", "J3")
+    with pytest.raises(exo.InputError, match="no link"):
+        read_urdf(path, "d")
+
+
+@pytest.mark.parametrize(
+    "section, reason",
+    [
+        ({"urdf": "../arm.urdf"}, "outside"),
+        ({"urdf": "/etc/hostname"}, "outside"),
+        ({"urdf": "absent.urdf"}, "no such file"),
+        ({"form": "inverse"}, "'urdf' is missing"),
+        ({"urdf": "arm.urdf", "form": "both"}, "none of inverse"),
+        ({"urdf": "arm.urdf", "frame": 0.0}, "above 0"),
+        ({"urdf": "arm.urdf", "urfd": 1}, "unknown key"),
+    ],
+)
+def test_a_wrong_section_is_refused(section, reason, tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    for place in (tmp_path, inside):
+        (place / "arm.urdf").write_text(MIXED)
+    with pytest.raises(exo.InputError, match=reason):
+        arm_machine("x", section, inside, "x/robot.yaml")

@@ -1,0 +1,150 @@
+"""Faults planted in arms that Drake's MultibodyPlant moves are named by the diagnosis of exodrake's own model."""
+
+import numpy as np
+import pytest
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces_, SpatialInertia, UnitInertia, default_model_instance
+from pydrake.systems.analysis import Simulator
+from test_arm import CABLE, MIXED, folder, made  # noqa: F401  # pyright: ignore
+
+import exodrake as exo
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.log import Log
+
+ROLES = ("fit", "fit", "holdout")
+
+
+def plant_of(path, payload=0.0, tip="tool"):
+    """The arm as Drake's parser reads it, with a point mass welded to its tip [kg]."""
+    plant = MultibodyPlant(0.0)
+    Parser(plant).AddModels(str(path))
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    if payload:
+        point = SpatialInertia(payload, np.zeros(3), UnitInertia(1e-12, 1e-12, 1e-12))
+        body = plant.AddRigidBody("payload", default_model_instance(), point)
+        plant.WeldFrames(plant.GetFrameByName(tip), body.body_frame())
+    plant.Finalize()
+    return plant
+
+
+def motion(seed, rows, robot):
+    """Position, velocity, acceleration (rows, joints) of sums of four sines within the limits."""
+    rng, (low, high) = np.random.default_rng(seed), robot.reference_limits()
+    time, n = robot.machine.frame * np.arange(rows), len(low)
+    pace, phase = 2 * np.pi * rng.uniform(0.1, 0.7, (n, 4)), rng.uniform(0, 2 * np.pi, (n, 4))
+    size = rng.uniform(0.3, 1.0, (n, 4)) / pace
+    size *= 0.45 * (high - low)[:, None] / size.sum(axis=1, keepdims=True)
+    turns = pace[:, :, None] * time + phase[:, :, None]
+    waves = (np.sin(turns), pace[:, :, None] * np.cos(turns), -(pace[:, :, None] ** 2) * np.sin(turns))
+    q, v, a = ((size[:, :, None] * wave).sum(axis=1).T for wave in waves)
+    return 0.5 * (low + high) + q, v, a
+
+
+def case_of(robot, logs):
+    """A case of logs: kind -> (rows, joints)."""
+    items = []
+    for k, (role, kinds) in enumerate(zip(ROLES, logs, strict=True)):
+        joints = robot.machine.axes.joints
+        signals = {f"{kind}_{j}": rows[:, i] for kind, rows in kinds.items() for i, j in enumerate(joints)}
+        column = {c.kind: robot.machine.signal[c.signal].unit for c in robot.machine.columns}
+        units = {name: column[name.rsplit("_", 1)[0]] for name in signals}
+        time = robot.machine.frame * np.arange(len(next(iter(signals.values()))))
+        items.append(CaseLog(Log(time, signals, units, str(k)), f"motion{k}", role, None, f"{k}.csv"))
+    return Case("planted", {}, tuple(items), robot.machine.frame)
+
+
+def inverse_case(robot, payload=0.0, friction=(), gain=(), rows=1600):
+    """Measured motions and the efforts that Drake finds for them; friction [N m], gain [-]: (joint, size)."""
+    plant, logs = plant_of(CABLE, payload), []
+    context, rng = plant.CreateDefaultContext(), np.random.default_rng(7)
+    for seed in range(3):
+        q, v, a = motion(seed, rows, robot)
+        efforts = np.empty_like(q)
+        for k in range(rows):
+            plant.SetPositions(context, q[k])
+            plant.SetVelocities(context, v[k])
+            forces = MultibodyForces_[float](plant)
+            plant.CalcForceElementsContribution(context, forces)
+            efforts[k] = plant.CalcInverseDynamics(context, a[k], forces)
+        for joint, size in friction:
+            efforts[:, joint] += size * np.sign(v[:, joint])
+        for joint, size in gain:
+            efforts[:, joint] *= 1.0 + size
+        efforts += robot.channels("torque.sigma") * rng.standard_normal(efforts.shape)
+        logs.append({"position": q, "velocity": v, "acceleration": a, "effort": efforts})
+    return case_of(robot, logs)
+
+
+@pytest.fixture(scope="module")
+def cable_arm(folder):  # noqa: F811
+    return made(folder, "cable_arm", "--urdf", "cable_arm")
+
+
+@pytest.mark.parametrize(
+    "fault, effect, joints, value",
+    [
+        ({"payload": 0.5}, "arm.payload", (), 0.5),
+        ({"friction": [(3, 1.0)]}, "arm.coulomb_friction", ("J4",), 1.0),
+        ({"gain": [(1, -0.08)]}, "torque.gain", ("J2",), -0.08),
+    ],
+    ids=["payload", "friction", "gain"],
+)
+def test_a_fault_of_an_arm_of_seven_joints_is_named_from_its_efforts(fault, effect, joints, value, cable_arm):
+    found = exo.diagnose(inverse_case(cable_arm, **fault), cable_arm)
+    assert found.verdict == "NAMED", found.reasons
+    assert [(one.id, tuple(one.joints)) for one in found.effects] == [(effect, joints)]
+    interval = next(iter(found.effects[0].parameters.values()))
+    assert interval.value == pytest.approx(value, rel=0.03) and interval.low < value < interval.high
+    assert found.closure.overall.value > 0.9
+
+
+def test_an_arm_as_its_model_says_has_no_gap(cable_arm):
+    assert exo.diagnose(inverse_case(cable_arm), cable_arm).verdict == "NO_GAP"
+
+
+LATE = 1e-3  # s from a reading to the effort that answers it, as in the model's schedule
+
+
+def loop_case(robot, path, payload, rows=1200):
+    """An arm that Drake moves with its own integrator, under the robot file's PD law and gravity of the bare arm."""
+    believed, logs, rng = plant_of(path), [], np.random.default_rng(7)
+    at = believed.CreateDefaultContext()
+    stiffness, viscosity = robot.channels("drive.stiffness"), robot.channels("drive.viscosity")
+    limit, frame = robot.channels("motor.current_max"), robot.machine.frame
+    for seed in range(3):
+        plant = plant_of(path, payload)
+        reference = motion(seed, rows, robot)[0]
+        simulator = Simulator(plant)
+        context = simulator.get_mutable_context()
+        plant.SetPositions(context, reference[0])
+        force, before = np.zeros(len(limit)), np.zeros(len(limit))
+        shown, efforts = np.empty_like(reference), np.empty_like(reference)
+        for k in range(rows):
+            plant.get_applied_generalized_force_input_port().FixValue(context, force)
+            simulator.AdvanceTo(k * frame + LATE)
+            shown[k] = plant.GetPositions(context) + robot.channels("encoder.sigma") * rng.standard_normal(len(limit))
+            error = reference[k] - shown[k]
+            believed.SetPositions(at, shown[k])
+            weight = -believed.CalcGravityGeneralizedForces(at)
+            rate = (error - before) / frame if k else np.zeros(len(limit))
+            simulator.AdvanceTo(k * frame + 2.0 * LATE)
+            force, before = np.clip(stiffness * error + viscosity * rate + weight, -limit, limit), error
+            plant.get_applied_generalized_force_input_port().FixValue(context, force)
+            simulator.AdvanceTo((k + 1) * frame)
+            efforts[k] = force + robot.channels("torque.sigma") * rng.standard_normal(len(limit))
+        logs.append({
+            "joint_position_ref": reference, "joint_position_start": np.tile(reference[0], (rows, 1)),
+            "joint_position": shown, "joint_effort": efforts,
+        })  # fmt: skip
+    return case_of(robot, logs)
+
+
+def test_a_payload_is_named_in_closed_loop(folder, tmp_path):  # noqa: F811
+    path = tmp_path / "mixed.urdf"
+    path.write_text(MIXED)
+    robot = made(folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
+    found = exo.diagnose(loop_case(robot, path, 0.3), robot)
+    assert found.verdict == "NAMED", found.reasons
+    assert [one.id for one in found.effects] == ["arm.payload"]
+    assert found.effects[0].parameters["mass"].value == pytest.approx(0.3, rel=0.05)
