@@ -34,6 +34,7 @@ LOG_SEED = 9  # of the noise of further logs
 def measured(case: Case, spec: RobotSpec, truth: list[str], seconds: float | None, seed: int) -> dict[str, Any]:
     """What became of a case: its class, what the design promises, and the class after either motion."""
     from exodrake.core.parallel import one_blas_thread
+    from exodrake.core.plain import plain
     from exodrake.diagnosis.problem import make_problem
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design
@@ -44,6 +45,7 @@ def measured(case: Case, spec: RobotSpec, truth: list[str], seconds: float | Non
     with one_blas_thread():
         verdict, rivals = explained(make_problem(case, robot))
         found: dict[str, Any] = {"truth": truth, "verdict": verdict, "class": [rival.name for rival in rivals]}
+        found["rivals"] = plain(rivals)
         if len(rivals) < 2:
             return found
         contest = contest_of(make_problem(case, robot), rivals)
@@ -77,7 +79,7 @@ def promised(contest: Any, reference: np.ndarray) -> tuple[float, float]:
     from exodrake.experiment.information import information
 
     found = information(contest, reference)
-    return (found.probability, min(found.left.values())) if found else (0.0, 0.0)
+    return (found.probability, found.left[found.closest]) if found else (0.0, 0.0)
 
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:

@@ -78,13 +78,14 @@ def command(
 def show(console: Console, contest: Contest, best: Design) -> None:
     """What the experiment tells, and what it takes the robot to."""
     from exodrake.core.display import in_words
-    from exodrake.experiment.information import power
     from exodrake.experiment.safety import spans
     from exodrake.report.terminal import table
 
     rows: list[Any] = []
     for (true, rival), left in sorted(best.information.left.items()):
-        rows.append((contest.names[true], contest.names[rival], f"{left:.3g}", f"{power(left):.0%}"))
+        rows.append(
+            (contest.names[true], contest.names[rival], f"{left:.3g}", f"{best.information.power(true, rival):.0%}")
+        )
     console.print(table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0))
     console.print(f"\n[bold]{best.information.probability:.0%}[/bold] expected: all but the true cause are rejected")
     if not best.enough:

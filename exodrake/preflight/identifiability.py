@@ -75,12 +75,33 @@ class Sensor:
     mistaken: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Fewer:
+    """What would be left of it with some kinds of columns alone: `lost` holds the effects told apart no longer."""
+
+    kinds: tuple[str, ...]
+    told: Identifiability
+    lost: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Directions of all effects, and the signals whose measurement would help most, best first."""
+    """What logs could tell.
+
+    Attributes:
+        directions: of all effects.
+        sensors: signals whose measurement would help most, best first.
+        fewer: the same with one kind of columns less, and with each alone.
+    """
 
     directions: tuple[Direction, ...]
-    sensors: tuple[Sensor, ...]
+    sensors: tuple[Sensor, ...] = ()
+    fewer: tuple[Fewer, ...] = ()
+
+    @property
+    def clear(self) -> tuple[Direction, ...]:
+        """Directions that the logs would show and tell apart from other effects."""
+        return tuple(d for d in self.directions if d.seen >= SEEN and not d.taken_for)
 
     @property
     def hidden(self) -> tuple[Direction, ...]:
@@ -109,17 +130,35 @@ def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = Non
     lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, effects)
     own = np.array([not column.startswith(EXTRA) for column in problem.columns])
     groups = {column.rsplit("_", 1)[0]: None for column in problem.columns if column.startswith(EXTRA)}
-    found = Identifiability(directions(lin, machine, mask_of(problem, own)), ())
+    found = Identifiability(directions(lin, machine, mask_of(problem, own)))
     sensors = []
     for kind in groups:
         extra = np.array([column.rsplit("_", 1)[0] == kind for column in problem.columns])
-        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)), ())
+        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)))
         signal = machine.signal[machine.column(kind).signal]
         hidden, mistaken = len(better.hidden), len(better.mistaken)
         noise = float(problem.noise_std[extra].max())
         sensors.append(Sensor(signal.name, signal.unit, noise, hidden, mistaken))
     helpful = [s for s in sensors if s.hidden + s.mistaken < len(found.hidden) + len(found.mistaken)]
-    return replace(found, sensors=tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden))))
+    best = tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden)))
+    return replace(found, sensors=best, fewer=fewer(problem, lin, found))
+
+
+def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple[Fewer, ...]:
+    """What would be left with one kind of columns less, and with each alone; nothing of a log with one kind."""
+    kinds = tuple(dict.fromkeys(kind for kind in problem.kinds if not kind.startswith(EXTRA)))
+    sets = [tuple(k for k in kinds if k != kind) for kind in kinds] + [(kind,) for kind in kinds]
+    if len(kinds) < 2:
+        return ()
+    return tuple(with_kinds(problem, lin, found, some) for some in dict.fromkeys(sets))
+
+
+def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kinds: tuple[str, ...]) -> Fewer:
+    """What would be left with some kinds of columns alone."""
+    mask = mask_of(problem, np.isin(problem.kinds, kinds))
+    told = Identifiability(directions(lin, problem.robot.machine, mask))
+    left = {d.effect for d in told.clear}
+    return Fewer(kinds, told, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in left)))
 
 
 def planned(problem: Problem) -> Problem:
