@@ -17,6 +17,7 @@ from exodrake.experiment.design import Design
 from exodrake.experiment.information import trial_of
 
 DRAWN = 3  # kinds of columns
+ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
 BAND = 1.96  # standard deviations that hold 95 % (normal law)
 
 
@@ -108,6 +109,8 @@ def draw_difference(axes: Any, contest: Contest, difference: Difference, column:
     axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
     axes.plot(time, display.factor * difference.values, color="#d55e00", label=channel)
     axes.set_ylabel(f"{channel}\n{display.axis}")
+    largest = max(float(band.max()), display.factor * float(np.abs(difference.values).max()))
+    axes.set_ylim(-ROOM[0] * largest, ROOM[1] * largest)
     axes.legend(
         loc="upper right", ncols=2, fontsize=7.5, title=f"RMS {size:.2g} standard deviations", title_fontsize=7.5
     )
