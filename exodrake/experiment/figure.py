@@ -74,7 +74,9 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         name = contest.problem.case.name
-        figure.suptitle(f"{name}: the next experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
+        figure.suptitle(
+            f"{name}: what the robot is to be asked to do", fontsize=11, fontweight="bold", x=0.01, ha="left"
+        )
         figure.align_ylabels(list(rows[:, 0]))
         return png_of(figure)
 
@@ -95,7 +97,6 @@ def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
         axes.plot(time, course, color=colour_of(channel, k, machine), label=channel)
     axes.set_ylabel(display.axis)
     axes.set_xlim(time[0], time[-1])
-    axes.set_title("what the robot is asked to do", fontsize=9, loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
 
 

@@ -37,7 +37,6 @@ from exodrake.experiment.contest import Contest
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
-LONG_STEP = 0.3  # of what the logs leave uncertain, for difference quotients: assumed
 DIRECTIONS, WEAK = 10, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
@@ -168,7 +167,7 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
     scale = np.array([p.scale for p in e.parameters])[:, None]
-    steps = np.minimum(LONG_STEP, STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12))
+    steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
     low, high = e.bounds
     moved = e.x + (spread * steps).T
     outside = ((moved < low) | (moved > high)).any(axis=1)
