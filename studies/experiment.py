@@ -147,9 +147,10 @@ def said(after: dict[str, Any]) -> str:
 TEXT = """Cases of the reference simulator that a diagnosis leaves ambiguous get one further log: of the motion that
 `exodrake experiment` designs, or of a random one as long. Then each is diagnosed again, that log used in full length.
 Resolved: one explanation is left, and it is the true one. T is what the closest rival would leave of the new log once
-it is refitted, in variances of noise and of the error of a law; promised is the probability that follows from it. Where two laws differ by less than the best of them differs from the robot, a
-diagnosis keeps both whatever the motion: a slack tendon that never loses its tension is an encoder's offset, and friction
-that falls with speed is Coulomb friction within the error that a law is granted.
+it is refitted, in variances of noise and of the error of a law; promised is the probability that follows from it.
+Where two laws differ by less than the better one differs from the robot, a diagnosis keeps both whatever the motion: a
+slack tendon that never loses its tension is an offset of an encoder, and friction that falls with speed is Coulomb
+friction within the error that a law is granted.
 
     {command}"""
 

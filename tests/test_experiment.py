@@ -82,10 +82,12 @@ def test_information_adds_over_motions():
 def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_share_ask_for():
     """T = 64 in one motion. Chance asks for 4 sigma; a truth that leaves 90 and a share of 0.6 for T* = 135."""
     pair = pair_of(np.full(4, 4.0), np.zeros((0, 4)), np.ones(4))
-    pairs, none, some = {(0, 1): pair, (1, 0): pair}, np.zeros(2), np.full(2, 90.0)
-    assert Information(pairs, none, none, 0.6).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
-    found = Information(pairs, some, none, 0.6)
+    pairs, none, some, laws = {(0, 1): pair, (1, 0): pair}, np.zeros(2), np.full(2, 90.0), np.ones(2, bool)
+    assert Information(pairs, none, none, 0.6, laws).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    found = Information(pairs, some, none, 0.6, laws)
     assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
+    sharp = replace(found, granted=~laws)
+    assert sharp.probability == pytest.approx(norm.cdf(8.0 - CHANCE))
     both = found + found
     assert both.left[0, 1] == pytest.approx(128.0) and both.excess[0] == pytest.approx(180.0)
 

@@ -16,6 +16,7 @@ A diagnosis rejects j where i takes up more than chance and a share q of what j 
 
     T*_ij = max(z^2, E_i q / (1 - q))       E_i: what i itself leaves above noise, in the present logs and the new one
 
+or z^2 alone for an effect that means the same in every law, since of it no error of a law is granted.
 The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i differs in a new motion.
 """
 
@@ -77,12 +78,14 @@ class Information:
         excess: (explanations,) what each leaves above noise in the present logs and these.
         present: (explanations,) of that, the part in the present logs.
         share: q, that a true explanation takes up of what a wrong one leaves.
+        granted: (explanations,) whether the law of one of its effects may be wrong; else noise alone is granted it.
     """
 
     pairs: dict[tuple[int, int], Pair]
     excess: np.ndarray
     present: np.ndarray
     share: float
+    granted: np.ndarray
 
     def __add__(self, other: Information) -> Information:
         pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
@@ -95,7 +98,8 @@ class Information:
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
-        asked = np.sqrt(float(self.excess[true]) * self.share / (1.0 - self.share))
+        excess = float(self.excess[true]) if self.granted[rival] else 0.0
+        asked = np.sqrt(excess * self.share / (1.0 - self.share))
         distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, asked)
         return float(distance / np.hypot(1.0, UNSURE * asked))
 
@@ -161,7 +165,9 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     left = np.array([max(float(contest.likelihood.chi2(e.residual)[0]) - 1.0, 0.0) for e in es]) / frames
     use = np.array([float(np.sum(e.use[: e.nominal] ** 2)) for e in es])
     present = left * contest.likelihood.samples + use
-    return Information(pairs, present + left * rows.shape[1], present, limits.taken)
+    machine = contest.problem.robot.machine
+    granted = np.array([any(not machine.effect(i).same_meaning for i in e.effects) for e in es])
+    return Information(pairs, present + left * rows.shape[1], present, limits.taken, granted)
 
 
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
