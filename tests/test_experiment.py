@@ -212,6 +212,11 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     assert told.exit_code == 0 and again.read_bytes() == out.read_bytes()
 
 
+def test_command_refuses_a_second_case(answered, tmp_path):
+    told = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
+    assert told.exit_code == 2 and "is a case itself" in told.output
+
+
 def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):
     answer = json.loads((answered / "diagnosis.json").read_text())
     for changes, status, words in (
