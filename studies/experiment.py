@@ -34,6 +34,7 @@ LOG_SEED = 9  # of the noise of further logs
 def measured(case: Case, spec: RobotSpec, truth: list[str], seconds: float | None, seed: int) -> dict[str, Any]:
     """What became of a case: its class, what the design promises, and the class after either motion."""
     from exodrake.core.parallel import one_blas_thread
+    from exodrake.core.plain import plain
     from exodrake.diagnosis.problem import make_problem
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design
@@ -44,6 +45,7 @@ def measured(case: Case, spec: RobotSpec, truth: list[str], seconds: float | Non
     with one_blas_thread():
         verdict, rivals = explained(make_problem(case, robot))
         found: dict[str, Any] = {"truth": truth, "verdict": verdict, "class": [rival.name for rival in rivals]}
+        found["rivals"] = plain(rivals)
         if len(rivals) < 2:
             return found
         contest = contest_of(make_problem(case, robot), rivals)
@@ -77,7 +79,7 @@ def promised(contest: Any, reference: np.ndarray) -> tuple[float, float]:
     from exodrake.experiment.information import information
 
     found = information(contest, reference)
-    return (found.probability, min(found.left.values())) if found else (0.0, 0.0)
+    return (found.probability, found.left[found.closest]) if found else (0.0, 0.0)
 
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
@@ -122,8 +124,9 @@ def page(rows: dict[str, dict[str, Any]], command: str) -> str:
         right = sum(resolved(row, motion) for row in used.values())
         named = sum(row["after"][motion]["verdict"] == "NAMED" for row in used.values())
         interval = binomtest(right, len(used)).proportion_ci(method="wilson") if used else (0.0, 1.0)
-        told = float(np.mean([row["promised"][motion] for row in used.values()])) if used else 0.0
-        share = f"{right} of {len(used)} | {interval[0]:.0%} to {interval[1]:.0%} | {named - right} | {told:.0%}"
+        told = [row["promised"][motion] for row in used.values() if row["promised"]]
+        mean = f"{np.mean(told):.0%} ({len(told)} cases)" if told else "-"
+        share = f"{right} of {len(used)} | {interval[0]:.0%} to {interval[1]:.0%} | {named - right} | {mean}"
         lines.append(f"| {motion} | {share} |")
     lines += ["", "| case | true | class before | T designed, random | after the designed | after a random one |"]
     lines += ["|---|---|---|---|---|---|"]
@@ -145,6 +148,9 @@ TEXT = """Cases of the reference simulator that a diagnosis leaves ambiguous get
 `exodrake experiment` designs, or of a random one as long. Then each is diagnosed again, that log used in full length.
 Resolved: one explanation is left, and it is the true one. T is what the closest rival would leave of the new log once
 it is refitted, in variances of noise and of the error of a law; promised is the probability that follows from it.
+Where two laws differ by less than the better one differs from the robot, a diagnosis keeps both whatever the motion: a
+slack tendon that never loses its tension is an offset of an encoder, and friction that falls with speed is Coulomb
+friction within the error that a law is granted.
 
     {command}"""
 

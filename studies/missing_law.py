@@ -145,7 +145,8 @@ def measured(name: str, real: Path | None) -> Row:
 
 def restored(stored: dict[str, Any]) -> Row:
     """A row as it was kept."""
-    return Row(**(stored | {name: tuple(stored[name]) for name in ("blocks", "channels")}))
+    kept: dict[str, Any] = stored | {name: tuple(stored[name]) for name in ("blocks", "channels")}
+    return Row(**kept)
 
 
 def percent(value: float) -> str:

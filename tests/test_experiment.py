@@ -16,14 +16,13 @@ from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
-from exodrake.diagnosis.levels import ALPHA
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import Rival
 from exodrake.experiment import design as search
 from exodrake.experiment.contest import contest_of
 from exodrake.experiment.design import design, frames_of
-from exodrake.experiment.information import information, pair_of, power
+from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
 from exodrake.experiment.motif import random_motif
 from exodrake.experiment.safety import safety_of
 from exodrake.experiment.stage import limited, stage_of
@@ -80,9 +79,17 @@ def test_information_adds_over_motions():
     assert pair_of(d, columns, weights).left == pytest.approx(left)
 
 
-def test_without_a_difference_the_rival_is_rejected_at_the_level_of_the_test():
-    assert power(0.0) == pytest.approx(ALPHA)
-    assert power(norm.isf(ALPHA) ** 2) == pytest.approx(0.5)
+def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_share_ask_for():
+    """T = 64 in one motion. Chance asks for 4 sigma; a truth that leaves 90 and a share of 0.6 for T* = 135."""
+    pair = pair_of(np.full(4, 4.0), np.zeros((0, 4)), np.ones(4))
+    pairs, none, some, laws = {(0, 1): pair, (1, 0): pair}, np.zeros(2), np.full(2, 90.0), np.ones(2, bool)
+    assert Information(pairs, none, none, 0.6, laws).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    found = Information(pairs, some, none, 0.6, laws)
+    assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
+    sharp = replace(found, granted=~laws)
+    assert sharp.probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    both = found + found
+    assert both.left[0, 1] == pytest.approx(128.0) and both.excess[0] == pytest.approx(180.0)
 
 
 def test_equal_explanations_leave_nothing(problem):
@@ -203,6 +210,11 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     again = tmp_path / "again.csv"
     told = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--seconds", 20)
     assert told.exit_code == 0 and again.read_bytes() == out.read_bytes()
+
+
+def test_command_refuses_a_second_case(answered, tmp_path):
+    told = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
+    assert told.exit_code == 2 and "is a case itself" in told.output
 
 
 def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):

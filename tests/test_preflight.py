@@ -1,5 +1,7 @@
 """What a case could tell: clocks and channels with planted faults, effects against closed forms, and the command."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -15,6 +17,7 @@ from exodrake.machines.robot_file import load_robot
 from exodrake.preflight.check import preflight
 from exodrake.preflight.identifiability import SEEN, identifiability
 from exodrake.preflight.signals import at_ends, band_of, clock_of
+from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate
 
 ROBOT = load_robot("so101")
@@ -124,3 +127,22 @@ def test_a_robot_file_without_tolerances_is_told(tmp_path):
     write_case(case_of(sines(0.1)), tmp_path / "case")
     bare = replace(ROBOT, machine=replace(ROBOT.machine, tolerances=()))
     assert any("no tolerances" in problem for problem in preflight(tmp_path / "case", bare).problems)
+
+
+def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
+    robot = load_robot()
+    log = simulate(robot, Reference(protocol("steps", robot).tension[:300]), seed=1)
+    case = Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),), robot.machine.frame)
+    signals = {k: v for k, v in log.signals.items() if not k.startswith("tension") or k.startswith("tension_ref")}
+    poorer = replace(case, logs=(replace(case.logs[0], log=Log(log.time, signals)),))
+    tried = frozenset({"tendon.slack", "sensor.gain"})
+    found = {item.kinds: item for item in identifiability(case, robot, tried).fewer}
+    assert len(found) == 8 and ("stroke",) in found
+    wanted = identifiability(poorer, robot, tried).directions
+    got = found["stroke", "speed_cmd", "angle"].told.directions
+    assert [d.name for d in got] == [d.name for d in wanted]
+    assert [d.seen for d in got] == pytest.approx([d.seen for d in wanted], rel=1e-3)
+
+
+def test_a_log_of_one_kind_of_columns_has_no_sensor_to_spare():
+    assert identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.gain"})).fewer == ()

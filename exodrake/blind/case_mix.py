@@ -32,7 +32,7 @@ class CaseMix:
         unseen: Share of held-out motions that resemble no fit motion.
         gap: Range of the gap that each effect leaves [noise standard deviations]; larger ones are weakened.
         duration: Duration of the logs relative to the usual one.
-        mocap: Whether the logs hold joint angles.
+        hidden: Kinds of columns that the logs do not hold.
         left_out: Ids of effects that no case holds.
     """
 
@@ -41,7 +41,7 @@ class CaseMix:
     unseen: float = 0.35
     gap: tuple[float, float] = (VISIBLE, math.inf)
     duration: float = 1.0
-    mocap: bool = True
+    hidden: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
 
@@ -52,7 +52,9 @@ MIXES = {
         CaseMix("healthy", {"healthy": 1.0}),
         CaseMix("small", {"single": 1.0}, gap=(VISIBLE, 2 * VISIBLE), left_out=WITHOUT_STRENGTH),
         CaseMix("half", duration=0.5),
-        CaseMix("no-mocap", mocap=False, left_out=MARKER_FAULTS),
+        CaseMix("no-mocap", hidden=("angle",), left_out=MARKER_FAULTS),
+        CaseMix("no-load-cells", hidden=("tension",)),
+        CaseMix("encoders-alone", hidden=("tension", "angle"), left_out=MARKER_FAULTS),
         CaseMix("same-block", {"same-block": 1.0}),
         CaseMix("three", {"three": 1.0}),
     )

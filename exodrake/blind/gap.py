@@ -34,32 +34,32 @@ def gap_in_noise(with_effect: Log, without: Log) -> Gaps:
     return gaps
 
 
-def held_out_gap(case: DrawnCase, without: RobotSpec, seed: list[int], mocap: bool) -> Gaps:
+def held_out_gap(case: DrawnCase, without: RobotSpec, seed: list[int], hidden: tuple[str, ...]) -> Gaps:
     """Gap per logged signal between a case's robot and another; the same random courses in both."""
     robots = (case.spec, without)
     logs = [simulate(replace(robot, noisy=False), case.protocols["grasps"], seed) for robot in robots]
-    return {name: gap for name, gap in gap_in_noise(*logs).items() if mocap or kind_of(name) != "angle"}
+    return {name: gap for name, gap in gap_in_noise(*logs).items() if kind_of(name) not in hidden}
 
 
-def parts_gaps(case: DrawnCase, seed: list[int], mocap: bool = True) -> tuple[list[float], Gaps]:
+def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -> tuple[list[float], Gaps]:
     """Gaps of a case.
 
     Args:
         case: Robot and motions.
         seed: Seed of the random courses.
-        mocap: Whether joint angles are logged.
+        hidden: Kinds of columns that are not logged.
 
     Returns:
         What each effect adds to the others, a list of the largest signal's gap; and the gap of all by signal.
     """
     effects = case.spec.effects
-    whole = held_out_gap(case, case.healthy, seed, mocap)
+    whole = held_out_gap(case, case.healthy, seed, hidden)
     if len(effects) < 2:
         return [max(whole.values())] * len(effects), whole
     without = [
         replace(case.spec, effects=tuple(other for other in effects if other is not effect)) for effect in effects
     ]
-    return [max(held_out_gap(case, spec, seed, mocap).values()) for spec in without], whole
+    return [max(held_out_gap(case, spec, seed, hidden).values()) for spec in without], whole
 
 
 def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
@@ -73,13 +73,13 @@ def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnC
     Returns:
         Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
     """
-    found = (case, *parts_gaps(case, seed, mix.mocap))
+    found = (case, *parts_gaps(case, seed, mix.hidden))
     low, high = WEAKEST, 1.0
     for _ in range(BISECTIONS if min(found[1]) > mix.gap[1] else 0):
         strength = float(np.sqrt(low * high))
         effects = tuple(weakened(effect, strength) for effect in case.spec.effects)
         weaker = replace(case, spec=replace(case.spec, effects=effects))
-        found = (weaker, *parts_gaps(weaker, seed, mix.mocap))
+        found = (weaker, *parts_gaps(weaker, seed, mix.hidden))
         if distance(found[1], mix.gap) == 0.0:
             break
         low, high = (low, strength) if min(found[1]) > mix.gap[1] else (strength, high)

@@ -69,7 +69,7 @@ def logs_of(case: DrawnCase, plan: CasePlan) -> Case:
     for index, (log, (role, repeats)) in enumerate(ROLES.items()):
         columns = rounded(simulate(case.spec, case.protocols[log], [*plan.seed, 5, index]))
         time = columns.pop("time")
-        columns = {name: values for name, values in columns.items() if plan.mix.mocap or kind_of(name) != "angle"}
+        columns = {name: values for name, values in columns.items() if kind_of(name) not in plan.mix.hidden}
         logs.append(CaseLog(Log(time, columns), log, role, repeats, f"{log}.csv.gz"))
     return Case(plan.name, {}, tuple(logs))
 

@@ -19,8 +19,8 @@ def command() -> None:
 @click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
 @click.option(
     "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
-    help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap, same-block"
-    " (two effects) or three (effects); several times for several mixes.",
+    help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
+    " no-load-cells, encoders-alone, same-block (two effects) or three (effects); several times for several mixes.",
 )  # fmt: skip
 @where_to_run
 def make(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from exodrake.preflight.check import Preflight
     from exodrake.preflight.identifiability import Direction
 
-TOP = 3  # effects that are listed for each
+TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
 
 @click.command()
@@ -50,6 +50,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     show_recordings(console, found, nominal)
     show_problems(console, found)
     show_effects(console, found)
+    show_fewer(console, found)
     if figure:
         write_bytes(figure, figure_of(found))
         click.echo(f"written {figure}")
@@ -111,9 +112,8 @@ def show_effects(console: Console, found: Preflight) -> None:
         rows.append((f"[bold]{effect}[/bold]", smallest(seen), hidden, listed))
     console.print()
     console.print(table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3))
-    clear = sum(d.seen >= SEEN and not d.taken_for for d in told.directions)
     console.print(
-        f"\n[bold]{clear}[/bold] of {len(told.directions)} effects and channels are seen and told apart, "
+        f"\n[bold]{len(told.clear)}[/bold] of {len(told.directions)} effects and channels are seen and told apart, "
         f"{len(told.mistaken)} could be mistaken, {len(told.hidden)} are not seen"
     )
     for sensor in told.sensors[:1]:
@@ -121,6 +121,22 @@ def show_effects(console: Console, found: Preflight) -> None:
             f"[bold]{sensor.signal}[/bold] would help most: measured with a noise of {sensor.noise:.2g} {sensor.unit}, "
             f"{sensor.mistaken} could be mistaken and {sensor.hidden} not seen"
         )
+
+
+def show_fewer(console: Console, found: Preflight) -> None:
+    """A table of what would still be told apart with fewer sensors."""
+    from exodrake.report.terminal import table
+
+    if not found.told.fewer:
+        return
+    rows = []
+    for item in found.told.fewer:
+        more = f" and {len(item.lost) - FEW} more" if len(item.lost) > FEW else ""
+        counts = (len(item.told.clear), len(item.told.mistaken), len(item.told.hidden))
+        rows.append((", ".join(item.kinds), *map(str, counts), ", ".join(item.lost[:FEW]) + more))
+    titles = ("with these columns alone", ">told apart", ">mistaken", ">not seen", "effects no longer told apart")
+    console.print()
+    console.print(table(titles, rows, wrapped=4))
 
 
 def smallest(seen: list[Direction]) -> str:

@@ -42,14 +42,11 @@ def command(
     from rich.console import Console
 
     from exodrake.cli.diagnose import check_target
-    from exodrake.core.files import write_bytes
     from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
-    from exodrake.data.log_file import write_log
     from exodrake.experiment.answer import in_play
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import check_length, design
-    from exodrake.experiment.figure import figure_of
     from exodrake.machines.robot_file import load_robot
 
     picture, nominal = figure or out.with_suffix(".png"), load_robot(robot)
@@ -67,7 +64,16 @@ def command(
         best = design(contest, seconds, seed)
     console = Console(highlight=False, width=None if waiting.is_terminal else 120)
     show(console, contest, best)
-    write_log(best.log(nominal.machine), out)
+    write(contest, best, out, picture)
+
+
+def write(contest: Contest, best: Design, out: Path, picture: Path) -> None:
+    """Write the reference and its figure, and say what to do with them."""
+    from exodrake.core.files import write_bytes
+    from exodrake.data.log_file import write_log
+    from exodrake.experiment.figure import figure_of
+
+    write_log(best.log(contest.problem.robot.machine), out)
     write_bytes(picture, figure_of(contest, best))
     click.echo(f"written {out} and {picture}")
     click.echo(
@@ -78,13 +84,14 @@ def command(
 def show(console: Console, contest: Contest, best: Design) -> None:
     """What the experiment tells, and what it takes the robot to."""
     from exodrake.core.display import in_words
-    from exodrake.experiment.information import power
     from exodrake.experiment.safety import spans
     from exodrake.report.terminal import table
 
     rows: list[Any] = []
     for (true, rival), left in sorted(best.information.left.items()):
-        rows.append((contest.names[true], contest.names[rival], f"{left:.3g}", f"{power(left):.0%}"))
+        rows.append(
+            (contest.names[true], contest.names[rival], f"{left:.3g}", f"{best.information.power(true, rival):.0%}")
+        )
     console.print(table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0))
     console.print(f"\n[bold]{best.information.probability:.0%}[/bold] expected: all but the true cause are rejected")
     if not best.enough:

@@ -62,6 +62,8 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
         InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
     """
     machine, asked = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
+    if folder is not None and not asked:
+        raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
     case = read_case((folder or place.parent) if asked else place, required_of(machine), machine.frame)
     problem = make_problem(case, robot)
     if asked:

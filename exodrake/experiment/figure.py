@@ -17,6 +17,7 @@ from exodrake.experiment.design import Design
 from exodrake.experiment.information import trial_of
 
 DRAWN = 3  # kinds of columns
+ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
 BAND = 1.96  # standard deviations that hold 95 % (normal law)
 
 
@@ -73,7 +74,9 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         name = contest.problem.case.name
-        figure.suptitle(f"{name}: the next experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
+        figure.suptitle(
+            f"{name}: what the robot is to be asked to do", fontsize=11, fontweight="bold", x=0.01, ha="left"
+        )
         figure.align_ylabels(list(rows[:, 0]))
         return png_of(figure)
 
@@ -94,7 +97,6 @@ def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
         axes.plot(time, course, color=colour_of(channel, k, machine), label=channel)
     axes.set_ylabel(display.axis)
     axes.set_xlim(time[0], time[-1])
-    axes.set_title("what the robot is asked to do", fontsize=9, loc="left")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(channels), 8), borderaxespad=0.1)
 
 
@@ -108,6 +110,8 @@ def draw_difference(axes: Any, contest: Contest, difference: Difference, column:
     axes.fill_between(time, -band, band, color="#c9d0d8", lw=0, label="95 % of noise and of the error of a law")
     axes.plot(time, display.factor * difference.values, color="#d55e00", label=channel)
     axes.set_ylabel(f"{channel}\n{display.axis}")
+    largest = max(float(band.max()), display.factor * float(np.abs(difference.values).max()))
+    axes.set_ylim(-ROOM[0] * largest, ROOM[1] * largest)
     axes.legend(
         loc="upper right", ncols=2, fontsize=7.5, title=f"RMS {size:.2g} standard deviations", title_fontsize=7.5
     )

@@ -9,7 +9,15 @@ leave uncertain (`Contest.spreads`). W: one over the variance of a sample,
 
     1 / w = n (1 + c_i^2 + c_j^2)       c: error of an effect's law in another simulator of the same law
 
-n: frames that count as one. d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap.
+n: frames that count as one. A simpler law of the effects of i counts with the error that a diagnosis grants a law.
+d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap.
+
+A diagnosis rejects j where i takes up more than chance and a share q of what j leaves above noise, so T must exceed
+
+    T*_ij = max(z^2, E_i q / (1 - q))       E_i: what i itself leaves above noise, in the present logs and the new one
+
+or z^2 alone for an effect that means the same in every law, since of it no error of a law is granted.
+The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i differs in a new motion.
 """
 
 from __future__ import annotations
@@ -20,7 +28,7 @@ from itertools import permutations
 import numpy as np
 
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.levels import ALPHA
+from exodrake.diagnosis.comparison import richer_law
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.parameter import STEP, apply
@@ -28,8 +36,8 @@ from exodrake.diagnosis.problem import Trial
 from exodrake.diagnosis.refine import Explanation
 from exodrake.experiment.contest import Contest
 
-SOFT = 8.0  # T over which one more pair counts less: exp(-T / 8) bounds the error of a likelihood ratio (Chernoff)
-LONG_STEP = 0.3  # of what the logs leave uncertain, for difference quotients: assumed
+CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
+UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
 DIRECTIONS, WEAK = 10, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
@@ -63,29 +71,55 @@ def pair_of(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) ->
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What motions tell: (true, rival) -> information."""
+    """What motions tell.
+
+    Attributes:
+        pairs: (true, rival) -> information.
+        excess: (explanations,) what each leaves above noise in the present logs and these.
+        present: (explanations,) of that, the part in the present logs.
+        share: q, that a true explanation takes up of what a wrong one leaves.
+        granted: (explanations,) whether the law of one of its effects may be wrong; else noise alone is granted it.
+    """
 
     pairs: dict[tuple[int, int], Pair]
+    excess: np.ndarray
+    present: np.ndarray
+    share: float
+    granted: np.ndarray
 
     def __add__(self, other: Information) -> Information:
-        return Information({key: pair + other.pairs[key] for key, pair in self.pairs.items()})
+        pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
+        return replace(self, pairs=pairs, excess=self.excess + other.excess - self.present)
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
         """(true, rival) -> T."""
         return {key: pair.left for key, pair in self.pairs.items()}
 
+    def beyond(self, true: int, rival: int) -> float:
+        """By how many standard deviations the root of T exceeds that of T*."""
+        excess = float(self.excess[true]) if self.granted[rival] else 0.0
+        asked = np.sqrt(excess * self.share / (1.0 - self.share))
+        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, asked)
+        return float(distance / np.hypot(1.0, UNSURE * asked))
+
     @property
     def criterion(self) -> float:
-        """About the least T of all pairs, smooth: what a search maximises."""
-        left = np.array(list(self.left.values())) / SOFT
-        return -SOFT * float(np.logaddexp.reduce(-left))
+        """Logarithm of the product of all probabilities: what a search maximises."""
+        from scipy.stats import norm
+
+        return float(sum(norm.logcdf(self.beyond(*key)) for key in self.pairs))
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) of the least T."""
-        left = self.left
-        return min(left, key=lambda key: left[key])
+        """The (true, rival) that is told apart worst."""
+        return min(self.pairs, key=lambda key: self.beyond(*key))
+
+    def power(self, true: int, rival: int) -> float:
+        """Probability that a rival is rejected where another explanation is true."""
+        from scipy.stats import norm
+
+        return float(norm.cdf(self.beyond(true, rival)))
 
     @property
     def probability(self) -> float:
@@ -94,14 +128,7 @@ class Information:
 
     def resolved(self, true: int) -> float:
         """Probability that all rivals of a true explanation are rejected: that of the closest one."""
-        return min(power(pair.left) for key, pair in self.pairs.items() if key[0] == true)
-
-
-def power(left: float) -> float:
-    """Probability that a test along a known difference, of T = `left`, rejects at the level of a diagnosis."""
-    from scipy.stats import norm
-
-    return float(norm.sf(norm.isf(ALPHA) - np.sqrt(left)))
+        return min(self.power(*key) for key in self.pairs if key[0] == true)
 
 
 def trial_of(contest: Contest, reference: np.ndarray) -> Trial:
@@ -122,25 +149,31 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     likelihood = likelihood_on(contest, reference)
     rows = likelihood.residual(contest.robots)
-    errors = [law_error(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
+    errors = [contributions(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
     columns = [
         derivatives(likelihood, e, spread, row)
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
     ]
     if not all(np.isfinite(part).all() for part in (rows, *errors, *columns)):
         return None
-    frames = max(CORRELATION / contest.problem.robot.machine.frame, 1.0)
-    pairs = {}
+    limits, es = calibration_of(contest.problem.robot.machine), contest.explanations
+    frames, pairs = max(CORRELATION / contest.problem.robot.machine.frame, 1.0), {}
     for i, j in permutations(range(len(rows)), 2):
-        weights = 1.0 / (frames * (1.0 + errors[i] + errors[j]))
+        rho = limits.law_error if richer_law(likelihood, es[i], es[j]) else limits.same_meaning
+        weights = 1.0 / (frames * (1.0 + limits.same_meaning**2 * errors[i] + rho**2 * errors[j]))
         pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
-    return Information(pairs)
+    left = np.array([max(float(contest.likelihood.chi2(e.residual)[0]) - 1.0, 0.0) for e in es]) / frames
+    use = np.array([float(np.sum(e.use[: e.nominal] ** 2)) for e in es])
+    present = left * contest.likelihood.samples + use
+    machine = contest.problem.robot.machine
+    granted = np.array([any(not machine.effect(i).same_meaning for i in e.effects) for e in es])
+    return Information(pairs, present + left * rows.shape[1], present, limits.taken, granted)
 
 
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
     scale = np.array([p.scale for p in e.parameters])[:, None]
-    steps = np.minimum(LONG_STEP, STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12))
+    steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
     low, high = e.bounds
     moved = e.x + (spread * steps).T
     outside = ((moved < low) | (moved > high)).any(axis=1)
@@ -149,13 +182,13 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
 
 
-def law_error(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
-    """Variance (samples,) that the error of the laws of an explanation adds, in noise variances."""
+def contributions(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
+    """Sum of squares (samples,) of what the effects of an explanation contribute channel by channel [noise_std^2]."""
     machine, found = likelihood.robot.machine, np.zeros(len(residual))
     for identity in e.effects:
         absent = without_effect(machine, e.robot, machine.effect(identity))
         found += np.sum((likelihood.residual(absent) - residual) ** 2, axis=0)
-    return calibration_of(machine).same_meaning ** 2 * found
+    return found
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:

@@ -18,21 +18,17 @@ import numpy as np
 
 from exodrake.core.effect import EffectParameter
 from exodrake.core.machine import Machine
-from exodrake.core.measured import Column
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.likelihood import CORRELATION, output_error
 from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
-from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.refine import bounded
+from exodrake.preflight.planned import EXTRA, mask_of, planned
 
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
-FRAMES = 4000  # of the case that are simulated for each direction
-SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's span: assumed, an encoder of 12 bits
-EXTRA = "also"  # kind of the columns of such sensors
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
 
 
@@ -75,12 +71,33 @@ class Sensor:
     mistaken: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class Fewer:
+    """What would be left of it with some kinds of columns alone: `lost` holds the effects told apart no longer."""
+
+    kinds: tuple[str, ...]
+    told: Identifiability
+    lost: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Directions of all effects, and the signals whose measurement would help most, best first."""
+    """What logs could tell.
+
+    Attributes:
+        directions: of all effects.
+        sensors: signals whose measurement would help most, best first.
+        fewer: the same with one kind of columns less, and with each alone.
+    """
 
     directions: tuple[Direction, ...]
-    sensors: tuple[Sensor, ...]
+    sensors: tuple[Sensor, ...] = ()
+    fewer: tuple[Fewer, ...] = ()
+
+    @property
+    def clear(self) -> tuple[Direction, ...]:
+        """Directions that the logs would show and tell apart from other effects."""
+        return tuple(d for d in self.directions if d.seen >= SEEN and not d.taken_for)
 
     @property
     def hidden(self) -> tuple[Direction, ...]:
@@ -109,51 +126,35 @@ def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = Non
     lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, effects)
     own = np.array([not column.startswith(EXTRA) for column in problem.columns])
     groups = {column.rsplit("_", 1)[0]: None for column in problem.columns if column.startswith(EXTRA)}
-    found = Identifiability(directions(lin, machine, mask_of(problem, own)), ())
+    found = Identifiability(directions(lin, machine, mask_of(problem, own)))
     sensors = []
     for kind in groups:
         extra = np.array([column.rsplit("_", 1)[0] == kind for column in problem.columns])
-        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)), ())
+        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)))
         signal = machine.signal[machine.column(kind).signal]
         hidden, mistaken = len(better.hidden), len(better.mistaken)
         noise = float(problem.noise_std[extra].max())
         sensors.append(Sensor(signal.name, signal.unit, noise, hidden, mistaken))
     helpful = [s for s in sensors if s.hidden + s.mistaken < len(found.hidden) + len(found.mistaken)]
-    return replace(found, sensors=tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden))))
+    best = tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden)))
+    return replace(found, sensors=best, fewer=fewer(problem, lin, found))
 
 
-def planned(problem: Problem) -> Problem:
-    """The problem as an experiment: logs that the nominal robot would give, with every signal in them."""
-    machine, noise = problem.robot.machine, sensor_noise_std(problem.robot)
-    shown = {c.signal for c in machine.columns if any(col.startswith(f"{c.kind}_") for col in problem.columns)}
-    written = {name for part in machine.parts for output in part.outputs for name in output.writes}
-    more = [s for s in machine.signals if s.name in written - shown]
-    extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
-    wide = replace(machine, columns=machine.columns + extra, nominal=None)
-    names = [f"{c.kind}_{channel}" for c in extra for channel in machine.axes.of(machine.signal[c.signal].axis)]
-    short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
-    every = replace(short, robot=replace(problem.robot, machine=wide), columns=(*problem.columns, *names), holdout=())
-    values, trials = every.silent(), []
-    for trial in short.fit:
-        (logged,) = every.predict(values[None], trial)
-        logged[:, : len(problem.columns)][np.isnan(trial.measured)] = np.nan
-        trials.append(replace(trial, measured=logged))
-    kinds = {c.signal: c.kind for c in machine.columns}
-    span = np.max([np.ptp(np.nan_to_num(t.measured), axis=0) for t in trials], axis=0)
-    levels = [noise.get(kinds.get(s.name, ""), 0.0) for s in more for _ in machine.axes.of(s.axis)]
-    stated = np.where(np.array(levels) > 0.0, levels, SENSOR * span[len(problem.columns) :])
-    keep = np.concatenate([np.ones(len(problem.columns), bool), (stated > 0.0) & np.isfinite(stated)])
-    return replace(
-        every,
-        columns=tuple(c for c, k in zip(every.columns, keep, strict=True) if k),
-        noise_std=np.concatenate([problem.noise_std, stated])[keep],
-        fit=tuple(replace(t, measured=t.measured[:, keep]) for t in trials),
-    )
+def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple[Fewer, ...]:
+    """What would be left with one kind of columns less, and with each alone; nothing of a log with one kind."""
+    kinds = tuple(dict.fromkeys(kind for kind in problem.kinds if not kind.startswith(EXTRA)))
+    sets = [tuple(k for k in kinds if k != kind) for kind in kinds] + [(kind,) for kind in kinds]
+    if len(kinds) < 2:
+        return ()
+    return tuple(with_kinds(problem, lin, found, some) for some in dict.fromkeys(sets))
 
 
-def mask_of(problem: Problem, columns: np.ndarray) -> np.ndarray:
-    """Samples (samples,) of some columns (columns,)."""
-    return np.concatenate([np.tile(columns, len(trial.measured)) for trial in problem.fit])
+def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kinds: tuple[str, ...]) -> Fewer:
+    """What would be left with some kinds of columns alone."""
+    mask = mask_of(problem, np.isin(problem.kinds, kinds))
+    told = Identifiability(directions(lin, problem.robot.machine, mask))
+    left = {d.effect for d in told.clear}
+    return Fewer(kinds, told, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in left)))
 
 
 def directions(lin: Linearisation, machine: Machine, samples: np.ndarray) -> tuple[Direction, ...]:

@@ -55,7 +55,7 @@ PARTS = (tendon_finger.PART, motor.PART, sensor.PART, encoder.PART, mocap.PART, 
 LATE = Delay("mocap_delay", "noise_angle", "mocap.sigma_q")
 COLUMNS = (
     Column("tension_ref", "tension_ref"),
-    Column("tension", "tension_read"),
+    Column("tension", "tension_read", required=False),
     Column("stroke", "stroke_read"),
     Column("speed_cmd", "speed_cmd", required=False, label="Speed command"),
     Column("angle", "angle_read", required=False, label="Joint angle", delay=LATE),

@@ -1,0 +1,162 @@
+"""What can be named with fewer sensors: `docs/sensors.md`.
+
+    exodrake blind make --seed 7 --cases 60 --out cases
+    python -m studies.sensors cases --labels cases-labels.json --keep kept --out docs/sensors.md
+
+Computed for every effect on the motions of one case, by the linearisation of `exodrake check`; measured on cases with
+one effect, diagnosed with columns withheld. What is measured is kept case by case, so the command can be repeated.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from exodrake.cli.main import OneLineErrors
+
+if TYPE_CHECKING:
+    from exodrake.data.case import Case
+
+SETS = {
+    "all": (),
+    "without motion capture": ("angle",),
+    "without load cells": ("tension",),
+    "encoders alone": ("tension", "angle"),
+}  # sensors -> kinds of columns withheld; commands are no sensors and stay
+TOLD, MISTAKEN, HIDDEN = "told apart", "could be mistaken", "not seen"
+
+
+def without(case: Case, hidden: tuple[str, ...]) -> Case:
+    """The case without some kinds of columns."""
+    logs = []
+    for item in case.logs:
+        names = {name for kind in hidden for name in item.log.signals if name.rsplit("_", 1)[0] == kind}
+        left = {name: values for name, values in item.log.signals.items() if name not in names}
+        logs.append(replace(item, log=replace(item.log, signals=left, units={})))
+    return replace(case, logs=tuple(logs))
+
+
+def computed(case: Case) -> dict[str, dict[str, str]]:
+    """Effect -> sensors -> what the logs of a case would do of it, on the channel where they do best."""
+    from exodrake.core.parallel import one_blas_thread
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.preflight.identifiability import identifiability
+
+    robot, found = load_robot(), {}
+    for sensors, hidden in SETS.items():
+        with one_blas_thread():
+            told = identifiability(without(case, hidden), robot)
+        clear, mistaken = ({d.effect for d in some} for some in (told.clear, told.mistaken))
+        for effect in dict.fromkeys(d.effect for d in told.directions):
+            state = TOLD if effect in clear else MISTAKEN if effect in mistaken else HIDDEN
+            found.setdefault(effect, {})[sensors] = state
+    return found
+
+
+def measured(case: Case, hidden: tuple[str, ...]) -> dict[str, Any]:
+    """Verdict of a case without some columns, and the explanations that are left."""
+    from exodrake.core.parallel import one_blas_thread
+    from exodrake.diagnosis.pipeline import isolated
+    from exodrake.diagnosis.problem import make_problem
+    from exodrake.diagnosis.verdict import decide
+    from exodrake.machines.robot_file import load_robot
+
+    with one_blas_thread():
+        problem, found = isolated(make_problem(without(case, hidden), load_robot()))
+        decision = decide(problem, found)
+    detected = [d.effect.id for d in problem.detected if d.certain]
+    return {"verdict": decision.verdict, "left": [*(t.explanation.name for t in decision.left), *detected]}
+
+
+def outcome(row: dict[str, Any], truth: str) -> str:
+    """What became of a case with one effect, in words."""
+    verdict, left = row["verdict"], row["left"]
+    if verdict == "NAMED":
+        return "named" if left in ([truth], ["retune", truth]) else "another named"
+    if verdict == "AMBIGUOUS":
+        return "in the class" if truth in left else "not in the class"
+    return {"UNKNOWN": "unknown"}.get(verdict, "not seen")
+
+
+OUTCOMES = ("named", "in the class", "unknown", "not seen", "another named", "not in the class")
+
+
+def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], command: str) -> str:
+    """The page."""
+    lines = ["# Fewer sensors", "", TEXT.format(command=command), "", "## Computed", ""]
+    lines += [f"| of {len(effects)} effects | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
+    for state in (TOLD, MISTAKEN, HIDDEN):
+        counts = (str(sum(told[sensors] == state for told in effects.values())) for sensors in SETS)
+        lines.append(f"| {state} | {' | '.join(counts)} |")
+    lines += ["", "Effects for which the sensors make a difference:", ""]
+    lines += [f"| effect | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
+    for effect, told in effects.items():
+        if len(set(told.values())) > 1:
+            lines.append(f"| `{effect}` | {' | '.join(told[sensors] for sensors in SETS)} |")
+    if rows:
+        lines += ["", "## Measured", "", MEASURED.format(count=len(rows)), ""]
+        lines += [f"| sensors | {' | '.join(OUTCOMES)} |", "|---" * (1 + len(OUTCOMES)) + "|"]
+        for sensors in SETS:
+            own = [outcome(row[sensors], row["truth"]) for row in rows.values()]
+            lines.append(f"| {sensors} | {' | '.join(str(own.count(word)) for word in OUTCOMES)} |")
+        lines += ["", f"| case | effect | {' | '.join(SETS)} |", "|---" * (2 + len(SETS)) + "|"]
+        for name, row in rows.items():
+            said = " | ".join(outcome(row[sensors], row["truth"]) for sensors in SETS)
+            lines.append(f"| {name} | `{row['truth']}` | {said} |")
+    return "\n".join(lines) + "\n"
+
+
+TEXT = """What the diagnosis of the Exo-Index can still name without motion capture (joint angles), without load cells
+(tensions) and with the encoders alone (strokes). Commands are no sensors and stay. `exodrake check CASE` says the same
+of the motions of a case before it is diagnosed, for any machine.
+
+    {command}"""
+MEASURED = """{count} cases of the reference simulator with one effect each, diagnosed with columns withheld. The robots
+are the same in each row; their controllers measure tension in all of them."""
+
+
+@click.command(cls=OneLineErrors)
+@click.argument("folder", type=click.Path(exists=True, path_type=Path))
+@click.option("--labels", required=True, type=click.Path(exists=True, path_type=Path), help="Of the set.")
+@click.option("--cases", default=15, show_default=True, type=click.IntRange(min=0), help="Cases that are diagnosed.")
+@click.option("--keep", required=True, type=click.Path(path_type=Path), help="Folder of what is measured, by case.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
+def command(folder: Path, labels: Path, cases: int, keep: Path, out: Path | None) -> None:
+    """Compute and measure what can be named with fewer sensors, on cases of the set in FOLDER."""
+    from exodrake.core.files import write_text
+    from exodrake.data.case_folder import read_case
+    from exodrake.diagnosis.problem import required_of
+    from exodrake.machines.robot_file import load_robot
+
+    keep.mkdir(parents=True, exist_ok=True)
+    machine, truths = load_robot().machine, json.loads(labels.read_text())
+    truths = truths.get("cases", truths)
+    single = [name for name, label in truths.items() if label["kind"] == "single"][:cases]
+
+    def kept(name: str, make: Any) -> Any:
+        place = keep / f"{folder.name}-{name}.json"
+        if not place.is_file():
+            write_text(place, json.dumps(make(), indent=1) + "\n")
+        return json.loads(place.read_text())
+
+    def read(name: str) -> Case:
+        return read_case(folder / name, required_of(machine), machine.frame)
+
+    effects, rows = kept("computed", lambda: computed(read(next(iter(truths))))), {}
+    for name in single:
+        rows[name] = {"truth": truths[name]["effects"][0]["id"]}
+        for sensors, hidden in SETS.items():
+            key = f"{name}-{sensors.replace(' ', '-')}"
+            rows[name][sensors] = kept(key, lambda name=name, hidden=hidden: measured(read(name), hidden))
+        click.echo(f"{name}: {rows[name]}")
+    if out:
+        words = f"python -m studies.sensors {folder.name} --labels LABELS --cases {cases} --keep kept --out {out}"
+        write_text(out, page(effects, rows, words))
+
+
+if __name__ == "__main__":
+    command()
