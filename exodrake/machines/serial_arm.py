@@ -204,7 +204,7 @@ def loop_of(chain: Chain) -> Loop:
         reference="position_ref", command="effort_ref", output="position", measured="position_read",
         part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
         points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
-        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear=("arm.coulomb_friction",),
+        controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear={"arm.coulomb_friction": {}},
     )  # fmt: skip
 
 

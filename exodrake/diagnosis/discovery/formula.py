@@ -80,7 +80,7 @@ def projected(knots: np.ndarray, function: Callable[[np.ndarray], np.ndarray]) -
 def named(low: float, high: float) -> Iterator[tuple[str, Callable[[np.ndarray], np.ndarray]]]:
     """Terms of a curve over a range, by their text."""
     largest = max(abs(low), abs(high))
-    yield from (("1", lambda u: 1.0), ("u", lambda u: u), ("u^2", lambda u: u**2), ("u^3", lambda u: u**3))
+    yield from (("1", np.ones_like), ("u", lambda u: u), ("u^2", lambda u: u**2), ("u^3", lambda u: u**3))
     signed = low < -0.05 * largest
     if signed:
         yield from (("sign(u)", np.sign), ("|u|", abs), ("u |u|", lambda u: u * abs(u)))

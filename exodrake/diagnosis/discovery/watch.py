@@ -93,5 +93,6 @@ def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> d
         for law in here:
             at = state_places(machine, f"{law.identity}_watch")
             counts = sum(np.array([s[at[c]] for c in COUNTS]).T for s in states)
-            found[law.identity, k] = Seen(*ends[law.identity], np.asarray(counts))
+            low, high = ends[law.identity]
+            found[law.identity, k] = Seen(low, high, np.asarray(counts))
     return found
