@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from exodrake.blind.robot_spec import RobotSpec
     from exodrake.data.case import Case
     from exodrake.diagnosis.problem import Problem
-    from exodrake.diagnosis.result import Rival
+    from exodrake.diagnosis.rival import Rival
 
 DESIGNED, RANDOM = "designed", "random"
 LOG_SEED = 9  # of the noise of further logs

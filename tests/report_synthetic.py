@@ -23,10 +23,10 @@ from exodrake.diagnosis.result import (
     Moved,
     NamedEffect,
     Retune,
-    Rival,
     SignalGap,
     Where,
 )
+from exodrake.diagnosis.rival import Rival
 from exodrake.machines.robot_file import load_robot
 from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
 

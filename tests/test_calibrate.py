@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
+from exodrake.core.yaml_file import read_yaml
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
 from exodrake.diagnosis import calibration
@@ -26,6 +27,7 @@ from exodrake.diagnosis.calibrate import (
     upper,
 )
 from exodrake.diagnosis.calibration import (
+    NUMBERS,
     UNCALIBRATED,
     Calibration,
     calibration_notes,
@@ -196,11 +198,27 @@ def test_command_prints_and_writes_the_calibration(tmp_path):
     write_case(sheath_case(), tmp_path / "case")
     file = tmp_path / "calibration.yaml"
     words = ["calibrate", "--robot", SHEATH, "--case", str(tmp_path / "case"), "--cases", "3", "--write", str(file)]
-    result = CliRunner().invoke(cli, words)
+    result = CliRunner().invoke(cli, [*words, "--keep-numbers"])
     assert result.exit_code == 0, result.output
     assert "false alarm on healthy" in result.stdout and "of 1" in result.stdout
-    assert "--robot tendon_sheath --case case --cases 3 --seed 0" in file.read_text()
+    written, in_use = read_yaml(file), calibration_of(load_robot(SHEATH).machine)
+    assert written["source"].startswith("exodrake calibrate --robot tendon_sheath --case case --cases 3 --seed 0")
+    assert {name: written[name] for name in NUMBERS} == pytest.approx(
+        {n: getattr(in_use, n) for n in NUMBERS}, rel=1e-3
+    )
+    assert written["rests_on"] == {} and written["rates"]["false alarm on healthy"]["n"] == 1
     assert str(tmp_path) not in file.read_text()
+
+
+def test_shipped_calibration_states_its_command_and_rates():
+    found = calibration_of(load_robot().machine)
+    assert found.source.startswith("exodrake calibrate --robot exo_index --cases 99") and not calibration_notes(
+        load_robot().machine
+    )
+    rates = read_yaml(calibration.machine_folders()["exo_index"] / "calibration.yaml")["rates"]
+    for counted in rates.values():
+        expected = rate([True] * counted["k"] + [False] * (counted["n"] - counted["k"]))
+        assert counted == expected
 
 
 def test_machine_without_experiments_asks_for_a_case():

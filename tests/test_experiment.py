@@ -18,7 +18,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.result import Rival
+from exodrake.diagnosis.rival import Rival
 from exodrake.experiment import design as search
 from exodrake.experiment.contest import contest_of
 from exodrake.experiment.design import design, frames_of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,12 +22,20 @@ if TYPE_CHECKING:
 @click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=100, show_default=True, type=click.IntRange(min=1), help="How many robots.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
+@click.option("--keep-numbers", is_flag=True, help="State the error rates of the numbers in use, and keep those.")
 @where_to_run
 @click.option(
     "--write", type=click.Path(path_type=Path), metavar="FILE", help="calibration.yaml of the machine's folder."
 )
 def command(
-    robot: str, folder: str | None, cases: int, seed: int, jobs: int, cluster: str | None, write: Path | None
+    robot: str,
+    folder: str | None,
+    cases: int,
+    seed: int,
+    keep_numbers: bool,
+    jobs: int,
+    cluster: str | None,
+    write: Path | None,
 ) -> None:
     """Calibrate the tests of a machine on simulated robots, and count how often they err.
 
@@ -38,7 +47,7 @@ def command(
     from exodrake.core.files import write_text
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
-    from exodrake.diagnosis.calibration import calibration_text
+    from exodrake.diagnosis.calibration import calibration_of, calibration_text
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 
@@ -51,14 +60,21 @@ def command(
         click.echo(f"{len(failed)} of {cases} robots failed; robot {min(failed)}: {failed[min(failed)]}", err=True)
     if not records:
         raise InputError("no robot could be diagnosed")
-    motion = ["--case", Path(folder).name] if folder else []
-    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(cases), "--seed", str(seed)]
-    found, rests_on = numbers_of(records, f"{shlex.join(words)}, {date.today()}")
+    found, rests_on = numbers_of(records, source_of(robot, folder, cases, seed, keep_numbers))
     rates = rates_of(records)
     print_calibration(found, rests_on, rates)
+    if keep_numbers:
+        found, rests_on = replace(calibration_of(machine), source=found.source), {}
     if write:
         write_text(write, calibration_text(found, rests_on, rates))
         click.echo(f"wrote {write}")
+
+
+def source_of(robot: str, folder: str | None, cases: int, seed: int, keep_numbers: bool) -> str:
+    """The command and today's date, without the path of a folder."""
+    motion, kept = ["--case", Path(folder).name] if folder else [], ["--keep-numbers"] if keep_numbers else []
+    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(cases), "--seed", str(seed)]
+    return f"{shlex.join([*words, *kept])}, {date.today()}"
 
 
 def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[str, dict[str, Any]]) -> None:

@@ -85,6 +85,10 @@ class Isolator:
             found = self.restarted(found, zero)
         if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
             return found
+        return self.enlarged(found, max_effects)
+
+    def enlarged(self, found: Isolation, max_effects: int) -> Isolation:
+        """The isolation with sets of one effect more, until some are left and none larger beats them."""
         while not found.sufficient and len(found.tested) < max_effects:
             larger = self.grown(found)
             if not larger.explanations:

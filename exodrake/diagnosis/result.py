@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
+from exodrake.diagnosis.rival import Rival
 from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
@@ -171,24 +172,6 @@ class Candidate:
     fit: float
     complete: float
     left: bool
-
-
-@dataclass(frozen=True)
-class Rival:
-    """An explanation still in play beside others.
-
-    Attributes:
-        effects: ids of its effects; none for the retuned robot.
-        parameters: full name -> value [SI] of all parameters by which its robot differs from the nominal one.
-    """
-
-    effects: tuple[str, ...]
-    parameters: dict[str, float]
-
-    @property
-    def name(self) -> str:
-        """Ids joined by +; `retune` without an effect."""
-        return " + ".join(self.effects) or "retune"
 
 
 @short_repr

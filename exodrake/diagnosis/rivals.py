@@ -12,7 +12,8 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.linearise import with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
-from exodrake.diagnosis.result import AMBIGUOUS, RETUNE, Rival
+from exodrake.diagnosis.result import AMBIGUOUS, RETUNE
+from exodrake.diagnosis.rival import Rival
 from exodrake.diagnosis.select import NormalMatrix
 from exodrake.diagnosis.verdict import Decision
 

@@ -229,14 +229,9 @@ def tested(followed: Sequence[Followed], sessions: Sequence[Session]) -> tuple[S
         half = Z90 * np.sqrt(np.diag(one.covariance))
         ends = np.sort([[one.value(v) for v in one.x - half], [one.value(v) for v in one.x + half]], axis=0)
         values, low, high = tuple(one.value(v) for v in one.x), tuple(ends[0].tolist()), tuple(ends[1].tolist())
-        told = None if change is None else in_unit(one, change)
+        stated = None if change is None else in_unit(one, change)
         order = (p, 0.0 if change is None else -change.size)
-        found.append(
-            (
-                order,
-                Series(one.name, one.channel, one.unit, values, low, high, p, told),
-            )
-        )
+        found.append((order, Series(one.name, one.channel, one.unit, values, low, high, p, stated)))
     return tuple(series for _, series in sorted(found, key=lambda item: item[0]))
 
 

@@ -16,7 +16,8 @@ from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE
+from exodrake.diagnosis.rival import Rival
 
 RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
 MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))

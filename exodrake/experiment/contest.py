@@ -23,7 +23,7 @@ from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_p
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.projection import normal_matrix
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
-from exodrake.diagnosis.result import Rival
+from exodrake.diagnosis.rival import Rival
 
 
 @dataclass(frozen=True, eq=False)
