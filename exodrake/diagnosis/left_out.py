@@ -1,12 +1,14 @@
-"""Leave one log out: the fitted robot as it would be without one of the logs, for a closure without held-out logs.
+"""Leave logs out: the fitted robot as it would be without some of them, for a closure on what was not fitted.
 
     x_k = x - (J'J + P)^-1 (J'r + P x)
 
-J, r: Jacobian and residual without the rows of log k, at the fit x to all logs; P: prior precision. One Gauss-Newton
-step from the joint fit, which is small where no single log decides.
+J, r: Jacobian and residual without the rows of the logs k, at the fit x to all logs; P: prior precision. One
+Gauss-Newton step from the joint fit, which is small where those logs do not decide.
 """
 
 from __future__ import annotations
+
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -16,19 +18,24 @@ from exodrake.diagnosis.projection import normal_matrix
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
 
-def rows_of_log(likelihood: Likelihood, log: int) -> np.ndarray:
-    """Which samples (samples,) of a residual belong to a log."""
-    parts = [np.full(t.measured.size, k == log) for view in likelihood.views for k, t in enumerate(view.problem.fit)]
+def rows_of(likelihood: Likelihood, logs: Collection[int]) -> np.ndarray:
+    """Which samples (samples,) of a residual belong to some logs."""
+    parts = [np.full(t.measured.size, k in logs) for view in likelihood.views for k, t in enumerate(view.problem.fit)]
     return np.concatenate(parts)
 
 
-def without_each_log(likelihood: Likelihood, e: Explanation) -> np.ndarray:
-    """Flat parameter vectors (logs, parameters) [SI] of an explanation fitted to all logs but one."""
+def without_logs(likelihood: Likelihood, e: Explanation, groups: Sequence[Collection[int]]) -> np.ndarray:
+    """Flat parameter vectors (groups, parameters) [SI] of an explanation fitted to all logs but those of one group."""
     likelihood, precision = likelihood.scaled_to(e.residual), 1.0 / e.prior_std**2
     columns, found = whole_jacobian(likelihood, e), []
-    for log in range(len(likelihood.views[0].problem.fit)):
-        weights = np.where(rows_of_log(likelihood, log), 0.0, likelihood.weights)
+    for logs in groups:
+        weights = np.where(rows_of(likelihood, logs), 0.0, likelihood.weights)
         jacobian, residual = columns * weights, e.residual * weights
         move = np.linalg.solve(normal_matrix(jacobian, precision), jacobian @ residual + precision * e.x)
         found.append(apply(e.values, e.parameters, np.clip(e.x - move, *e.bounds)))
     return np.array(found)
+
+
+def without_each_log(likelihood: Likelihood, e: Explanation) -> np.ndarray:
+    """Flat parameter vectors (logs, parameters) [SI] of an explanation fitted to all logs but one."""
+    return without_logs(likelihood, e, [[log] for log in range(len(likelihood.views[0].problem.fit))])

@@ -25,6 +25,7 @@ from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.level_table import level_table
 from exodrake.diagnosis.localise import localise
+from exodrake.diagnosis.motions import with_motions
 from exodrake.diagnosis.moved import retuned
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
@@ -173,6 +174,7 @@ def answer(
     nominal = replace(problem, detected=()).silent()
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": best.explanation.robot}
     closure = measure(problem, judged(problem, found, best, np.array(list(rows.values()))))
+    closure = with_motions(closure, problem, found, best)
     effects = effects_of(problem, found, decision)
     moves = retuned(found)
     progress(Stage.LOCALISE, "")

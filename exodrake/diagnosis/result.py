@@ -86,12 +86,16 @@ class Closure:
         retune: from the nominal to the retuned robot.
         effect: from the retuned to the improved robot; NaN where retuning leaves nothing.
         signals: column -> gap.
+        measured_on: kinds of motion that it was measured on.
+        motions: kind of fitted motion -> overall closure on it by the robot that was fitted to the other kinds.
     """
 
     overall: Interval
     retune: Interval
     effect: Interval
     signals: dict[str, SignalGap]
+    measured_on: tuple[str, ...] = ()
+    motions: dict[str, Interval] = field(default_factory=dict)
 
     @property
     def rms(self) -> dict[str, float]:

@@ -116,6 +116,7 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         if diagnosis.effects and step.value == step.value:
             of_rest = f"[bold]{n.percent(step.value)}[/bold] ({n.percent_span(step)})"
             lines.append(f"        {of_rest} of what retuning alone leaves")
+        lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
         robots = ", ".join(f"{name} {n.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")
     if diagnosis.verdict == RETUNE:

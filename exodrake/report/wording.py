@@ -157,6 +157,15 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
     return found
 
 
+def motion_words(diagnosis: Diagnosis) -> str:
+    """Which motion the closure was measured on, and what each kind left out of the fit lets expect of another kind."""
+    closure = diagnosis.closure
+    if not closure.motions or not diagnosis.effects:
+        return ""
+    each = ", ".join(f"{kind} {percent(c.value)}" for kind, c in closure.motions.items())
+    return f"measured on {', '.join(closure.measured_on)}; kinds of motion left out of the fit, one at a time: {each}"
+
+
 def experiment_words(diagnosis: Diagnosis) -> str:
     """The command that designs the motion by which the explanations still in play differ; empty without any."""
     if not diagnosis.rivals:
