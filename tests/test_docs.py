@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.cli.main import cli
+from exodrake.core import plugins
 from exodrake.machines.library import machine_names
 
 ROOT = Path(__file__).parent.parent
@@ -61,7 +62,8 @@ def play(page: Path, capsys) -> dict:
 
 def resolved(words: list[str]) -> tuple[click.Command, click.Context, list[str]]:
     """The innermost command of a line, and what is left for it."""
-    command, context, rest = cli, click.Context(cli, info_name="exodrake"), words
+    command, context = cli, click.Context(cli, info_name="exodrake")
+    rest = words[2:] if words[:1] == ["--plugin"] else words
     while isinstance(command, click.Group) and rest and not rest[0].startswith("-"):
         name, found, rest = command.resolve_command(context, rest)
         assert found is not None, words
@@ -75,16 +77,18 @@ MENTIONED = [(page, line) for page in PAGES for line in mentioned(page)]
 
 @pytest.fixture(scope="module")
 def place_with_a_machine(tmp_path_factory):
-    """A folder with `my_arm`, the machine that the pages speak of."""
+    """A folder with the machines that the pages speak of."""
     folder = tmp_path_factory.mktemp("place")
-    made = CliRunner().invoke(cli, ["new-machine", str(folder / "my_arm")])
-    assert made.exit_code == 0, made.output
+    for options in (["my_arm"], ["cable_arm", "--urdf", "cable_arm"]):
+        made = CliRunner().invoke(cli, ["new-machine", str(folder / options[0]), *options[1:]])
+        assert made.exit_code == 0, made.output
     return folder
 
 
 @pytest.mark.parametrize(("page", "line"), COMMANDS, ids=lambda value: value if isinstance(value, str) else "")
 def test_a_command_is_one_that_the_command_line_takes(page, line, place_with_a_machine, monkeypatch):
     if "--machine" in line:
+        monkeypatch.setenv(plugins.VARIABLE, "")
         monkeypatch.chdir(place_with_a_machine)
     command, context, rest = resolved(shlex.split(line, comments=True)[1:])
     command.make_context(context.info_name, rest, parent=context.parent)

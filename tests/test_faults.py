@@ -21,7 +21,7 @@ PROGRAM = """
 import os, sys, time
 sys.path.insert(0, {tests!r})
 
-def ready(case, robot=None, progress=None, tried=None):
+def ready(case, robot=None, progress=None, tried=None, discovers=None):
     from report_synthetic import VERDICTS, diagnosis
     if "WORK" in os.environ:
         print("working", flush=True)

@@ -14,12 +14,16 @@ ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simu
 ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
 
 
-@cache
 def configuration() -> dict[str, str]:
     """Version of the package, and first digits of the SHA-256 of the code and numbers that find answers."""
+    return {"version": __version__, "code": code_of(tuple(plugins.folders()))}
+
+
+@cache
+def code_of(plugin_folders: tuple[Path, ...]) -> str:
+    """Digest of the code and numbers that find answers, those of plugins included."""
     files = [file for name in ANSWERING for file in source_files(PACKAGE / name)]
-    files += [file for folder in plugins.folders() for file in source_files(folder)]
-    return {"version": __version__, "code": digest(files)}
+    return digest([*files, *(file for folder in plugin_folders for file in source_files(folder))])
 
 
 def source_files(place: Path) -> list[Path]:
