@@ -13,7 +13,6 @@ from exodrake.report import number_format as n
 from exodrake.report.page import Drawing, Table
 from exodrake.report.svg import RULE, SOFT, house_style, new_figure, svg_of
 
-WIDE = 8.0  # ratio of the largest to the smallest abscissa from which the axis is logarithmic
 RELAXES = "relaxation"  # a law over time since a change
 
 
@@ -28,10 +27,11 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
     )
     figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
     rows = [(f"`{r.id}`", r.words, n.percent(r.share)) for r in law.others]
-    table = Table(("Law at", "what over what", "share of the excess removed, fitted logs"), rows, words=2, wide=False)
+    header = ("Law at, by evidence", "what over what", "share of the excess removed, fitted logs")
+    table = Table(header, rows, words=2, wide=False)
     return {
         "law": law,
-        "law_lines": law_lines(law)[1:],
+        "law_lines": [sentence(line) for line in law_lines(law)[1:]],
         "law_figure": figure,
         "law_table": table,
         "law_module": law.text,
@@ -54,10 +54,16 @@ def law_lines(law: MissingLaw | None) -> list[str]:
         if curve.formula:
             lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
     if law.runner_up is not None:
-        apart = "told apart" if law.told_apart else "not told apart by these logs"
+        apart = "less likely, by a test that is not calibrated" if law.told_apart else "not told apart by these logs"
         other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
         lines.append(f"        runner-up {other}: {apart} (p = {law.p_runner_up:.2g})")
     return lines
+
+
+def sentence(line: str) -> str:
+    """A line of the terminal as a sentence of the page."""
+    text = line.strip()
+    return text[:1].upper() + text[1:] + "."
 
 
 def figure_svg(law: MissingLaw) -> str:
@@ -70,21 +76,25 @@ def figure_svg(law: MissingLaw) -> str:
             panel(panels[0, k], panels[1, k], curve, factor, PALETTE[k % len(PALETTE)], law.words.startswith(RELAXES))
             panels[0, k].set_title(name)
             symbol = SYMBOLS.get(unit, unit)
-            panels[1, k].set_xlabel(f"u [{symbol}]" if symbol else "u")
+            label = f"u [{symbol}]" if symbol else "u"
+            if law.words.startswith(RELAXES):
+                panels[0, k].set_xlabel("time constant [s]")
+            else:
+                panels[1, k].set_xlabel(label)
         panels[0, 0].set_ylabel("f(u), SI")
         return svg_of(figure, "missing_law", law.words)
 
 
 def panel(axes: Any, below: Any, curve: Curve, factor: float, colour: str, fades: bool) -> None:
     """One channel."""
-    u = factor * curve.u
+    u = np.arange(len(curve.u)) if fades else factor * curve.u
     axes.fill_between(u, curve.low, curve.high, color=colour, alpha=0.2, lw=0)
     axes.plot(u, curve.value, "o-", ms=3, lw=1.4, color=colour, mew=0)
     axes.axhline(0.0, color=SOFT, lw=0.4)
     axes.grid(color=RULE, lw=0.5)
     if fades:
-        axes.set_xscale("symlog", linthresh=max(float(u[u > 0.0].min()), 1e-9))
         below.set_visible(False)
+        axes.set_xticks(u, [f"{value:.2g}" for value in curve.u])
         axes.tick_params(labelbottom=True)
         return
     edges = factor * curve.edges

@@ -130,7 +130,8 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
     """The references of a log, as they are.
 
     Raises:
-        InputError: for an unknown channel, a missing sample, a tension below 0, and another clock than the machine's.
+        InputError: for an unknown channel, a missing sample, a tension below 0, fewer than two rows, and another
+            clock than the machine's.
     """
     robot = robot or load_robot()
     machine = robot.machine
@@ -144,8 +145,8 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
                     f"{', '.join(machine.axes.of(axis))}"
                 )
         check_samples(log, log.array(column.kind, machine.axes.of(axis)), column.kind, machine)
-    if len(log) > 1 and np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
-        raise InputError(f"{log.label}: rows are not {machine.frame:g} s apart; see exodrake.regularise")
+    if len(log) < 2 or np.abs(np.diff(log.time) - machine.frame).max() > ALIKE:
+        raise InputError(f"{log.label}: not two rows or more, {machine.frame:g} s apart; see exodrake.regularise")
     return Reference(reference_rows(machine, log), Path(path).name.split(".")[0])
 
 

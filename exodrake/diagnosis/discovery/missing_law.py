@@ -56,7 +56,7 @@ class MissingLaw:
         runner_up: the best law at another point.
         p_runner_up: p-value of its lead were the runner-up the truth.
         told_apart: whether the data tell the two apart.
-        others: laws by share, best first.
+        others: laws that were fitted to the end, by evidence, best first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
         held_out: whether these logs were held out.
