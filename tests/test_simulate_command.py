@@ -68,6 +68,13 @@ def test_the_scenario_makes_the_same_log_again(made, tmp_path):
         assert (tmp_path / name).read_bytes() == (made[0] / name).read_bytes()
 
 
+def test_a_reference_of_one_row_is_refused_before_anything_is_written(made, tmp_path):
+    text = (made[0] / "log.csv").read_text().splitlines()
+    (tmp_path / "one.csv").write_text("\n".join(text[:2]) + "\n")
+    result = run("simulate", "--reference", tmp_path / "one.csv", "--out", tmp_path / "out")
+    assert result.exit_code == 2 and "two rows" in result.stderr and not (tmp_path / "out").exists()
+
+
 def test_references_of_a_log_and_options_over_a_scenario(made, tmp_path):
     result = run("simulate", "--reference", made[0] / "log.csv", "--no-noise", "--no-quantisation", "--out", tmp_path)
     assert result.exit_code == 0, result.output
