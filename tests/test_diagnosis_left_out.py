@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from formula_case import explanation, likelihood_of, nominal
 
-from exodrake.diagnosis.left_out import rows_of, without_each_log
+from exodrake.diagnosis.left_out import without_each_log
 
 FRAMES = (120, 80, 200)
 PRIOR = 0.5
@@ -22,6 +22,6 @@ def test_robot_without_a_log_is_that_fitted_to_the_others():
     for k, robot in enumerate(found):
         kept = np.ones(sum(FRAMES), dtype=bool)
         kept[starts[k] : starts[k + 1]] = False
-        assert (rows_of(likelihood, [k]) == ~kept).all()
+        assert (likelihood.samples_of([k]) == ~kept).all()
         normal = weight * jacobian[:, kept] @ jacobian[:, kept].T + np.eye(4) / PRIOR**2
         assert robot[:4] == pytest.approx(-np.linalg.solve(normal, weight * jacobian[:, kept] @ offset[kept]), abs=1e-6)

@@ -56,9 +56,7 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
         seed: of the bootstrap.
     """
     logs = residuals(problem, rows)
-    length = max(1, round(PART / problem.robot.machine.frame))
-    nominal, retuned, improved = (blocks(one, length) for one in logs)
-    picks = np.random.default_rng(seed).integers(0, len(nominal), (DRAWS, len(nominal)))
+    (nominal, retuned, improved), picks = resampled(problem, logs, seed)
     signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
     return Closure(
         overall=bootstrapped(nominal, improved, picks),
@@ -66,6 +64,19 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
         effect=bootstrapped(retuned, improved, picks),
         signals=signals,
     )
+
+
+def overall(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Interval:
+    """Closure from one robot to another; rows: for each log of `Problem.judged` (2, parameters) flat vectors [SI]."""
+    (before, after), picks = resampled(problem, residuals(problem, rows), seed)
+    return bootstrapped(before, after, picks)
+
+
+def resampled(problem: Problem, logs: list[list[np.ndarray]], seed: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """Mean squares of each robot's residuals (blocks,), and the bootstrap's picks (draws, blocks) of these."""
+    length = max(1, round(PART / problem.robot.machine.frame))
+    means = [blocks(one, length) for one in logs]
+    return means, np.random.default_rng(seed).integers(0, len(means[0]), (DRAWS, len(means[0])))
 
 
 def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> Interval:

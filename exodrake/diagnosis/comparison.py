@@ -33,6 +33,11 @@ def excess(likelihood: Likelihood, e: Explanation) -> float:
     return 2.0 * e.cost(likelihood) - float(power(likelihood.weights))
 
 
+def removed(before: np.ndarray, after: np.ndarray) -> float:
+    """Share of the excess over noise that is gone, from reduced chi-squares (views,), the mean of the views."""
+    return 1.0 - float(np.mean(np.maximum(after - 1.0, 0.0) / np.maximum(before - 1.0, 1e-12)))
+
+
 def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation) -> bool:
     """Whether an explanation holds another law of the same effects, with more parameters."""
     machine = likelihood.robot.machine

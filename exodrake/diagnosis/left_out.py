@@ -18,18 +18,12 @@ from exodrake.diagnosis.projection import normal_matrix
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
 
-def rows_of(likelihood: Likelihood, logs: Collection[int]) -> np.ndarray:
-    """Which samples (samples,) of a residual belong to some logs."""
-    parts = [np.full(t.measured.size, k in logs) for view in likelihood.views for k, t in enumerate(view.problem.fit)]
-    return np.concatenate(parts)
-
-
 def without_logs(likelihood: Likelihood, e: Explanation, groups: Sequence[Collection[int]]) -> np.ndarray:
     """Flat parameter vectors (groups, parameters) [SI] of an explanation fitted to all logs but those of one group."""
     likelihood, precision = likelihood.scaled_to(e.residual), 1.0 / e.prior_std**2
     columns, found = whole_jacobian(likelihood, e), []
     for logs in groups:
-        weights = np.where(rows_of(likelihood, logs), 0.0, likelihood.weights)
+        weights = np.where(likelihood.samples_of(logs), 0.0, likelihood.weights)
         jacobian, residual = columns * weights, e.residual * weights
         move = np.linalg.solve(normal_matrix(jacobian, precision), jacobian @ residual + precision * e.x)
         found.append(apply(e.values, e.parameters, np.clip(e.x - move, *e.bounds)))

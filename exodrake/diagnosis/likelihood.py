@@ -11,6 +11,7 @@ cost each view is divided by how far the best robot so far is from its noise, so
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -85,6 +86,17 @@ class Likelihood:
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """A residual (..., samples) cut into one for each view."""
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)
+
+    def samples_of(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
+        """Which samples (samples,) of a residual belong to some logs; frames: first and end of a part of these."""
+        parts = []
+        for view in self.views:
+            for k, trial in enumerate(view.problem.fit):
+                mask = np.zeros(trial.measured.shape, dtype=bool)
+                if k in logs:
+                    mask[slice(*(frames or (None,)))] = True
+                parts.append(mask.ravel())
+        return np.concatenate(parts)
 
     def chi2(self, residual: np.ndarray) -> np.ndarray:
         """Reduced chi-square (views,) of a residual (samples,)."""

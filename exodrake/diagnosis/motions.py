@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.data.case import Case
-from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.closure import overall
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_logs
 from exodrake.diagnosis.problem import Problem
@@ -46,5 +46,5 @@ def left_out_by_motion(problem: Problem, found: Isolation, best: Tested) -> dict
     robots = without_logs(found.likelihood, best.explanation, list(groups.values()))
     for (kind, logs), robot in zip(groups.items(), robots, strict=True):
         part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
-        closures[kind] = measure(part, [np.array([nominal, nominal, robot])] * len(logs)).overall
+        closures[kind] = overall(part, [np.array([nominal, robot])] * len(logs))
     return closures

@@ -17,6 +17,7 @@ from exodrake.data.case_folder import read_case
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe
@@ -137,10 +138,9 @@ def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[
 
 def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
     """All explanations that were fitted, largest sets first, best first."""
-    before = np.maximum(found.retuned.chi2 - 1.0, 1e-12)
 
     def candidate(t: Tested) -> Candidate:
-        score = 1.0 - float(np.mean(np.maximum(t.chi2 - 1.0, 0.0) / before))
+        score = removed(found.retuned.chi2, t.chi2)
         closed, prediction = (*t.chi2.tolist(), float("nan"))[:2]
         levels, left = t.levels, t in found.left
         return Candidate(t.explanation.name, score, closed, prediction, levels.fit, levels.complete, left)

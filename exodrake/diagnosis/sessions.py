@@ -81,14 +81,7 @@ def windows(frames: int, frame: float) -> tuple[Session, ...]:
 
 def rows_of(likelihood: Likelihood, session: Session) -> np.ndarray:
     """Which samples (samples,) of a residual belong to a session."""
-    parts = []
-    for view in likelihood.views:
-        for k, trial in enumerate(view.problem.fit):
-            mask = np.zeros(trial.measured.shape, dtype=bool)
-            if k in session.logs:
-                mask[slice(*(session.frames or (None,)))] = True
-            parts.append(mask.ravel())
-    return np.concatenate(parts)
+    return likelihood.samples_of(session.logs, session.frames)
 
 
 def part_of(likelihood: Likelihood, session: Session) -> Likelihood:

@@ -16,6 +16,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from exodrake.diagnosis.change_point import LEAST, LEVEL, Change, ChangePoint
+from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.likelihood import likelihood_of
@@ -31,7 +32,6 @@ from exodrake.diagnosis.verdict import Decision
 
 RESIDUAL = "residual"  # name of the series of the residual's power
 MOST, TRIED = 4, 5  # nominal parameters that are followed, and single effects that are tried
-Z90 = 1.645
 FEW = "{} sessions: a change is looked for in {} or more"
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
+from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.discovery.candidate import Candidate, candidates
 from exodrake.diagnosis.discovery.compare import level_of_noise, level_of_runner_up
 from exodrake.diagnosis.discovery.effect_text import SIZE
@@ -23,6 +24,7 @@ from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
 from exodrake.diagnosis.discovery.watch import watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
+from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.levels import ALPHA, PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
@@ -33,7 +35,6 @@ from exodrake.diagnosis.refine import Explanation, whole_jacobian
 BEGUN, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
 PER_POINT = 2  # of these at one point, at most
 FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
-BAND = 1.645  # standard deviations of a 90 % band
 
 
 def discover(problem: Problem, found: Isolation, progress: StageProgress = no_progress) -> MissingLaw:
@@ -63,7 +64,8 @@ def discover(problem: Problem, found: Isolation, progress: StageProgress = no_pr
     if screen[0].weighed.log_evidence <= without(model).log_evidence:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=p)
     likelihood, fits = fit_best(likelihood, base, jacobian, model, screen, progress)
-    shares = [removed(likelihood, base, fit) for fit in fits]
+    before = likelihood.chi2(base.residual)
+    shares = [removed(before, likelihood.chi2(fit.residual)) for fit in fits]
     if shares[0] < PROMISING:
         reason = f"the best law, {fits[0].candidate.name}, removes only {shares[0]:.0%} of what retuning leaves"
         return MissingLaw(False, reason, p_noise=p, others=runners(fits, shares))
@@ -116,12 +118,6 @@ def evidence(fit: Fit) -> float:
     """Log evidence of a fitted law."""
     assert fit.weighed is not None
     return fit.weighed.log_evidence
-
-
-def removed(likelihood: Likelihood, base: Explanation, fit: Fit) -> float:
-    """Share of the excess over noise that a law removes, mean of the views."""
-    before, after = (np.maximum(likelihood.chi2(r) - 1.0, 0.0) for r in (base.residual, fit.residual))
-    return 1.0 - float(np.mean(after / np.maximum(before, 1e-12)))
 
 
 def runners(fits: Sequence[Fit], shares: Sequence[float]) -> tuple[Runner, ...]:
@@ -199,5 +195,5 @@ def curves_of(fit: Fit, short: Formula | None) -> dict[str, Curve]:
         )
         counts = candidate.seen.counts[channel] / max(float(candidate.seen.counts[channel].sum()), 1.0)
         text = short.text(name) if short else ""
-        found[name] = Curve(at[channel], value, value - BAND * std, value + BAND * std, edges, counts, text)
+        found[name] = Curve(at[channel], value, value - Z90 * std, value + Z90 * std, edges, counts, text)
     return found
