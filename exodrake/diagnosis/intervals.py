@@ -5,8 +5,8 @@ What a fit makes of noise and of the error of its laws (`levels`), by the curvat
     dx = -(J'J + P)^-1 (J' (w + a c h) + P^1/2 z)          J Jacobian, P prior precision, z white
 
 Draws of dx have the spread of the parameters: noise as coloured as it is, and the model discrepancy that the residual
-shows. To that comes what no residual shows: a parameter of friction, creep or contact belongs to a law, reality follows
-another one, and the fitted value is an effective one.
+shows, a typical one at least. To that comes what no residual shows (`Effect.law_std`): a parameter of friction, creep
+or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from exodrake.diagnosis.result import Interval, NamedEffect
 CONFIDENCE = 0.9  # of intervals
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
-LAW = 0.2  # the same between the parameters of two laws of one effect: development cases of the blind package
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +76,7 @@ def describe(fitted: Fitted, effect: Effect, probability: float, channels: tuple
         channels: those of its axis.
     """
     chosen, parameters, by_channel = affected(fitted), {}, {}
-    info, law = {p.name: p for p in effect.parameters}, ROUNDING if effect.same_meaning else LAW
+    info, law = {p.name: p for p in effect.parameters}, ROUNDING if effect.same_meaning else effect.law_std
     sits = tuple(fitted.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     if chosen:
         first = fitted.parameters[chosen[0]]

@@ -40,6 +40,7 @@ ALPHA = 0.02  # level of each test
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
 DRAWS = 99
+TYPICAL = 0.5  # error of a law in units of rho: rho is the upper quantile of a normal law at 95 %
 REJECTED = 1e-4  # p-value of a fit below which no further effect is sought by the linearisation
 
 
@@ -191,12 +192,16 @@ class Tests:
         return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))
 
     def covariance(self, e: Explanation) -> np.ndarray:
-        """Covariance of the effects' coordinates (k, k), from noise and from as much error of the laws as is seen."""
+        """Covariance of the effects' coordinates (k, k), from noise and from errors of the laws.
+
+        These are as large as what is left shows, and `TYPICAL` at least: noise and other parameters hide smaller ones.
+        """
         likelihood = self.likelihood.scaled_to(e.residual)
         project = Projection(likelihood, e, self.lin)
-        law, model = self.laws(project)
+        law, _ = self.laws(project)
         needed = amplitude(*(project.left(rows) for rows in (e.residual[None], self.noise, law)))
-        moves = project.moves(self.noise + needed[:, None] * law + model, np.random.default_rng(2))
+        errors = np.maximum(needed, np.float32(TYPICAL))[:, None] * law
+        moves = project.moves(self.noise + errors, np.random.default_rng(2))
         return np.atleast_2d(np.cov(moves[e.nominal :]))
 
 

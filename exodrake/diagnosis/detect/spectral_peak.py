@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands
 from exodrake.diagnosis.intervals import Z90
@@ -30,7 +31,7 @@ ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
 NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: the leakage of a phase that wanders
 SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
-LAW, MINOR = 0.2, 0.12  # relative standard deviation of a torque whose waveform is not known; of the strongest joint's
+LAW = 0.2  # relative standard deviation of a torque whose waveform is not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,8 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
-    torques = {parameters[i].channels[0]: torque(x[i]) for i in joints if x[i] > MINOR * x[joints].max()}
+    moved = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
+    torques = {parameters[joints[k]].channels[0]: torque(x[joints[k]]) for k in moved}
     half = 0.5 / WINDOW
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     mean = torque(float(np.mean([item.value for item in torques.values()])))
