@@ -57,8 +57,9 @@ class EffectParameter:
         return self.low + (value - self.low) % self.period if self.period else value
 
 
-LAW_STD = 0.08  # of an effect that states none: development cases of the blind package
-ANY_SHAPE = 0.3  # of a law whose form is one of many, as a relaxation: the same
+# law_std of an effect that states none; of parameters that shape a law; of all parameters of a law whose form is one of
+# many, as one relaxation time for a spectrum of them: development cases of the blind package
+LAW_STD, SHAPE_STD, ANY_SHAPE = 0.08, 0.2, 0.3
 LAST = 1000  # order of an effect that states none: after the effects of the library
 
 
@@ -79,9 +80,8 @@ class Effect:
         family: kind of law, e.g. "friction", "backlash", "elasticity".
         same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
             delay; those of friction or creep belong to the fitted law, and reality follows another.
-        law_std: relative standard deviation between a parameter of this law and that of another law of the effect, of
-            which no residual tells [-]: small where it scales what acts at once, large where one time constant or one
-            polynomial stands for a spectrum or any shape.
+        law_std: relative standard deviation between the amplitude in this law and in another law of the effect, of
+            which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
         detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
         order: where several effects act at one point, those of lower order act first; equal ones by id.

@@ -24,6 +24,7 @@ from exodrake.core.robot import Robot
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
 # make up for each other, as lengths that grow together, a longer step shows curvature as a slope
 STEP = 0.002
+NONE = 1e-9  # of the largest reciprocal in range: a smaller one is rounding, its value infinite
 RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor: assumed
 
 
@@ -67,7 +68,7 @@ class Parameter:
         """Value of the parameter at x [its unit]; base: value at x = 0, its own if None."""
         base = self.base if base is None else base
         if self.transform == "reciprocal":
-            return math.inf if x <= 0.0 else 1.0 / x
+            return math.inf if x <= NONE * self.bounds[1] else 1.0 / x
         if self.transform == "log":
             return base * math.exp(x)
         return base + x if self.transform == "additive" else base * (1.0 + x)

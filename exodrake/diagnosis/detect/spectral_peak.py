@@ -142,7 +142,7 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
     moved = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
-    torques = {parameters[joints[k]].channels[0]: torque(x[joints[k]]) for k in moved}
+    torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in moved}
     half = 0.5 / WINDOW
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     mean = torque(float(np.mean([item.value for item in torques.values()])))
