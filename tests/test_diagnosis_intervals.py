@@ -87,5 +87,6 @@ def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect,
     x = [0.5 if at.transform == "log" else 0.1] * len(parameters)
     found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), 1.0, machine.axes.tendons)
     stated = found.parameters[parameter]
-    half = (np.log(stated.high / stated.low) if at.transform == "log" else (stated.high - stated.low) / stated.value) / 2
-    assert half == pytest.approx(Z90 * std, rel=1e-3)
+    log = at.transform == "log"
+    width = np.log(stated.high / stated.low) if log else (stated.high - stated.low) / stated.value
+    assert width / 2 == pytest.approx(Z90 * std, rel=1e-3)
