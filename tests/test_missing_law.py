@@ -24,7 +24,7 @@ from exodrake.effects import law_table
 from exodrake.simulation.simulate import simulate
 
 TICKS, FRAME = 16, 1e-3
-KNOWN = frozenset(  # effects that the diagnosis is told of
+KNOWN = frozenset(  # effects that the diagnosis knows
     f"carriage.{name}" for name in ("coulomb_friction", "viscous_friction", "offset", "direction", "load_friction")
 )
 

@@ -139,10 +139,10 @@ def case_rows(case: Transferred) -> Iterator[Row]:
     prediction, truth = case.prediction, " + ".join(case.truths) or case.kind
     notes = (prediction.name, truth, prediction.verdict, "")
     for note, (controller, gains) in zip(notes, prediction.gains.items(), strict=True):
-        told = prediction.costs["nominal" if controller == DEFAULT else controller][controller]
+        predicted = prediction.costs["nominal" if controller == DEFAULT else controller][controller]
         shown = ", ".join(f"{value:.3g}" for value in gains.values())
         changed = "" if controller == DEFAULT else f"{100 * relative(case, controller):+.1f} %"
-        yield note, controller, shown, f"{told:.4f}", f"{case.real[controller]:.4f}", changed
+        yield note, controller, shown, f"{predicted:.4f}", f"{case.real[controller]:.4f}", changed
 
 
 def as_json(found: Transfer) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-TOLD, CAUSE = 4, 2  # columns of the page's table that the terminal shows, and the one that is wrapped
+LISTED, CAUSE = 4, 2  # columns of the page's table that the terminal shows, and the one that is wrapped
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 
 
@@ -36,7 +36,7 @@ def command(source: Path, out: Path | None, table: Path | None) -> None:
     if out is not None:
         write_text(out, fleet_html(rows, source.resolve().name))
     shown = robot_table(members(rows))
-    titles, cells = shown.header[:TOLD], [[cell.replace("`", "") for cell in row[:TOLD]] for row in shown.rows]
+    titles, cells = shown.header[:LISTED], [[cell.replace("`", "") for cell in row[:LISTED]] for row in shown.rows]
     Console(highlight=False).print(table_of(titles, cells, wrapped=CAUSE))
     for path in (table, out):
         if path is not None:

@@ -45,8 +45,8 @@ class InPlay:
         """Why there is nothing to tell apart, in words; empty where there is something."""
         if len(self.rivals) > 1:
             return ""
-        told = "one explanation is left" if self.verdict == AMBIGUOUS else NOTHING.get(self.verdict, NONE_LEFT)
-        return f"{self.problem.case.name}: {self.verdict}, {told}: there is nothing to tell apart by an experiment"
+        reason = "one explanation is left" if self.verdict == AMBIGUOUS else NOTHING.get(self.verdict, NONE_LEFT)
+        return f"{self.problem.case.name}: {self.verdict}, {reason}: there is nothing for an experiment to distinguish"
 
 
 def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: StageProgress = no_progress) -> InPlay:

@@ -70,8 +70,8 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         draw_reference(rows[0, 0], contest, design)
         for axes, k in zip(rows[1:, 0], shown):
             draw_difference(axes, contest, replace_columns(difference, k), columns[k], size[k])
-        told = f"{difference.true} against {difference.rival} refitted"
-        rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
+        title = f"{difference.true} against {difference.rival} refitted"
+        rows[1, 0].set_title(f"difference: {title}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         name = contest.problem.case.name
         figure.suptitle(

@@ -112,7 +112,7 @@ class Information:
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) that is told apart worst."""
+        """The (true, rival) that is distinguished worst."""
         return min(self.pairs, key=lambda key: self.beyond(*key))
 
     def power(self, true: int, rival: int) -> float:

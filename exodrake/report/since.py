@@ -106,10 +106,10 @@ def changes(found: Since) -> Table | None:
     rows = []
     for one in found.series:
         change = one.change
-        told = ("–",) * 4
+        cells = ("–",) * 4
         if change is not None:
             before, after = (n.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
-            told = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
-        rows.append((title(one), *told[:1], f"{one.p:.2g}", *told[1:]))
+            cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
+        rows.append((title(one), *cells[:1], f"{one.p:.2g}", *cells[1:]))
     header = ("Quantity", "Change began", "p", "Before", "Last", "Rate")
     return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None

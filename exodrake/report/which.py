@@ -14,7 +14,7 @@ from exodrake.report.simulated_logs import IMPROVED, SimulatedLogs
 
 MOST = 10  # candidates that are drawn
 SURE = 0.999  # no weight is printed as larger
-SMALLEST_P = 1e-4  # p-values below it are not told apart
+SMALLEST_P = 1e-4  # p-values below it are not distinguished
 CLOSE = 0.02  # candidates whose closure is this close to the best are named as close
 SHOWN = 12  # retuned parameters that are shown at once
 LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed

@@ -155,7 +155,7 @@ def answer(
         p_noise=p,
         runner_up=None if rival is None else others[rival],
         p_runner_up=apart,
-        told_apart=apart < ALPHA,
+        distinguished=apart < ALPHA,
         others=others,
         curves=curves,
         closure=closure,
