@@ -1,4 +1,4 @@
-"""What a designed experiment is worth: `docs/experiment.md`.
+"""What a designed experiment gains: `docs/experiment.md`.
 
     exodrake blind make --seed 7 --cases 200 --out cases && exodrake blind run cases
     python -m studies.experiment cases --labels cases-labels.json --keep kept --out docs/experiment.md

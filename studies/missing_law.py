@@ -48,8 +48,8 @@ SAME_PLACE = {"encoder.homing_offset": ("encoder", "motor", "tendon"), "tendon.s
 PAGE = """# The missing law
 
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
-are diagnosed with **no effect in the library**: whatever is injected is a law that it does not know. One free law is searched
-over every point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
+are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
+point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
 ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
 encoder, motor or tendon, which meet at the spool. "Told apart" rests on a test that is not calibrated: it says yes of
 the wrong parts below, too.

@@ -128,7 +128,7 @@ def share(name: str, model: str, found: Transfer, other: str) -> Measured:
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
     cases = f"{len(found.cases)} case{'s' if len(found.cases) != 1 else ''}"
-    yield f"what a diagnosis is worth, {cases}", MEASURES, [measured.row for measured in measures(found)]
+    yield f"controllers tuned on diagnosed models, {cases}", MEASURES, [measured.row for measured in measures(found)]
     gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
     headings = tuple(heading.format(gains) for heading in COSTS)
     yield "controllers by case", headings, [row for case in found.cases for row in case_rows(case)]

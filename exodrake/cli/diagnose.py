@@ -113,7 +113,7 @@ def law_files(found: Diagnosis, folder: Path | None) -> list[Path]:
 
 
 def with_command(found: Diagnosis) -> Diagnosis:
-    """The answer with the command that asked for it."""
+    """The answer with its command."""
     from dataclasses import replace
 
     made = found.provenance

@@ -24,7 +24,9 @@ ADVICE = (
 
 @click.command()
 @click.argument("case", type=click.Path(path_type=Path))
-@click.option("--out", default=Path("reference.csv"), show_default=True, help="What the robot is to be asked.", **FILE)
+@click.option(
+    "--out", default=Path("reference.csv"), show_default=True, help="References to be sent to the robot.", **FILE
+)
 @click.option("--figure", default=None, help="Figure (PNG) [beside --out].", **FILE)
 @click.option("--case", "folder", default=None, help="Folder of the case, for an answer that lies elsewhere.", **FILE)
 @click.option("--seconds", type=float, default=None, help="Length of the experiment, 20 to 60 s [30].")

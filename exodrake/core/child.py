@@ -71,8 +71,8 @@ class Child:
         self.pipe, theirs = Pipe()
         environment = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         command = [sys.executable, "-m", "exodrake.core.child", str(theirs.fileno())]
-        quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **quiet)
+        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
         self.owner = os.getpid()
         theirs.close()
 

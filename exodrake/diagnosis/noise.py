@@ -53,7 +53,7 @@ def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> d
 def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands = ()) -> np.ndarray:
     """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say.
 
-    stopped: bands [Hz] that are left out.
+    notched: bands [Hz] that are left out.
     """
     parameters = sensor_noise_std(robot)
     expected = {} if case.repeat_groups else simulated_noise_std(case, robot, columns)

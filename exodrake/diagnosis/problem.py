@@ -28,7 +28,7 @@ class Problem:
         robot: the nominal robot with the case's overrides.
         columns: (c,) names. noise standard deviation: (c,) [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the noise only.
-        case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
+        case: where it comes from. notched: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
         detected: effects that detectors found.
     """

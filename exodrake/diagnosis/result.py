@@ -192,7 +192,7 @@ class Diagnosis:
         tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
         provenance: what the answer was made from.
         since: changes over dated sessions or one long log; None of other cases.
-        missing_law: the free law that explains the logs best, if one was looked for.
+        missing_law: the free law that explains the logs best; None without discovery.
         problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
     """
 

@@ -62,12 +62,12 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
     Raises:
         InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
     """
-    machine, asked = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
-    if folder is not None and not asked:
+    machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
+    if folder is not None and not is_answer:
         raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
-    case = read_case((folder or place.parent) if asked else place, required_of(machine), machine.frame)
+    case = read_case((folder or place.parent) if is_answer else place, required_of(machine), machine.frame)
     problem = make_problem(case, robot)
-    if asked:
+    if is_answer:
         answer = SCHEMA(read_json(place), str(place))
         if differs := difference(problem, answer):
             raise InputError(f"{place}: it was made from {differs}; diagnose again")

@@ -31,7 +31,7 @@ PIECES = 5  # motifs in a sequence: some 60 parameters for three channels
 RANDOM, WINDOWS, MUTATIONS = 24, 12, 60  # in a library, in a search of two rivals; fewer for more
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
-ENOUGH = 0.5  # probability below which an experiment is not worth its time: assumed
+ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Design:
     """An experiment.
 
     Attributes:
-        reference: what the robot is to be asked to do.
+        reference: to be sent to the robot.
         information: what it tells.
         size: factor by which the whole was made smaller to be safe [-].
         safety: ranges that it keeps.
@@ -69,7 +69,7 @@ class Design:
 
     @property
     def enough(self) -> bool:
-        """Whether it is worth its time."""
+        """Whether it is recommended."""
         return self.information.probability >= ENOUGH
 
 
@@ -189,7 +189,7 @@ def frames_of(seconds: float, frame: float) -> int:
 
 
 def usual_seconds(frame: float) -> float:
-    """Length [s] of an experiment that nobody asked to be longer or shorter."""
+    """Default length [s] of an experiment."""
     return max(USUAL, 2.0 * FEWEST * frame)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from exodrake.diagnosis.change_point import LEAST, LEVEL, ChangePoint
 
-SPAN = 60  # s before an alarm that are looked at
+SPAN = 60  # s before an alarm that are searched
 TINY = 1e-6  # standard deviation of a logarithm of power: below its scatter, which is then estimated alone
-QUIET = 1e-6  # noise variances: no logarithm of less
+SMALLEST = 1e-6  # noise variances: no logarithm of less
 
 
 def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
@@ -26,7 +26,7 @@ def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
     if known.sum() < LEAST:
         return None
     times = (second - len(powers) + np.arange(len(powers)) + 0.5)[known]
-    logs = np.log(np.maximum(powers[known], QUIET))
+    logs = np.log(np.maximum(powers[known], SMALLEST))
     scan = ChangePoint(times, TINY**2 * np.eye(len(times)), grid=1)
     if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= LEVEL:
         return None

@@ -51,11 +51,11 @@ def words(diagnosis: Diagnosis) -> list[str]:
 
 def sentence(found: Since, one: Series, change: Change) -> str:
     """A change: what, when, and how much."""
-    begun = f"began {when(found, change)}"
+    began = f"began {when(found, change)}"
     before, after = (n.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
     sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
     rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
-    return f"the change of {title(one)} {begun}: {sizes}{rate} ({' or '.join(change.shapes)})"
+    return f"the change of {title(one)} {began}: {sizes}{rate} ({' or '.join(change.shapes)})"
 
 
 def when(found: Since, change: Change) -> str:

@@ -1,4 +1,4 @@
-"""Protocols: what the robot is asked to do, as tension references (frames, wires) [N] of one row per frame.
+"""Protocols: tension references (frames, wires) [N] of one row per frame.
 
     exo.simulate(robot, exo.grasp("caging"))        exo.sweeps()        exo.protocol("chirp:high=1.5", robot)
 

@@ -79,7 +79,7 @@ def import_all(
                 where = f"{path}, {name}"
                 found[name] = imported(_one_clock(columns, mapped, where), mapped, where)
         if not found:
-            raise InputError(f"{path}: none of the episodes asked for")
+            raise InputError(f"{path}: none of the episodes of --episodes")
         return found
     if unit or chosen:
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
