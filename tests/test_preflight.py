@@ -45,11 +45,11 @@ def found_of(case: Case) -> dict:
 
 def test_a_gain_of_a_sine_changes_the_log_by_its_closed_form():
     """|d| = gain rms(command) sqrt(n / n_c) / noise, less what the ratio's tolerance takes up."""
-    size, floor = 0.3, ROBOT["reading.floor"]
+    size, noise = 0.3, ROBOT["reading.repeatability"]
     direction = found_of(case_of(sines(0.1, size)))["servo.gain", "Pitch"]
     gain, tolerance = PROBE * -0.1, 0.002
     samples = FRAMES * 0.02 / CORRELATION
-    unit = size / np.sqrt(2.0) * np.sqrt(samples) / floor  # change by a gain of 1
+    unit = size / np.sqrt(2.0) * np.sqrt(samples) / noise  # change by a gain of 1
     wanted = abs(gain) * unit / np.sqrt(1.0 + (tolerance * unit) ** 2)
     assert direction.typical == pytest.approx(gain)
     assert direction.seen == pytest.approx(wanted, rel=0.01)

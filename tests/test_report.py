@@ -313,7 +313,7 @@ def test_closure_per_kind_counts_in_noise_standard_deviations():
     gaps = {g.kind: g.gap for g in wording.kind_gaps(diagnosis())}
     assert list(gaps) == ["tension", "stroke", "speed_cmd", "angle"]
     tension = gaps["tension"]
-    assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.floor) ** 2 - 1))
+    assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.noise_std) ** 2 - 1))
 
 
 def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
@@ -337,7 +337,7 @@ def test_machine_says_label_and_unit_of_its_columns():
     found = replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other))
     tension = wording.kind_gaps(found)[0]
     assert tension.display.axis == "Pull [mN]"
-    assert number_format.quantity(tension.gap.floor, "N", tension.display.unit) == "10.0 mN"
+    assert number_format.quantity(tension.gap.noise_std, "N", tension.display.unit) == "10.0 mN"
 
 
 def test_answer_as_json_has_the_keys_of_its_page():

@@ -129,8 +129,8 @@ class Problem:
 
     def without(self, bands: Bands) -> Problem:
         """The problem with bands [Hz] filtered out of residuals and noise standard deviations."""
-        floor = noise_std(self.case, self.robot, self.columns, bands)
-        return replace(self, notched=bands, noise_std=np.minimum(floor, self.noise_std))
+        left = noise_std(self.case, self.robot, self.columns, bands)
+        return replace(self, notched=bands, noise_std=np.minimum(left, self.noise_std))
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""

@@ -67,12 +67,12 @@ class Where:
 
 @dataclass(frozen=True)
 class SignalGap:
-    """Gap of a signal on held-out logs before and after, its noise [unit of the signal], and the closure."""
+    """Gap of a signal on held-out logs before and after, its noise standard deviation [its unit], and the closure."""
 
     before: float
     retuned: float
     after: float
-    floor: float
+    noise_std: float
     closure: float
     unit: str
 
@@ -101,7 +101,7 @@ class Closure:
     def rms(self) -> dict[str, float]:
         """RMS error over all signals of the nominal, the retuned and the improved robot [noise_std]; 1 is noise."""
         names = ("before", "retuned", "after")
-        squares = [[(getattr(gap, name) / gap.floor) ** 2 for gap in self.signals.values()] for name in names]
+        squares = [[(getattr(gap, name) / gap.noise_std) ** 2 for gap in self.signals.values()] for name in names]
         return {name: float(np.sqrt(np.mean(s))) if s else float("nan") for name, s in zip(names, squares, strict=True)}
 
 

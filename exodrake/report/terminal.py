@@ -97,9 +97,9 @@ def gap_table(diagnosis: Diagnosis) -> Table:
     rows, closes = [], diagnosis.verdict != NO_GAP
     for found in w.kind_gaps(diagnosis):
         gap = found.gap
-        gaps = (gap.before, gap.after, gap.floor) if closes else (gap.before, gap.floor)
+        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
         cells = [n.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor else "-"
+        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
         rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
     return table(("gap (RMS)", *titles), rows)
