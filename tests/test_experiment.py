@@ -167,10 +167,10 @@ def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):
         design(contest, 20.0)
 
 
-@pytest.mark.parametrize("seconds", [5.0, 61.0])
-def test_length_out_of_range_is_refused(seconds):
+@pytest.mark.parametrize("duration", [5.0, 61.0])
+def test_length_out_of_range_is_refused(duration):
     with pytest.raises(InputError, match="wanted 20 to 60 s"):
-        frames_of(seconds, 0.02)
+        frames_of(duration, 0.02)
     assert frames_of(120.0, 1.0) == 120
 
 
@@ -200,7 +200,7 @@ def run(*arguments):
 
 def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path):
     out = tmp_path / "reference.csv"
-    result = run("experiment", answered, "--robot", "emps", "--out", out, "--seconds", 20)
+    result = run("experiment", answered, "--robot", "emps", "--out", out, "--duration", 20)
     assert result.exit_code == 0, result.output
     assert "carriage.coulomb_friction" in result.output and "diagnose again" in result.output
     robot = exo.load_robot("emps")
@@ -208,7 +208,7 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     assert len(reference.tension) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     again = tmp_path / "again.csv"
-    result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--seconds", 20)
+    result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--duration", 20)
     assert result.exit_code == 0 and again.read_bytes() == out.read_bytes()
 
 

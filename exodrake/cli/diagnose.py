@@ -29,7 +29,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", **FOLDER, help="Write a law that was found, as a plugin with its robot.")
-@click.option("--profile", is_flag=True, help="Say where the simulated seconds went.")
+@click.option("--profile", is_flag=True, help="Say which stages took the simulated time.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")

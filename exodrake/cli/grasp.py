@@ -53,7 +53,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     built, wanted = load_robot(robot), parse_size(size)
     refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
-    with Console(stderr=True).status("planning (the statics compile for some seconds)") as status:
+    with Console(stderr=True).status("planning (the statics compile first)") as status:
         plan = plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)

@@ -1,4 +1,4 @@
-"""When a gap rose: the change point (`diagnosis.change_point`) of a channel's power in the seconds before an alarm.
+"""When a gap rose: the change point (`diagnosis.change_point`) of a channel's power before an alarm.
 
 The alarm itself stays that of limits which healthy robots keep, so its rate of false alarms is theirs. The scan says
 whether the gap was there from the begin on, or when it came.
@@ -16,10 +16,10 @@ SMALLEST = 1e-6  # noise variances: no logarithm of less
 
 
 def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
-    """Seconds of the log between which a gap rose (90 % set); None if the seconds show no rise.
+    """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
     Args:
-        powers: (seconds,) mean square of each of the last seconds [noise variances], NaN if nothing was measured.
+        powers: (n,) mean square of each of the last n s [noise variances], NaN if nothing was measured.
         second: end of the last one [s].
     """
     known = np.isfinite(powers)

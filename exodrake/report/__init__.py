@@ -1,4 +1,4 @@
-"""A diagnosis for people: `report_html` makes a page, `print_summary` prints ten seconds' reading."""
+"""A diagnosis for people: `report_html` makes a page, `print_summary` prints a summary."""
 
 from __future__ import annotations
 

@@ -81,14 +81,14 @@ def fleet_html(rows: Sequence[Row], source: str) -> str:
 def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]]:
     """Counts for the head of the page."""
     ill = [m for m in robots if m.last.verdict in (NAMED, AMBIGUOUS, UNKNOWN)]
-    seconds = [row.seconds for row in rows if np.isfinite(row.seconds)]
+    times = [row.run_time for row in rows if np.isfinite(row.run_time)]
     return [
         (str(len(robots)), "robots"),
         (f"{len(rows):,}", "cases"),
         (str(len(ill)), "robots with a gap in their last case"),
         (str(sum(bool(m.changed) for m in robots)), "robots with a dated change"),
         (str(sum(row.verdict == FAILURE for row in rows)), "cases without an answer"),
-        (f"{np.median(seconds):.1f} s" if seconds else "–", "a case, median"),
+        (f"{np.median(times):.1f} s" if times else "–", "a case, median"),
     ]
 
 

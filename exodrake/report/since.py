@@ -86,15 +86,15 @@ def timeline(found: Since, one: Series) -> dict[str, Any]:
     name, factor = shown_unit(one.unit)
     rows = {key: [factor * v for v in getattr(one, key)] for key in ("values", "low", "high")}
     head = {"title": title(one), "unit": SYMBOLS.get(name, name), "dates": found.unit == "d"}
-    times = seconds(found, found.times)
+    times = posix_times(found, found.times)
     if one.change is None:
         return {**head, **rows, "times": times}
-    path = [[*seconds(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
-    return {**head, **rows, "times": times, "began": seconds(found, one.change.began), "path": path}
+    path = [[*posix_times(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
+    return {**head, **rows, "times": times, "began": posix_times(found, one.change.began), "path": path}
 
 
-def seconds(found: Since, times: Sequence[float]) -> list[float]:
-    """Times [unit of `found`] in seconds since 1970, or in those of the log."""
+def posix_times(found: Since, times: Sequence[float]) -> list[float]:
+    """Times [unit of `found`] as POSIX times [s], or as times of the log [s]."""
     if found.unit == "s":
         return list(times)
     first = date_of(found.sessions[0])

@@ -1,4 +1,4 @@
-"""Tables in a terminal, and a diagnosis that is read there in ten seconds."""
+"""Tables in a terminal, and a diagnosis that is read there at a glance."""
 
 from __future__ import annotations
 
@@ -138,10 +138,10 @@ def ranking(diagnosis: Diagnosis) -> Table:
 
 
 def print_profile(diagnosis: Diagnosis, console: Console | None = None) -> None:
-    """Prints where the simulated seconds of a diagnosis went; to standard output without a console."""
+    """Prints which stages of a diagnosis took the simulated time; to standard output without a console."""
     from rich.console import Console
 
-    total = diagnosis.simulated_seconds
+    total = diagnosis.simulated_time
     rows = [(stage, f"{s:,.0f} s", n.percent(s / total)) for stage, s in diagnosis.simulated.items()]
-    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.seconds:.1f} s"))
+    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.run_time:.1f} s"))
     (console or Console(highlight=False)).print(table(("stage", ">simulated", ">share"), rows))

@@ -26,7 +26,7 @@ from exodrake.data.log import Log, check_clock
 from exodrake.data.log_file import read_log
 
 PERIOD = 0.02  # s, frames of a bag whose mapping states none
-ROUNDED = 1e-3  # of a frame: stamps since 1970 in seconds are rounded to a quarter of a microsecond
+ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
 
 
 @dataclass(frozen=True, eq=False)

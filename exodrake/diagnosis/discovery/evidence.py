@@ -21,7 +21,7 @@ PASSES, ROUNDS = 2, 4  # over the channels; of the residual's variance
 
 
 def weights_of(likelihood: Likelihood) -> np.ndarray:
-    """Weight of each sample (samples,): each view in units of what it leaves, `SAMPLE` seconds as one sample."""
+    """Weight of each sample (samples,): each view in units of what it leaves, a time of `SAMPLE` as one sample."""
     frame = likelihood.robot.machine.frame
     return likelihood.weights * np.float32(np.sqrt(max(CORRELATION / frame, 1.0) / max(SAMPLE / frame, 1.0)))
 
