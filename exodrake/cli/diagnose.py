@@ -22,7 +22,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @click.command()
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...")
 @click.option("--json", "json_file", **FILE, help="Write the answer as JSON, in SI.")
-@click.option("--report", **FILE, help="Write a report as one HTML page.")
+@click.option("--report", **FILE, help="Write a report as one HTML file.")
 @click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")

@@ -150,8 +150,8 @@ def files_of(
     files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": png_of(figure)}
     if machine.skeleton is not None:
         say("drawing the recording")
-        page = recording_html(log, robot, title, other=nominal, names=names, details=details)
-        files["recording.html"] = page.encode()
+        html = recording_html(log, robot, title, other=nominal, names=names, details=details)
+        files["recording.html"] = html.encode()
     return files
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.result import Diagnosis, SignalGap
 from exodrake.report import number_format as n, wording as w
+from exodrake.report.blocks import Drawing, Table
 from exodrake.report.curves import curves
-from exodrake.report.page import Drawing, Table
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, SimulatedLogs
 from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
 

@@ -10,7 +10,7 @@ from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n
-from exodrake.report.page import Drawing, Table
+from exodrake.report.blocks import Drawing, Table
 from exodrake.report.svg import RULE, SOFT, house_style, new_figure, svg_of
 
 RELAXES = "relaxation"  # a law over time since a change
@@ -63,7 +63,7 @@ def law_lines(law: MissingLaw | None) -> list[str]:
 
 
 def sentence(line: str) -> str:
-    """A line of the terminal as a sentence of the page."""
+    """A line of the terminal as a sentence of the report."""
     text = line.strip()
     return text[:1].upper() + text[1:] + "."
 

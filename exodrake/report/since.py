@@ -12,7 +12,7 @@ from exodrake.diagnosis.change_point import LEVEL, STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.diagnosis.since import RESIDUAL, Series, Since
 from exodrake.report import number_format as n
-from exodrake.report.page import Table
+from exodrake.report.blocks import Table
 
 SHOWN = 6  # series that are drawn
 STEADY = f"no quantity changes over the {{}} (tests at p < {LEVEL:g})"

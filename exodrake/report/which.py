@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.result import Candidate, Diagnosis, LevelTest, NamedEffect
 from exodrake.report import number_format as n, wording as w
-from exodrake.report.page import Bars, Block, Table
+from exodrake.report.blocks import Bars, Block, Table
 from exodrake.report.simulated_logs import IMPROVED, SimulatedLogs
 
 MOST = 10  # candidates that are drawn
