@@ -1,4 +1,4 @@
-"""What a designed experiment is worth: `docs/experiment.md`.
+"""What a designed experiment gains: `docs/experiment.md`.
 
     exodrake blind make --seed 7 --cases 200 --out cases && exodrake blind run cases
     python -m studies.experiment cases --labels cases-labels.json --keep kept --out docs/experiment.md
@@ -124,8 +124,8 @@ def page(rows: dict[str, dict[str, Any]], command: str) -> str:
         right = sum(resolved(row, motion) for row in used.values())
         named = sum(row["after"][motion]["verdict"] == "NAMED" for row in used.values())
         interval = binomtest(right, len(used)).proportion_ci(method="wilson") if used else (0.0, 1.0)
-        told = [row["promised"][motion] for row in used.values() if row["promised"]]
-        mean = f"{np.mean(told):.0%} ({len(told)} cases)" if told else "-"
+        shares = [row["promised"][motion] for row in used.values() if row["promised"]]
+        mean = f"{np.mean(shares):.0%} ({len(shares)} cases)" if shares else "-"
         share = f"{right} of {len(used)} | {interval[0]:.0%} to {interval[1]:.0%} | {named - right} | {mean}"
         lines.append(f"| {motion} | {share} |")
     lines += ["", "| case | true | class before | T designed, random | after the designed | after a random one |"]

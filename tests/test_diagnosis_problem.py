@@ -34,9 +34,9 @@ def case(robot):
 
 def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robot, case):
     columns = columns_of(case, robot.machine)
-    floor = dict(zip(columns, noise_std(case, robot, columns), strict=True))
-    assert floor["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
-    assert floor["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
+    found = dict(zip(columns, noise_std(case, robot, columns), strict=True))
+    assert found["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
+    assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
 
 
 def test_repeats_count_for_the_noise_only(robot, case):

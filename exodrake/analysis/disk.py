@@ -54,7 +54,7 @@ def refined(m: np.ndarray, start: np.ndarray) -> float:
         return float(np.linalg.norm(scale[:, None] * m / scale, 2))
 
     logs, found = np.log(start[1:] / start[0]), np.inf
-    for _ in range(3):  # the largest singular value has kinks: start again where the simplex stopped
+    for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
         result = minimize(size, logs, method="Nelder-Mead", options={"xatol": TIGHT, "fatol": TIGHT})
         logs, before, found = result.x, found, min(found, float(result.fun))
         if found > before * (1.0 - 10.0 * TIGHT):

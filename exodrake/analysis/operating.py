@@ -1,4 +1,4 @@
-"""The operating point: the loop at rest under constant references, settled by simulation."""
+"""The operating point: the loop at rest under constant references, by simulation."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def closed_loop_numbers(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()
             | {
                 "frames": point.frames,
                 "residual [excursion/frame]": point.residual,
-                "settled_by_own_gains": point.steady,
+                "steady_by_own_gains": point.steady,
             },
             "poles": [pole_numbers(p) for p in model.poles()],
             "linear_model": model_numbers(result),

@@ -47,7 +47,7 @@ def plot_tuning(tuning: Tuning) -> Figure:
 
 
 def shown_time(tuning: Tuning) -> float:
-    """End of the time axis [s]: a little after the robot's own controller has settled."""
+    """End of the time axis [s]: a little beyond the settling time of the robot's own controller."""
     ends = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
     return min(1.15 * max(ends, default=np.inf), tuning.compared[0].steps[0].time[-1])
 

@@ -32,7 +32,7 @@ ROLES = {
     "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
     "grasps": ("holdout", None),
 }  # fmt: skip
-MARK = ".begun"  # of a set that is not complete
+MARK = ".incomplete"  # of a set that is not complete
 
 
 def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:

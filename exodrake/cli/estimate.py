@@ -68,5 +68,5 @@ def zeros_text(zeros: "Zeros", corrected: bool) -> str:
         return f"{text}\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
     if not zeros.moved:
         return f"{text}: not moved"
-    done = "corrected" if corrected else "not corrected, as asked"
+    done = "corrected" if corrected else "not corrected, by --as-trained"
     return f"{text}: moved, {done}. Re-donned? A changed rest posture looks the same."

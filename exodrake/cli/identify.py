@@ -53,7 +53,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
 
 @command.command(short_help="Write a marker recording with known truth.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--seconds", type=float, default=40.0, show_default=True, help="Length of the recording.")
+@click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
 @click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
 @click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
@@ -62,7 +62,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
 @click.option("--seed", type=int, default=0, show_default=True)
 def synthesise(
     file: Path,
-    seconds: float,
+    duration: float,
     rate: float,
     noise: float,
     artefact: float,
@@ -80,10 +80,10 @@ def synthesise(
     known = (*Layout().finger, *Layout().thumb)
     if swap and not set(swap) <= set(known):
         raise InputError(f"--swap {' '.join(swap)}: the markers are {', '.join(known)}")
-    middle = round(seconds * rate / 2)
+    middle = round(duration * rate / 2)
     swaps = (Swap(swap, middle, middle + round(rate / 2)),) if swap else ()
     faults = Faults(1e-3 * noise, 1e-3 * artefact, dropouts, swaps=swaps)
-    recording, truth = synthesise(Hand(), faults, seconds, rate, seed)
+    recording, truth = synthesise(Hand(), faults, duration, rate, seed)
     if file.suffix.lower() == ".c3d":
         from exodrake.identification.kinematics.c3d import c3d_bytes
 

@@ -32,7 +32,7 @@ ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
 LONG = 6000  # rows: more of them cover each other; a log of two minutes at 50 Hz
 STRETCHES = 240  # of a long log, about four pixels each on a screen
 LINE, POINTS, MARGIN = 120, 72.0, 0.05  # characters of a line of details; points in an inch; inches at the top
-NARROWEST, WIDEST, SECONDS = 7.0, 12.0, 10.0  # width of a figure [inches], seconds in an inch of a long log
+NARROWEST, WIDEST, PER_INCH = 7.0, 12.0, 10.0  # width of a figure [inches], s of a long log in an inch
 SIZES = (11.0, 7.5)  # of title and details [points]
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
@@ -80,7 +80,7 @@ def plot_log(
     kinds = kinds_of(log, machine)
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
-    width = min(WIDEST, max(NARROWEST, log.duration / SECONDS)) if len(log) > 1 else NARROWEST
+    width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
     with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * (NARROWEST / width) ** 0.5}):
         figure = new_figure(width, 0.7 + 1.65 * len(kinds))
         rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]

@@ -41,7 +41,7 @@ class Isolator:
     Args:
         problem: shortened case as a regression, with what was detected.
         start: its retuned robot.
-        simulated: seconds simulated so far, by stage.
+        simulated: time simulated so far, by stage [s].
         progress: called with the stage and what it works on.
     """
 

@@ -64,7 +64,7 @@ class View:
 
 @dataclass(eq=False)
 class Likelihood:
-    """Views of a case side by side; `simulated` counts the seconds that were simulated, by stage."""
+    """Views of a case side by side; `simulated` sums the simulated time by stage [s]."""
 
     views: tuple[View, ...]
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))

@@ -32,7 +32,7 @@ from exodrake.diagnosis.verdict import Decision
 
 RESIDUAL = "residual"  # name of the series of the residual's power
 MOST, TRIED = 4, 5  # nominal parameters that are followed, and single effects that are tried
-FEW = "{} sessions: a change is looked for in {} or more"
+FEW = "{} sessions: a change needs {} or more"
 
 
 @dataclass(frozen=True)

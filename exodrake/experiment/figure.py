@@ -1,4 +1,4 @@
-"""A figure of an experiment: what is asked, and by how much the two closest explanations then differ."""
+"""A figure of an experiment: its references, and by how much the two closest explanations then differ."""
 
 from __future__ import annotations
 
@@ -70,13 +70,11 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         draw_reference(rows[0, 0], contest, design)
         for axes, k in zip(rows[1:, 0], shown):
             draw_difference(axes, contest, replace_columns(difference, k), columns[k], size[k])
-        told = f"{difference.true} against {difference.rival} refitted"
-        rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
+        title = f"{difference.true} against {difference.rival} refitted"
+        rows[1, 0].set_title(f"difference: {title}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         name = contest.problem.case.name
-        figure.suptitle(
-            f"{name}: what the robot is to be asked to do", fontsize=11, fontweight="bold", x=0.01, ha="left"
-        )
+        figure.suptitle(f"{name}: references of the experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
         figure.align_ylabels(list(rows[:, 0]))
         return png_of(figure)
 
@@ -87,7 +85,7 @@ def replace_columns(difference: Difference, k: int) -> Difference:
 
 
 def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
-    """What the robot is to be asked to do, a line a channel."""
+    """The references, a line a channel."""
     machine = contest.problem.robot.machine
     column = machine.references[0]
     channels, display = machine.axes.of(machine.signal[column.signal].axis), display_of(column.kind, machine)

@@ -99,9 +99,9 @@ class Information:
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
         excess = float(self.excess[true]) if self.granted[rival] else 0.0
-        asked = np.sqrt(excess * self.share / (1.0 - self.share))
-        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, asked)
-        return float(distance / np.hypot(1.0, UNSURE * asked))
+        required = np.sqrt(excess * self.share / (1.0 - self.share))
+        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, required)
+        return float(distance / np.hypot(1.0, UNSURE * required))
 
     @property
     def criterion(self) -> float:
@@ -112,7 +112,7 @@ class Information:
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) that is told apart worst."""
+        """The (true, rival) that is distinguished worst."""
         return min(self.pairs, key=lambda key: self.beyond(*key))
 
     def power(self, true: int, rival: int) -> float:

@@ -33,7 +33,7 @@ REST = (
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Noise standard deviation of an angle [rad]."""
-    return {"angle": parameter("reading.floor")}
+    return {"angle": parameter("reading.repeatability")}
 
 
 def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exodrake.report.page import Drawing, Heading, Table
+from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried

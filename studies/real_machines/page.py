@@ -34,7 +34,7 @@ def verdict(found: Diagnosis) -> str:
     lines = [
         f"**{found.verdict}**, in the *{found.where.block}*" + (f" ({place})" if place else "") + ".",
         f"Closure on held-out logs {overall.value:.4f} ({overall.low:.4f} to {overall.high:.4f}), "
-        f"{found.seconds:.0f} s.",
+        f"{found.run_time:.0f} s.",
     ]
     lines += [f"Shares of the segments between measured signals: {shares}."] if shares else []
     lines += [f"Why: {reason}." for reason in found.reasons]

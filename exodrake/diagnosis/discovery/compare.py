@@ -53,7 +53,7 @@ def log_evidences(fit: Fit, rows: np.ndarray) -> np.ndarray:
     inverse = np.linalg.inv(columns.gram + weighed.variance * np.diag(prior**-2.0))
     left = np.maximum(left - np.einsum("in,in->n", slope, inverse @ slope), 0.0)
     information = np.linalg.slogdet(np.eye(len(prior)) + columns.gram * np.outer(prior, prior) / weighed.variance)[1]
-    variance = np.maximum(left / model.samples, model.floor)
+    variance = np.maximum(left / model.samples, model.least)
     return -0.5 * (model.samples * np.log(variance) + left / variance + information)
 
 

@@ -18,7 +18,7 @@ from exodrake.diagnosis.discovery.candidate import Candidate, candidates
 from exodrake.diagnosis.discovery.compare import level_of_noise, level_of_runner_up
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
-from exodrake.diagnosis.discovery.fit import Fit, Screened, begun, nuisance_jacobian, refined, screened
+from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened, started
 from exodrake.diagnosis.discovery.formula import Formula, formula
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
@@ -32,7 +32,7 @@ from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
-BEGUN, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
+STARTED, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
 PER_POINT = 2  # of these at one point, at most
 FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
 
@@ -81,9 +81,9 @@ def fit_best(
     chosen: list[Screened] = []
     for s in screen:
         here = [c for c in chosen if c.candidate.law is s.candidate.law]
-        if s.active and len(here) < PER_POINT and len(chosen) < BEGUN:
+        if s.active and len(here) < PER_POINT and len(chosen) < STARTED:
             chosen.append(s)
-    starts = [begun(likelihood, base, model, s) for s in chosen]
+    starts = [started(likelihood, base, model, s) for s in chosen]
     starts.sort(key=lambda f: left(likelihood, f))
     fits = []
     for start in starts[:FITTED]:
@@ -155,7 +155,7 @@ def answer(
         p_noise=p,
         runner_up=None if rival is None else others[rival],
         p_runner_up=apart,
-        told_apart=apart < ALPHA,
+        distinguished=apart < ALPHA,
         others=others,
         curves=curves,
         closure=closure,

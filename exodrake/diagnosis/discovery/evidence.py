@@ -21,7 +21,7 @@ PASSES, ROUNDS = 2, 4  # over the channels; of the residual's variance
 
 
 def weights_of(likelihood: Likelihood) -> np.ndarray:
-    """Weight of each sample (samples,): each view in units of what it leaves, `SAMPLE` seconds as one sample."""
+    """Weight of each sample (samples,): each view in units of what it leaves, a time of `SAMPLE` as one sample."""
     frame = likelihood.robot.machine.frame
     return likelihood.weights * np.float32(np.sqrt(max(CORRELATION / frame, 1.0) / max(SAMPLE / frame, 1.0)))
 
@@ -42,7 +42,7 @@ class Eliminated:
         self.inverse = np.linalg.inv(normal_matrix(self.jacobian, prior_std**-2.0))
         self.offset = (offset * self.weights).astype(np.float32)
         self.samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
-        self.floor = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
+        self.least = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
         self.pull = (self.jacobian @ self.offset).astype(float)
         self.left = float(self.offset.astype(float) @ self.offset - self.pull @ self.inverse @ self.pull)
 
@@ -102,7 +102,7 @@ def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.n
     prior = scales[channel]
     on = np.flatnonzero(prior > 0.0)
     gram, slope, prior = columns.gram[np.ix_(on, on)], columns.slope[on], prior[on]
-    variance, best = max(model.left / model.samples, model.floor), None
+    variance, best = max(model.left / model.samples, model.least), None
     for _ in range(ROUNDS):
         inverse = np.linalg.inv(gram / variance + np.diag(prior**-2.0))
         modes = -inverse @ slope / variance
@@ -113,7 +113,7 @@ def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.n
         full, covariance = np.zeros(len(channel)), np.zeros((len(channel),) * 2)
         full[on], covariance[np.ix_(on, on)] = modes, inverse
         best = Weighed(float(value), scales, full, covariance, variance, float(left))
-        variance = max(float(left) / model.samples, model.floor)
+        variance = max(float(left) / model.samples, model.least)
     assert best is not None
     return best
 

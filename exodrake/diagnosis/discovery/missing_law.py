@@ -55,7 +55,7 @@ class MissingLaw:
         p_noise: p-value of that were there noise alone.
         runner_up: the best law at another point.
         p_runner_up: p-value of its lead were the runner-up the truth.
-        told_apart: whether the data tell the two apart.
+        distinguished: whether the data distinguish the two.
         others: laws that were fitted to the end, by evidence, best first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
@@ -73,7 +73,7 @@ class MissingLaw:
     p_noise: float = float("nan")
     runner_up: Runner | None = None
     p_runner_up: float = float("nan")
-    told_apart: bool = False
+    distinguished: bool = False
     others: tuple[Runner, ...] = ()
     curves: dict[str, Curve] = field(default_factory=dict)
     closure: Interval | None = None

@@ -2,7 +2,7 @@
 
     html = recording_html(log, robot)
 
-Tendons are coloured by their load; the page has play, pause, speed and a slider over time. `#t=1.5` in the address
+Tendons are coloured by their load; the recording has play, pause, speed and a slider over time. `#t=1.5` in the address
 stops it at that time.
 """
 
@@ -21,13 +21,13 @@ from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.arm import Arm
-from exodrake.diagrams.meshcat.page import colours, with_readings
+from exodrake.diagrams.meshcat.readings import colours, with_readings
 from exodrake.diagrams.meshcat.scene import GHOST, Finger, Thing
 from exodrake.diagrams.meshcat.shapes import skeleton
 
 __all__ = ["Thing", "beside", "frames_of", "recording_html"]
 
-FRAMES = 500  # at most, so that the page stays below 5 MB
+FRAMES = 500  # at most, so that the file stays below 5 MB
 RATE = 25.0  # frames per second of a short recording
 
 
@@ -41,12 +41,12 @@ def recording_html(
     names: tuple[str, str] = ("this run", "nominal"),
     details: Sequence[str] = (),
 ) -> str:
-    """A page with the moving robot.
+    """HTML with the moving robot.
 
     Args:
         log: with angles and loads of the tendons.
         robot: whose geometry is drawn.
-        title: of the page; the log's label by default.
+        title: of the recording; the log's label by default.
         thing: an object at the robot.
         angles: kind of the columns drawn, such as `angle_est`; the measured ones by default.
         other: a second log, drawn as a grey ghost.

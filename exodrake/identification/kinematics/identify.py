@@ -23,7 +23,7 @@ from exodrake.identification.kinematics.rigid import apply, inverse
 from exodrake.identification.kinematics.smooth import smooth
 from exodrake.identification.kinematics.start import first_guess
 
-FRAMES = 4000  # of the adjustment, equispaced beside the rest: minutes of recording within seconds
+FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
 
 
 @dataclass(frozen=True)

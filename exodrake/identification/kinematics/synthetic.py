@@ -83,23 +83,23 @@ class Truth:
     lengths: tuple[float, float, float]
 
 
-def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: int) -> tuple[Recording, Truth]:
+def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
     """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
 
     Args:
         hand: True parameters.
         faults: Faults of the recording.
-        seconds: Duration [s].
+        duration: Its length [s].
         rate: Frame rate [Hz].
         seed: Of the random numbers.
 
     Raises:
         InputError: For fewer than 3 s or 5 Hz.
     """
-    if seconds < 3 or rate < 5:
-        raise InputError(f"synthesise: {seconds:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
+    if duration < 3 or rate < 5:
+        raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
     rng = np.random.default_rng(seed)
-    time = np.arange(round(seconds * rate)) / rate
+    time = np.arange(round(duration * rate)) / rate
     angles = wanted_angles(time, hand)
     rest, layout = rest_markers(hand), Layout()
     axes = _axes_at_rest(hand)
