@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.operating import OperatingPoint, linearised
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -129,10 +128,8 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
-    for plain in (robot, without_effects(robot)):
-        loop = FrameMap.of(plain)
-        point = operating_point(loop, at)
-        model = linearise(loop, point.state, point.references)
+    for plain in (robot, robot.without_effects()):
+        loop, point, model = linearised(plain, at)
         if model.decides:
             break
     if model.spectral_radius >= 1.0:
@@ -153,13 +150,6 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
             spliced = plain.splice(identity, values)
             found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
     return tuple(found)
-
-
-def without_effects(robot: Robot) -> Robot:
-    """The robot with every effect at its null value."""
-    nulls = [p.null for p in robot.machine.parameters]
-    values = [v if null is None else null for v, null in zip(robot.values, nulls, strict=True)]
-    return replace(robot, values=np.array(values, dtype=float))
 
 
 def cycles_of(
