@@ -11,13 +11,12 @@ from exodrake.data.plot import save_png
 from exodrake.estimator.quick import quick_estimator
 from exodrake.grasping.posture_loop import posture_controller, posture_figure
 from exodrake.grasping.run import run_plan
-from exodrake.grasping.trial import nominal
 
 robot = exo.load_robot()
 plan = exo.plan_grasp("caging", 0.050, robot)
 stiffer = {f"finger.kappa.{joint}": 1.3 * robot[f"finger.kappa.{joint}"] for joint in plan.joints}
 wearer = robot.with_parameters(stiffer)
-estimator = quick_estimator(nominal(wearer))  # trained on the wearer's own sweeps
+estimator = quick_estimator(wearer)  # trained on the wearer's own sweeps
 loop = posture_controller(plan, robot, hold=10.0)  # of the robot as planned
 
 without = run_plan(plan, wearer, estimator, seed=1, hold=10.0)

@@ -129,7 +129,7 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
-    for plain in (robot, without_effects(robot)):
+    for plain in (robot, robot.without_effects()):
         loop = FrameMap.of(plain)
         point = operating_point(loop, at)
         model = linearise(loop, point.state, point.references)
@@ -153,13 +153,6 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
             spliced = plain.splice(identity, values)
             found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
     return tuple(found)
-
-
-def without_effects(robot: Robot) -> Robot:
-    """The robot with every effect at its null value."""
-    nulls = [p.null for p in robot.machine.parameters]
-    values = [v if null is None else null for v, null in zip(robot.values, nulls, strict=True)]
-    return replace(robot, values=np.array(values, dtype=float))
 
 
 def cycles_of(

@@ -47,7 +47,6 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.estimator.quick import quick_estimator
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import run_plan
-    from exodrake.grasping.trial import nominal
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
@@ -59,7 +58,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
         check_folder(folder)
         if listening is None:
             status.update("training an estimator on simulated sweeps")
-            listening = quick_estimator(nominal(built), folder / ESTIMATOR)
+            listening = quick_estimator(built.without_effects(), folder / ESTIMATOR)
         status.update("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         status.update("drawing")

@@ -121,6 +121,12 @@ class Robot:
                 values[self.machine.index[full]] = quantity(one, parameter.unit, full)
         return replace(self, values=values)
 
+    def without_effects(self) -> Robot:
+        """The robot with every effect at its null value."""
+        nulls = [parameter.null for parameter in self.machine.parameters]
+        values = [v if null is None else null for v, null in zip(self.values, nulls, strict=True)]
+        return replace(self, values=np.array(values, dtype=float))
+
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
         found = {effect.id: self.effect_values(effect) for effect in self.machine.effects}

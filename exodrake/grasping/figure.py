@@ -11,9 +11,9 @@ from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
 from exodrake.grasping.contact import joints
-from exodrake.grasping.inverse import parameters_of
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
+from exodrake.systems.finger_statics import parameters_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,11 +12,10 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
-from exodrake.grasping.inverse import parameters_of, stiffness
+from exodrake.grasping.inverse import stiffness
 from exodrake.grasping.plan import Plan
-from exodrake.grasping.trial import nominal
 from exodrake.simulation.simulate import record
-from exodrake.systems.finger_statics import arms
+from exodrake.systems.finger_statics import arms, parameters_of
 from exodrake.systems.posture_controller import damped_inverse
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     from exodrake.diagrams.posture_controller import PostureController, PosturePlan
 
     reference = plan.reference(robot, **durations)
-    angle = record(nominal(robot), reference, seed=None, quantisation=False).signals["angle"]
+    angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
     low, high = robot.reference_limits()
     gain = damped_inverse(compliance(plan, robot))
     return PostureController(PosturePlan(reference.tension, angle, gain, low, high, ki), robot.machine)

@@ -6,8 +6,6 @@ first of two equilibria.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from exodrake.core.robot import Robot
@@ -18,12 +16,6 @@ from exodrake.simulation.simulate import simulate
 REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
 LAST = 0.5  # s at the end of the hold, over which a posture is read
 CLOSE = 0.03  # rad between plan and simulation
-
-
-def nominal(robot: Robot) -> Robot:
-    """The robot with its own parameters and without effects."""
-    null = [parameter.null for parameter in robot.machine.parameters]
-    return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, null)]))
 
 
 def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:

@@ -16,7 +16,7 @@ DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 def chapter(robot) -> Chapter:
     """Equations that are wrong as printed."""
-    from exodrake.grasping.inverse import parameters_of
+    from exodrake.systems.finger_statics import parameters_of
     from studies.paper import loop_sign
 
     rows = [
