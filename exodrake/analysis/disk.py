@@ -60,13 +60,3 @@ def refined(m: np.ndarray, start: np.ndarray) -> float:
         if found > before * (1.0 - 10.0 * TIGHT):
             break
     return found
-
-
-def gain_range(alpha: float) -> float:
-    """Factor to which, and whose inverse to which, all gains may go at a disk margin."""
-    return (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else float("inf")
-
-
-def phase_range(alpha: float) -> float:
-    """Phase [rad] by which all commands may err at a disk margin."""
-    return 2.0 * float(np.arctan(0.5 * alpha))

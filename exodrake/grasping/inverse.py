@@ -1,9 +1,9 @@
 """Inverse statics: postures to tensions, which are one-sided and bounded, with joints that may snap.
 
 Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
-posture and end stops (`stiffness.tension_map` is this with constant stiffness). Whether the finger then stands there is
-another question: T must lie in F_min .. F_max, the equilibrium must be stable (arms grow with the angle, so tension
-softens joints, and under strong co-contraction the DIP has two stable postures), and the ramp must lead to it.
+posture and end stops. Whether the finger then stands there is another question: T must lie in F_min .. F_max, the
+equilibrium must be stable (arms grow with the angle, so tension softens joints, and under strong co-contraction the DIP
+has two stable postures), and the ramp must lead to it.
 
 Where no tensions hold a posture, `project` finds those whose posture is nearest: least squares within the bounds,
 through the nonlinear statics along the ramp.
