@@ -1,8 +1,14 @@
 """`exodrake identify`: kinematics from marker recordings, and synthetic recordings with known truth."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from exodrake.identification.kinematics.identify import Kinematics
 
 
 @click.group()
@@ -34,7 +40,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     from exodrake.identification.kinematics.labels import check_labels, relabelled
     from exodrake.identification.kinematics.layout import Layout, read_layout
     from exodrake.identification.kinematics.marker_file import read_markers
-    from exodrake.identification.kinematics.report import print_table, write_report
+    from exodrake.identification.kinematics.report import write_report
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -45,10 +51,31 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     found = identify(recording, layout, Settings(cutoff=cutoff or None))
     files = write_report(found, out)
-    print_table(found)
+    show(found)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
+
+
+def show(found: Kinematics) -> None:
+    """Print the lines of the joint centres, and lengths and ranges."""
+    from rich.console import Console
+
+    from exodrake.identification.kinematics.report import length_rows, table_rows
+    from exodrake.report.terminal import table
+
+    console = Console()
+    titles = ("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]")
+    rows = [
+        (joint, axis, f"{gradient} ± {half}", f"{intercept} ± {other}", rmse)
+        for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
+    ]
+    console.print(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
+    console.print(table(titles, rows))
+    titles = ("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]")
+    ranges = ["{:.2f} .. {:.2f}".format(*joint.range) for joint in found.joints]
+    lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
+    console.print(table(titles, lengths))
 
 
 @command.command(short_help="Write a marker recording with known truth.")

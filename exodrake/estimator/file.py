@@ -4,7 +4,6 @@ The record names wires, joints, units, training logs and the robot. An estimator
 joints, and for a robot file of another signature.
 """
 
-import hashlib
 import io
 import json
 from pathlib import Path
@@ -24,11 +23,6 @@ from exodrake.systems.gp_estimator import Weights
 FORMAT = "exodrake estimator 1"
 STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
 UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
-
-
-def signature(robot_file: str | Path) -> str:
-    """SHA-256 of a robot file, hexadecimal. InputError if it cannot be read."""
-    return hashlib.sha256(read_bytes(robot_file)).hexdigest()
 
 
 def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:

@@ -155,18 +155,13 @@ def _joint(
     angle[~seen] = side[~seen] = np.nan
     if k == 0:
         turns = inverse(finger.axes[0].pose(side)) @ turns
-    to_triad = inverse(triad_pose(finger.markers[k]))
-    turned = to_triad[:3, :3]
+    pose = triad_pose(finger.markers[k])
+    own = axis.seen_from(pose)
     centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-    centre = across(apply(to_triad, centre), turned @ axis.direction)
+    centre = across(apply(inverse(pose), centre), own.direction)
     gradient, intercept = values[:3], values[3:]
     used = np.abs(np.nan_to_num(angle)) >= settings.smallest_angle
     error = centre[used] - intercept - gradient * angle[used, None]
     line = CentreLine(gradient, intercept, covariance, np.sqrt(np.mean(error**2, axis=0)), len(error))
-    own = Axis(turned @ axis.direction, intercept, gradient)
-    if k:
-        return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle)
-    abduction = finger.axes[0]
-    point = apply(to_triad, abduction.point[None])[0]
-    first = Axis(turned @ abduction.direction, across(point, turned @ abduction.direction), np.zeros(3))
-    return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle, first, side)
+    abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+    return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle, abduction_axis, abduction)
