@@ -17,9 +17,9 @@ import numpy as np
 
 from exodrake.analysis.disk import structured_bound
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import FrameModel, excursions, linearise, matters, spectral_radius, stationary
+from exodrake.analysis.linear import FrameModel, excursions, matters, output_noise, spectral_radius
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.operating import OperatingPoint, linearised
 from exodrake.analysis.steps import BAND
 from exodrake.core.robot import Robot
 
@@ -53,9 +53,7 @@ class Plant:
 
 def plant_of(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
-    loop = FrameMap.of(robot)
-    point = operating_point(loop, at)
-    model = linearise(loop, point.state, point.references)
+    loop, point, model = linearised(robot, at)
     whole = opened(loop, model)
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.period
     rest = ~whole.controller
@@ -184,6 +182,4 @@ def disk_of(plant: Plant, law: Law) -> float:
 def noise_of(plant: Plant, law: Law, a: np.ndarray) -> np.ndarray:
     """Standard deviation (channels,) of the commands [SI] under the sensors' noise."""
     drive = np.vstack([plant.N + plant.B @ law.L @ plant.E, law.G @ plant.E])
-    covariance = stationary(a, drive)
-    rows, direct = np.hstack([law.L @ plant.Y, law.K]), law.L @ plant.E
-    return np.sqrt(np.diag(rows @ covariance @ rows.T + direct @ direct.T))
+    return output_noise(a, drive, np.hstack([law.L @ plant.Y, law.K]), law.L @ plant.E)

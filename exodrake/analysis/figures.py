@@ -81,11 +81,8 @@ def plot_poles(result: ClosedLoop) -> Figure:
     draw_damping_grid(axes, result.model.period)
     z = np.array([pole.z for pole in result.model.poles()])
     inside = np.abs(z) < 1.0
-    axes.plot(np.real(z[inside]), np.imag(z[inside]), "x", color="#0072b2", ms=6, mew=1.4, label="poles", zorder=4)
-    if not inside.all():
-        axes.plot(
-            np.real(z[~inside]), np.imag(z[~inside]), "x", color="#d55e00", ms=7, mew=1.8, label="unstable", zorder=4
-        )
+    for shown, colour, size, width in ((z[inside], "#0072b2", 6, 1.4), (z[~inside], "#d55e00", 7, 1.8)):
+        axes.plot(np.real(shown), np.imag(shown), "x", color=colour, ms=size, mew=width, zorder=4)
     reach = max(1.12, 1.08 * float(np.abs(z).max()))
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="Re z", ylabel="Im z")
     frame, radius = 1e3 * result.model.period, result.model.spectral_radius

@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.operating import OperatingPoint, linearised
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -130,9 +129,7 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
     for plain in (robot, robot.without_effects()):
-        loop = FrameMap.of(plain)
-        point = operating_point(loop, at)
-        model = linearise(loop, point.state, point.references)
+        loop, point, model = linearised(plain, at)
         if model.decides:
             break
     if model.spectral_radius >= 1.0:

@@ -178,15 +178,19 @@ def spectral_radius(a: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
 
 
-def stationary(a: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Covariance P = A P A' + N N' (n, n) of a stable x' = A x + N e, e white with unit variance; by doubling."""
-    found = noise @ noise.T
-    while np.abs(a).max() > np.finfo(float).tiny:
-        more = a @ found @ a.T
-        found, a = found + more, a @ a
-        if np.abs(more).max() <= np.finfo(float).eps * np.abs(found).max():
-            break
-    return found
+def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Standard deviation (outputs,) of y = C x + M e in the stationary state of a stable x' = A x + N e.
+
+    Args:
+        a: (n, n).
+        n: (n, noises); e is white with unit variance.
+        c: (outputs, n).
+        m: (outputs, noises).
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    covariance = solve_discrete_lyapunov(a, n @ n.T)
+    return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
 
 
 def pole_of(z: complex, period: float, state: str = "") -> Pole:

@@ -7,6 +7,7 @@ once more. `limit_cycles.grows` finds the limit of gain a third way, by the nonl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -61,29 +62,28 @@ class Margins:
         return self.closed_unstable == self.open_unstable - self.encirclements
 
 
-def bisected(passes, low: float, high: float) -> float:
-    """Where `passes` turns from False at low to True towards high, on a grid and by bisection; nan if it does not."""
+def limit_of(radius: Callable[[float], float], low: float, high: float) -> float:
+    """Where a spectral radius passes 1 from low towards high, on a grid and by Brent's method; nan if it does not."""
+    from scipy.optimize import brentq
+
+    def beyond(x: float) -> float:
+        return radius(x) - 1.0 - OUTSIDE
+
     grid = np.linspace(low, high, 80) if low == 0.0 else np.geomspace(low, high, 80)
-    above = next((k for k, value in enumerate(grid) if passes(value)), None)
+    above = next((k for k, x in enumerate(grid) if beyond(x) > 0.0), None)
     if above is None:
         return NAN
-    if above == 0:
-        return float(grid[0])
-    low, high = grid[above - 1], grid[above]
-    while abs(high - low) > 1e-7 * abs(high):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if passes(middle) else (middle, high)
-    return float(high)
+    return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
 
 
 def gain_limit(one: OpenLoop, far: float = MOST_GAIN) -> float:
     """Factor on the gain of a single loop, from 1 towards `far`, at which the spectral radius passes 1; nan if none."""
-    return bisected(lambda g: spectral_radius(one.closed(g)) > 1.0 + OUTSIDE, 1.0, far)
+    return limit_of(lambda g: spectral_radius(one.closed(g)), 1.0, far)
 
 
 def delay_limit(one: OpenLoop) -> float:
     """Frames of delay in a single loop at which the spectral radius passes 1; nan if none below 40."""
-    return bisected(lambda d: spectral_radius(one.delayed(d)) > 1.0 + OUTSIDE, 0.0, MOST_FRAMES)
+    return limit_of(lambda d: spectral_radius(one.delayed(d)), 0.0, MOST_FRAMES)
 
 
 def gain_margins(loop: np.ndarray) -> tuple[float, float]:

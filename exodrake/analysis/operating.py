@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, references_of
-from exodrake.analysis.linear import excursions, used
+from exodrake.analysis.linear import FrameModel, excursions, linearise, used
 from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
 
 CHUNK, CHUNKS = 100, 30  # frames between two looks; looks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
@@ -79,6 +80,15 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}
     slack = tuple(n for n, r, y in zip(loop.channels, references, output) if machine.reference_limits and r > 0.0 >= y)
     return OperatingPoint(references, state, output, readings, frames, residual, steady, slack)
+
+
+def linearised(
+    robot: Robot, at: Mapping[str, float] | str | None = None
+) -> tuple[FrameMap, OperatingPoint, FrameModel]:
+    """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
+    loop = FrameMap.of(robot)
+    point = operating_point(loop, at)
+    return loop, point, linearise(loop, point.state, point.references)
 
 
 def gentle(loop: FrameMap) -> FrameMap:

@@ -78,42 +78,34 @@ def model_numbers(result: ClosedLoop) -> dict[str, Any]:
     return names | {"A": m.A, "B": m.B, "C": m.C, "D": m.D} | quality
 
 
+def renamed(result: Any, names: dict[str, str], without: tuple[str, ...]) -> dict[str, Any]:
+    """Fields of a result, units in their names, some left out."""
+    return {names.get(k, k): v for k, v in vars(result).items() if k not in without}
+
+
 def pole_numbers(pole: Pole) -> dict[str, Any]:
     """One pole."""
-    named = {"z": pole.z, "modulus": abs(pole.z), "frequency [Hz]": pole.frequency}
-    return named | {"damping": pole.damping, "time_constant [s]": pole.time_constant, "state": pole.state}
+    names = {"frequency": "frequency [Hz]", "time_constant": "time_constant [s]"}
+    return {"z": pole.z, "modulus": abs(pole.z)} | renamed(pole, names, ())
 
 
 def step_numbers(step: StepResponse) -> dict[str, Any]:
     """Characteristics of a step response."""
-    return {
-        "size": step.size,
-        "rise_time [s]": step.rise,
-        "overshoot": step.overshoot,
-        "settling_time [s]": step.settling,
-        "steady_error": step.steady_error,
-        "crosstalk": step.crosstalk,
-    }
+    names = {"rise": "rise_time [s]", "settling": "settling_time [s]"}
+    return renamed(step, names, ("channel", "time", "output"))
 
 
 def response_numbers(response: FrequencyResponse) -> dict[str, Any]:
     """Measured and linear frequency response."""
-    return {
-        "bandwidth [Hz]": response.bandwidth,
-        "bandwidth_measured [Hz]": response.bandwidth_measured,
-        "frequency [Hz]": response.frequency,
-        "measured": response.measured,
-        "spread": response.spread,
-        "coherence": response.coherence,
-        "linear": response.linear,
-    }
+    names = {k: f"{k} [Hz]" for k in ("frequency", "bandwidth", "bandwidth_measured")}
+    return renamed(response, names, ("channel",))
 
 
 def margin_numbers(m: Margins) -> dict[str, Any]:
     """Margins of one channel."""
     names = {"phase_margin": "phase_margin [rad]", "crossover": "crossover [Hz]"}
     names |= {"delay_margin": "delay_margin [s]", "delay_limit": "delay_limit [s]"}
-    return {names.get(k, k): v for k, v in vars(m).items() if k not in ("channel", "frequency", "loop")}
+    return renamed(m, names, ("channel", "frequency", "loop"))
 
 
 def delay_numbers(d: DelayBudget) -> dict[str, Any]:

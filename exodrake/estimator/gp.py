@@ -20,6 +20,7 @@ from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
 from exodrake.core.errors import InputError
+from exodrake.core.normal import NORMAL_95
 from exodrake.core.short_repr import short_repr
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts
@@ -31,7 +32,6 @@ from exodrake.systems.gp_estimator import Weights, predict_rows
 OWN = 0.975
 # The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
 ALLOWANCE = 1.1
-NORMAL_95 = 1.959964
 
 
 @short_repr

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.normal import NORMAL_95
 from exodrake.identification.kinematics.adjust import adjust, fit_frames
 from exodrake.identification.kinematics.axis import Axis, across
 from exodrake.identification.kinematics.finger import Finger
@@ -16,7 +17,7 @@ from exodrake.identification.kinematics.frames import place, placed, triad_pose
 from exodrake.identification.kinematics.hinge import centres
 from exodrake.identification.kinematics.labels import check_labels, refuse_swaps
 from exodrake.identification.kinematics.layout import JOINTS, Layout
-from exodrake.identification.kinematics.line import NORMAL_95, CentreLine
+from exodrake.identification.kinematics.line import CentreLine
 from exodrake.identification.kinematics.markers import Recording
 from exodrake.identification.kinematics.measures import measured
 from exodrake.identification.kinematics.rigid import apply, inverse
