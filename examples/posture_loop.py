@@ -10,7 +10,7 @@ import matplotlib
 
 import exodrake as exo
 from exodrake.data.plot import STYLE, new_figure, save_png
-from exodrake.estimator.quick import quick_estimator
+from exodrake.estimator.quick_estimator import quick_estimator
 from exodrake.grasping.posture_loop import posture_controller
 from exodrake.grasping.run import run_plan
 

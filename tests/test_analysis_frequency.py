@@ -5,9 +5,9 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
-from exodrake.analysis.frequency import LINES, bandwidth, frequency_response, multisine
+from exodrake.analysis.frequency_response import LINES, bandwidth, frequency_response, multisine
 from exodrake.analysis.limit_cycles import CommandedLoop, grows
-from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
+from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import gain_margins, margins, phase_margin
 from exodrake.analysis.open_loop import cut, opened
 

@@ -8,10 +8,10 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.closed_loop import remarks, returns
 from exodrake.analysis.frame_map import FrameMap, references_of, state_names
-from exodrake.analysis.linear import best_slopes, linearise, matters, pole_of, spectral_radius
-from exodrake.analysis.operating import operating_point
-from exodrake.analysis.stability import latency_sweep, stability_limit, stability_map
-from exodrake.analysis.steps import step_figures
+from exodrake.analysis.linear_model import best_slopes, linearise, matters, pole_of, spectral_radius
+from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.stability_map import latency_sweep, stability_limit, stability_map
+from exodrake.analysis.step_response import step_figures
 
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
 

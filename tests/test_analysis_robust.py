@@ -8,15 +8,15 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
-from exodrake.analysis.delays import delay_budget
-from exodrake.analysis.disk import disk_margin
+from exodrake.analysis.delay_budget import delay_budget
+from exodrake.analysis.disk_margin import disk_margin
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise, spectral_radius
+from exodrake.analysis.linear_model import linearise, spectral_radius
 from exodrake.analysis.margins import margins
 from exodrake.analysis.open_loop import opened
-from exodrake.analysis.operating import operating_point
+from exodrake.analysis.operating_point import operating_point
 from exodrake.analysis.populations import within_intervals, within_tolerances
-from exodrake.analysis.robust import band, noise_of, points_band, relative_gains, robustness
+from exodrake.analysis.robustness import band, noise_of, points_band, relative_gains, robustness
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 from estimator_sweeps import JOINTS, as_sweeps, trained, worn_sweeps
 from sklearn.gaussian_process import GaussianProcessRegressor
 
+from exodrake.estimator.baselines import fit_ridge
 from exodrake.estimator.gp import condition, leave_one_sweep_out
 from exodrake.estimator.kernels import sweep_kernel
 from exodrake.estimator.prior import JITTER
-from exodrake.estimator.ridge import fit_ridge
 from exodrake.estimator.validate import HELD_OUT, RANDOM, score, validate
 from exodrake.systems.gp_estimator import predict, predict_into, scratch
 

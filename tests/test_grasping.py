@@ -10,9 +10,9 @@ import exodrake as exo
 from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.grasping.contact import candidates
 from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
-from exodrake.grasping.inverse import tensions_for
+from exodrake.grasping.inverse_kinematics import candidates
+from exodrake.grasping.inverse_statics import tensions_for
 from exodrake.grasping.trial import at_hold
 from exodrake.systems.finger_statics import parameters_of
 

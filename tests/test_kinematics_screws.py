@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm, logm
 
 from exodrake.identification.kinematics.axis import Axis, across, chain_pose, joint_points
-from exodrake.identification.kinematics.frames import kabsch
 from exodrake.identification.kinematics.hinge import angle_about, centres
 from exodrake.identification.kinematics.rigid import apply, hat, inverse, motion, rotation, turned_by
+from exodrake.identification.kinematics.triads import kabsch
 from studies.paper.printed_equations import g_inverse_as_printed
 from studies.paper.screw_theory import (
     adjoint,

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.analysis.delays import DelayBudget, delay_budget
+from exodrake.analysis.delay_budget import DelayBudget, delay_budget
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.frequency import FrequencyResponse, frequency_response
-from exodrake.analysis.linear import KINK, FrameModel
+from exodrake.analysis.frequency_response import FrequencyResponse, frequency_response
+from exodrake.analysis.linear_model import KINK, FrameModel
 from exodrake.analysis.margins import Margins, margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, linearised
-from exodrake.analysis.robust import Band, Robustness, robustness
-from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
-from exodrake.analysis.steps import StepResponse, step_response
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.robustness import Band, Robustness, robustness
+from exodrake.analysis.stability_map import LatencySweep, StabilityMap, latency_sweep, stability_map
+from exodrake.analysis.step_response import StepResponse, step_response
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr

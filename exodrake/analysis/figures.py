@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.drawing import DARK, draw_damping_grid, styled
-from exodrake.analysis.frequency import FrequencyResponse, closed_response
+from exodrake.analysis.figure_style import DARK, draw_damping_grid, styled
+from exodrake.analysis.frequency_response import FrequencyResponse, closed_response
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.margins import Margins
-from exodrake.analysis.robust_figures import (
+from exodrake.analysis.robustness_figures import (
     plot_delays,
     plot_limit_cycles,
     plot_nyquist,
     plot_robust,
     plot_root_locus,
 )
-from exodrake.analysis.stability_figures import plot_stability
-from exodrake.analysis.steps import StepResponse
+from exodrake.analysis.stability_map_figure import plot_stability
+from exodrake.analysis.step_response import StepResponse
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import new_figure, png_of
 

@@ -16,7 +16,7 @@ import numpy as np
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.margins import gain_margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, linearised
+from exodrake.analysis.operating_point import OperatingPoint, linearised
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 

@@ -13,8 +13,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from exodrake.analysis.disk import disk_margin
-from exodrake.analysis.linear import OUTSIDE, spectral_radius
+from exodrake.analysis.disk_margin import disk_margin
+from exodrake.analysis.linear_model import OUTSIDE, spectral_radius
 from exodrake.analysis.open_loop import OpenLoop
 
 MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
@@ -34,7 +34,7 @@ class Margins:
         phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L. delay_limit: the same [s] from the poles, the command of a
             fractional number of frames ago taken by a straight line between two; nan if none below 40 frames.
-        disk_margin: gain and phase at once, balanced (`disk`).
+        disk_margin: gain and phase at once, balanced (`disk_margin`).
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
         encirclements: of -1 by L, counter-clockwise. open_unstable, closed_unstable: poles outside the unit circle.
     """

@@ -16,7 +16,7 @@ from math import floor
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import OUTSIDE, FrameModel
+from exodrake.analysis.linear_model import OUTSIDE, FrameModel
 from exodrake.core.errors import InputError
 
 TURN = 0.5  # rad: largest step of phase when encirclements are counted

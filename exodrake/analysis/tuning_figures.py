@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.analysis.drawing import DARK, GREY, styled
+from exodrake.analysis.figure_style import DARK, GREY, styled
 from exodrake.core.display import shown_unit
 from exodrake.data.plot import new_figure
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from exodrake.estimator.strokes import Zeros
+    from exodrake.estimator.stroke_zeros import Zeros
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
 

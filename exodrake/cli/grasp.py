@@ -44,7 +44,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import write_folder
     from exodrake.data.log_file import log_bytes
     from exodrake.estimator.file import load
-    from exodrake.estimator.quick import quick_estimator
+    from exodrake.estimator.quick_estimator import quick_estimator
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import run_plan
     from exodrake.machines.robot_file import load_robot

@@ -17,7 +17,7 @@ from exodrake.data.formats.npz import read_arrays
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import Estimator
 from exodrake.estimator.kernels import sweep_kernel
-from exodrake.estimator.strokes import StrokeModel
+from exodrake.estimator.stroke_zeros import StrokeModel
 from exodrake.systems.gp_estimator import Weights
 
 FORMAT = "exodrake estimator 1"

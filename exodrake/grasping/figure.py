@@ -10,7 +10,7 @@ from exodrake.core.display import colour_of, display_of
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
-from exodrake.grasping.contact import joints
+from exodrake.grasping.inverse_kinematics import joints
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
 from exodrake.systems.finger_statics import parameters_of

@@ -14,9 +14,9 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
-from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
-from exodrake.grasping.inverse import holdable, project, ramped, reachable
+from exodrake.grasping.inverse_kinematics import Candidates, bounds, candidates, joints
+from exodrake.grasping.inverse_statics import holdable, project, ramped, reachable
 from exodrake.grasping.trial import confirmed
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import grasp

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.grasping.inverse import stiffness
+from exodrake.grasping.inverse_statics import stiffness
 from exodrake.grasping.plan import Plan
 from exodrake.simulation.simulate import record
 from exodrake.systems.finger_statics import arms, parameters_of

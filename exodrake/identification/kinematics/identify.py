@@ -12,17 +12,17 @@ import numpy as np
 from exodrake.core.normal import NORMAL_95
 from exodrake.identification.kinematics.adjust import adjust, fit_frames
 from exodrake.identification.kinematics.axis import Axis, across
+from exodrake.identification.kinematics.centre_line import CentreLine
 from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.frames import place, placed, triad_pose
+from exodrake.identification.kinematics.first_guess import first_guess
 from exodrake.identification.kinematics.hinge import centres
 from exodrake.identification.kinematics.labels import check_labels, refuse_swaps
 from exodrake.identification.kinematics.layout import JOINTS, Layout
-from exodrake.identification.kinematics.line import CentreLine
 from exodrake.identification.kinematics.markers import Recording
 from exodrake.identification.kinematics.measures import measured
 from exodrake.identification.kinematics.rigid import apply, inverse
 from exodrake.identification.kinematics.smooth import smooth
-from exodrake.identification.kinematics.start import first_guess
+from exodrake.identification.kinematics.triads import place, placed, triad_pose
 
 FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
 

@@ -11,9 +11,9 @@ from itertools import combinations
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.frames import Triad, placed, triad_of
 from exodrake.identification.kinematics.layout import SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
+from exodrake.identification.kinematics.triads import Triad, placed, triad_of
 
 PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
 OUTLIER = 4.0  # times the median residual

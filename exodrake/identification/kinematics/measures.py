@@ -5,7 +5,7 @@ import numpy as np
 from exodrake.identification.kinematics.adjust import Adjusted
 from exodrake.identification.kinematics.axis import across, joint_points
 from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.frames import triad_pose
+from exodrake.identification.kinematics.triads import triad_pose
 
 STEP = 1e-6  # m, rad, m/rad; of the difference quotient
 

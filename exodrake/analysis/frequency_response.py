@@ -14,8 +14,8 @@ import numpy as np
 
 from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FrameModel
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.linear_model import FrameModel
+from exodrake.analysis.operating_point import OperatingPoint
 from exodrake.compiled.inputs import prepared
 
 PERIOD = 500  # frames

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.analysis.disk import structured_bound
+from exodrake.analysis.disk_margin import structured_bound
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import FrameModel, excursions, matters, output_noise, spectral_radius
+from exodrake.analysis.linear_model import FrameModel, excursions, matters, output_noise, spectral_radius
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, linearised
-from exodrake.analysis.steps import BAND
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.step_response import BAND
 from exodrake.core.robot import Robot
 
 FREQUENCIES, FRAMES = 120, 300  # of the disk margin; of a step

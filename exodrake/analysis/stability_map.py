@@ -8,8 +8,8 @@ import numpy as np
 
 from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FRACTION, differences, excursions, spectral_radius, used
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.linear_model import FRACTION, differences, excursions, spectral_radius, used
+from exodrake.analysis.operating_point import OperatingPoint
 
 GAINS = 31  # points along each gain
 LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames

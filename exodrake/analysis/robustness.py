@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.analysis.disk import disk_margin
+from exodrake.analysis.disk_margin import disk_margin
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FrameModel, output_noise
+from exodrake.analysis.linear_model import FrameModel, output_noise
 from exodrake.analysis.margins import gain_margins, phase_margin
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, linearised
-from exodrake.analysis.steps import step_response
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.step_response import step_response
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, references_of
-from exodrake.analysis.linear import FrameModel, excursions, linearise, used
+from exodrake.analysis.linear_model import FrameModel, excursions, linearise, used
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 

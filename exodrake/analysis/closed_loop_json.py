@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.delays import DelayBudget
-from exodrake.analysis.frequency import FrequencyResponse
+from exodrake.analysis.delay_budget import DelayBudget
+from exodrake.analysis.frequency_response import FrequencyResponse
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear import Pole
+from exodrake.analysis.linear_model import Pole
 from exodrake.analysis.margins import Margins
-from exodrake.analysis.robust import Band
-from exodrake.analysis.steps import StepResponse
+from exodrake.analysis.robustness import Band
+from exodrake.analysis.step_response import StepResponse
 from exodrake.core.plain import plain
 
 

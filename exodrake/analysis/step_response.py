@@ -8,7 +8,7 @@ import numpy as np
 
 from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.operating_point import OperatingPoint
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step
