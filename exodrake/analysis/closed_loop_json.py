@@ -80,7 +80,8 @@ def model_numbers(result: ClosedLoop) -> dict[str, Any]:
 
 def renamed(result: Any, names: dict[str, str], without: tuple[str, ...]) -> dict[str, Any]:
     """Fields of a result, units in their names, some left out."""
-    return {names.get(k, k): v for k, v in vars(result).items() if k not in without}
+    fields: dict[str, Any] = vars(result)
+    return {names.get(k, k): v for k, v in fields.items() if k not in without}
 
 
 def pole_numbers(pole: Pole) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
         for result in results:
             click.echo(verdict(result.diagnosis))
             for title, rows in result.tables.items():
-                click.echo(f"{title}\n{markdown_table(rows)}\n")
+                click.echo(f"{title}\n{markdown_table(rows[0], rows[1:])}\n")
         return
     texts = yaml.safe_load((files("studies.real_machines") / "texts.yaml").read_text())
     write_text(out / "real.md", page(results, texts))
