@@ -129,14 +129,15 @@ class Tests:
         gain, effect = project.gains(e.residual[None])
         rejected = max(fit, *views) < REJECTED
         null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
-        share, beaten_by, no_better, consistent = 0.0, "", [], min(fit, *views) > ALPHA
+        share, beaten_by, no_better = 0.0, "", []
+        true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= 1.0
         moved = tolerance_use(e)
-        for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved)):
+        for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved, spread(r.nominal))):
             taken, total = taken_up(likelihood, e, rival)
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
                 no_better.append(rival.name)
-            elif total > self.calibration.taken and not (consistent and richer_law(self.likelihood, rival, e)):
+            elif total > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         return Levels(
             fit=fit,
