@@ -179,13 +179,15 @@ def with_prediction(problem: Problem) -> list[Problem]:
 
 
 def written_by(problem: Problem, values: np.ndarray, seed: int) -> Problem:
-    """The problem with the logs that a robot would have written, noise and rounding on."""
-    machine, noisy = problem.robot.machine, values.copy()
+    """The problem with the logs that a robot would have written, noise, rounding and detected disturbances on."""
+    machine, noisy, rng = problem.robot.machine, values.copy(), np.random.default_rng(seed)
+    disturbances = [d.noise for d in problem.detected if d.noise]
     for name in (*machine.noise, *machine.resolution):
         noisy[machine.index[name]] = problem.robot.values[machine.index[name]]
 
     def written(k: int, trial: Trial) -> Trial:
         (measured,) = problem.predict(noisy[None], trial, seed=NOISE_RUNS * k + seed)
+        measured = measured + sum(draw(problem, values, trial, rng) for draw in disturbances)
         return replace(trial, measured=np.where(np.isfinite(trial.measured), measured, np.nan))
 
     return replace(problem, fit=tuple(written(k, trial) for k, trial in enumerate(problem.fit)))
