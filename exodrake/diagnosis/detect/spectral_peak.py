@@ -124,7 +124,8 @@ def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
     from scipy.signal import hilbert
 
     period, column = problem.robot.machine.frame, int(np.argmax(peak.power))
-    band, lag, turns = ((peak.frequency - ASIDE, peak.frequency + ASIDE),), round(LAG / period), []
+    band = ((max(peak.frequency - ASIDE, SLOWEST), peak.frequency + ASIDE),)
+    lag, turns = round(LAG / period), []
     for log in logs:
         signal = log[:, [column]]
         line = np.asarray(hilbert((signal - outside(band, signal, period))[:, 0]))
