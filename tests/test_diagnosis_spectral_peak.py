@@ -81,11 +81,10 @@ def test_drawn_tremor_is_as_strong_as_the_simulated_one_and_repeats_no_phase(rob
     still = found.silent()
     still[robot.machine.index["finger.tremor.torque.MCP"]] = 0.0
     lines = found.predict(np.array([found.silent(), still]), trial)
-    line = (lines[0] - lines[1])[50:, found.columns.index("angle_MCP")]
-    drawn = [
-        detection.noise(found, found.silent(), trial, rng)[50:, found.columns.index("angle_MCP")] for _ in range(6)
-    ]
-    assert isinstance(detection.noise, WanderingPhase) and detection.noise.rate < 0.1  # the planted one keeps its phase
+    here = np.s_[50:, found.columns.index("angle_MCP")]
+    line, noise = (lines[0] - lines[1])[here], detection.noise
+    assert isinstance(noise, WanderingPhase) and noise.rate < 0.1  # the planted one keeps its phase
+    drawn = [noise(found, found.silent(), trial, rng)[here] for _ in range(6)]
     assert np.mean([np.std(line + d) / np.std(line) for d in drawn]) == pytest.approx(1.0, rel=0.05)
     likeness = [np.corrcoef(line, line + d)[0, 1] for d in drawn]  # cosines of random phases
     assert np.abs(np.mean(likeness)) < 0.8 and np.ptp(likeness) > 0.3
