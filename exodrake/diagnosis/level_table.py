@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.calibration import Calibration
 from exodrake.diagnosis.isolation import Tested
-from exodrake.diagnosis.levels import ALPHA, LOCAL
+from exodrake.diagnosis.levels import LOCAL
 
 P, SHARE, SQUARE = "p-value", "share", "mean square"
 VIEWS = ("in closed loop", "as prediction error")
