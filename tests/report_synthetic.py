@@ -7,6 +7,7 @@ import numpy as np
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
+from exodrake.diagnosis.level_table import LevelTest
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.provenance import Provenance
 from exodrake.diagnosis.result import (
@@ -19,7 +20,6 @@ from exodrake.diagnosis.result import (
     Closure,
     Diagnosis,
     Interval,
-    LevelTest,
     Moved,
     NamedEffect,
     Retune,

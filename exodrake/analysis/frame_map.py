@@ -20,6 +20,7 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared,
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
+from exodrake.core.parameter import full_name
 from exodrake.core.robot import Robot
 from exodrake.core.signal import NORMAL
 
@@ -43,7 +44,7 @@ def state_names(machine: Machine) -> tuple[StateName, ...]:
                 for channel in machine.axes.of(state.axis):
                     for k in range(state.width):
                         parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
-                        found.append(StateName(f"{owner}.{state.name}", ".".join(p for p in parts if p), state.unit))
+                        found.append(StateName(f"{owner}.{state.name}", full_name(*parts), state.unit))
     return tuple(found)
 
 

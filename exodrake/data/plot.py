@@ -84,18 +84,27 @@ def plot_log(
     with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * (NARROWEST / width) ** 0.5}):
         figure = new_figure(width, 0.7 + 1.65 * len(kinds))
         rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, kind in zip(rows, kinds):
-            draw_panel(axes, log, kind, machine)
-            if other is not None:
-                draw_other(axes, other, kind, machine)
-            axes.set_title((remarks or {}).get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
+        panels = dict(zip(kinds, rows))
+        draw_panels(panels, log, other, machine, remarks or {})
         add_legends(rows, kinds, log, names if other is not None else None)
-        rows[-1].set_xlabel("Time [s]")
-        rows[-1].set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
         figure.align_ylabels(rows)
         if title or any(details):
             add_title(figure, title, [line for detail in details for line in wrap(detail, LINE)])
     return figure
+
+
+def draw_panels(
+    panels: Mapping[str, Any], log: Log, other: Log | None, machine: Machine | None, remarks: Mapping[str, str]
+) -> None:
+    """Draws one or two logs into the axes of each kind, over one time axis, with the remark on each."""
+    for kind, axes in panels.items():
+        draw_panel(axes, log, kind, machine)
+        if other is not None:
+            draw_other(axes, other, kind, machine)
+        axes.set_title(remarks.get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
+    *_, last = panels.values()
+    last.set_xlabel("Time [s]")
+    last.set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
 
 
 def add_title(figure: Figure, title: str, lines: list[str]) -> None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
@@ -30,7 +31,7 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA, exceeding
+from exodrake.diagnosis.levels import exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection

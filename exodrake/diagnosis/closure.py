@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from exodrake.core.confidence import CONFIDENCE
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.intervals import CONFIDENCE
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 

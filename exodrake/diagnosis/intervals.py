@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 
-CONFIDENCE = 0.9  # of intervals
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
 

@@ -26,17 +26,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of, spread
-from exodrake.diagnosis.comparison import excess, power, richer_law, taken_up, tolerance_use
+from exodrake.diagnosis.comparison import contributions, excess, power, richer_law, taken_up, tolerance_use
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linearise import Linearisation, without_effect
+from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import scan
 
-ALPHA = 0.02  # level of each test
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
 DRAWS = 99
@@ -175,8 +175,8 @@ class Tests:
         e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
         decoded = self.likelihood.views[0].problem.counted
         found = [(self.moved, limits.same_meaning)]
-        for effect in (machine.effect(identity) for identity in e.effects):
-            rows = self.likelihood.residual(without_effect(machine, e.robot, effect)) - e.residual
+        for identity, rows in contributions(machine, e, self.likelihood.residual, e.residual).items():
+            effect = machine.effect(identity)
             rho = limits.same_meaning if effect.same_meaning and effect.id not in decoded else limits.law_error
             found += [(project.own(row, effect.id), rho) for row in rows]
         return found

@@ -105,6 +105,10 @@ class Likelihood:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
+    def mean_log(self, residual: np.ndarray) -> float:
+        """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""
+        return float(np.mean(np.log(np.maximum(self.chi2(residual), 1.0))))
+
     @cached_property
     def weights(self) -> np.ndarray:
         """Weight of each sample in the cost (samples,)."""

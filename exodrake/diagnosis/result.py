@@ -15,6 +15,7 @@ from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw
+    from exodrake.diagnosis.level_table import LevelTest
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.provenance import Provenance
     from exodrake.diagnosis.since import Since
@@ -135,25 +136,6 @@ class Retune:
 
     moved: tuple[Moved, ...] = ()
     alike: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class LevelTest:
-    """A test of the explanation behind the verdict, at its level.
-
-    Attributes:
-        asks: what it asks, in words.
-        measure: what is compared: "p-value", "share" or "mean square".
-        value: what was found.
-        limit: the level; p-values must be larger, all else at most as large.
-        passed: whether the explanation stands the test.
-    """
-
-    asks: str
-    measure: str
-    value: float
-    limit: float
-    passed: bool
 
 
 @dataclass(frozen=True)

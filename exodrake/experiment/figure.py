@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply
 from exodrake.experiment.contest import Contest
 from exodrake.experiment.design import Design
@@ -48,9 +48,8 @@ def difference_of(contest: Contest, design: Design) -> Difference:
     variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
     for one in (contest.explanations[true], e):
         (log,) = problem.predict(one.robot[None], trial)
-        for identity in one.effects:
-            absent = problem.predict(without_effect(machine, one.robot, machine.effect(identity)), trial)
-            variance += calibration_of(machine).same_meaning ** 2 * np.sum((absent - log) ** 2, axis=0)
+        for change in contributions(machine, one, lambda robots: problem.predict(robots, trial), log).values():
+            variance += calibration_of(machine).same_meaning ** 2 * np.sum(change**2, axis=0)
     return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
 
 

@@ -28,9 +28,8 @@ from itertools import permutations
 import numpy as np
 
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import richer_law
+from exodrake.diagnosis.comparison import contributions, richer_law
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
-from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.parameter import STEP, apply
 from exodrake.diagnosis.problem import Trial
 from exodrake.diagnosis.refine import Explanation
@@ -149,7 +148,7 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     likelihood = likelihood_on(contest, reference)
     rows = likelihood.residual(contest.robots)
-    errors = [contributions(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
+    errors = [contributed(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
     columns = [
         derivatives(likelihood, e, spread, row)
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
@@ -182,13 +181,10 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
 
 
-def contributions(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
+def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
     """Sum of squares (samples,) of what the effects of an explanation contribute channel by channel [noise_std^2]."""
-    machine, found = likelihood.robot.machine, np.zeros(len(residual))
-    for identity in e.effects:
-        absent = without_effect(machine, e.robot, machine.effect(identity))
-        found += np.sum((likelihood.residual(absent) - residual) ** 2, axis=0)
-    return found
+    found = contributions(likelihood.robot.machine, e, likelihood.residual, residual)
+    return np.sum([np.zeros(len(residual)), *(np.sum(rows**2, axis=0) for rows in found.values())], axis=0)
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.change_point import LEAST, LEVEL, ChangePoint
+from exodrake.core.confidence import ALPHA
+from exodrake.diagnosis.change_point import LEAST, ChangePoint
 
 SPAN = 60  # s before an alarm that are searched
 TINY = 1e-6  # standard deviation of a logarithm of power: below its scatter, which is then estimated alone
@@ -28,7 +29,7 @@ def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
     times = (second - len(powers) + np.arange(len(powers)) + 0.5)[known]
     logs = np.log(np.maximum(powers[known], SMALLEST))
     scan = ChangePoint(times, TINY**2 * np.eye(len(times)), grid=1)
-    if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= LEVEL:
+    if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= ALPHA:
         return None
     change = scan(logs, np.random.default_rng(second))
     return (change.began[1], change.began[2]) if change.after[0] > change.before[0] else None

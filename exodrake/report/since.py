@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from datetime import timedelta
 from typing import Any
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
-from exodrake.diagnosis.change_point import LEVEL, STEP, Change
+from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.diagnosis.since import RESIDUAL, Series, Since
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Table
 
 SHOWN = 6  # series that are drawn
-STEADY = f"no quantity changes over the {{}} (tests at p < {LEVEL:g})"
+STEADY = f"no quantity changes over the {{}} (tests at p < {ALPHA:g})"
 
 
 def since(diagnosis: Diagnosis) -> dict[str, Any]:

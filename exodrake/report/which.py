@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.diagnosis.level_table import LevelTest
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.result import Candidate, Diagnosis, LevelTest, NamedEffect
+from exodrake.diagnosis.result import Candidate, Diagnosis, NamedEffect
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Bars, Block, Table
 from exodrake.report.simulated_logs import IMPROVED, SimulatedLogs

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from exodrake.diagnosis.discovery.evidence import Eliminated, weights_of
+from exodrake.diagnosis.discovery.evidence import Eliminated, information, weights_of
 from exodrake.diagnosis.discovery.fit import Fit, Screened
 from exodrake.diagnosis.levels import DRAWS, exceeding
 from exodrake.diagnosis.likelihood import Likelihood
@@ -14,12 +14,10 @@ from exodrake.diagnosis.likelihood import Likelihood
 
 def gains(model: Eliminated, laws: Sequence[Screened], rows: np.ndarray) -> np.ndarray:
     """Largest sum of squares (n,) that one of the laws takes up of weighted rows (n, samples), scales as found."""
-    pull, best = (model.jacobian @ rows.T).astype(float), np.zeros(len(rows))
+    best = np.zeros(len(rows))
     for s in laws:
         prior = np.maximum(s.weighed.scales, 1.0)[s.channel]
-        slope = model.slope(s.columns.weighted, s.columns.cross, rows.T, pull)
-        normal = s.columns.gram + s.weighed.variance * np.diag(prior**-2.0)
-        best = np.maximum(best, np.einsum("in,in->n", slope, np.linalg.solve(normal, slope)))
+        best = np.maximum(best, model.taken_up(s.columns, prior, s.weighed.variance, rows))
     return best
 
 
@@ -46,15 +44,10 @@ def log_evidences(fit: Fit, rows: np.ndarray) -> np.ndarray:
     """Log evidence (n,) of weighted rows (n, samples) under a fitted law with its prior scales."""
     model, columns, weighed = fit.model, fit.columns, fit.weighed
     assert model is not None and columns is not None and weighed is not None
-    pull = (model.jacobian @ rows.T).astype(float)
-    left = np.einsum("ij,ij->i", rows, rows, dtype=float) - np.einsum("in,in->n", pull, model.inverse @ pull)
-    slope = model.slope(columns.weighted, columns.cross, rows.T, pull)
     prior = np.maximum(weighed.scales[fit.channel], 1e-6)
-    inverse = np.linalg.inv(columns.gram + weighed.variance * np.diag(prior**-2.0))
-    left = np.maximum(left - np.einsum("in,in->n", slope, inverse @ slope), 0.0)
-    information = np.linalg.slogdet(np.eye(len(prior)) + columns.gram * np.outer(prior, prior) / weighed.variance)[1]
+    left = np.maximum(model.squares(rows) - model.taken_up(columns, prior, weighed.variance, rows), 0.0)
     variance = np.maximum(left / model.samples, model.least)
-    return -0.5 * (model.samples * np.log(variance) + left / variance + information)
+    return model.log_evidence(variance, left / variance, information(columns.gram, prior, weighed.variance))
 
 
 def level_of_runner_up(likelihood: Likelihood, best: Fit, other: Fit) -> float:

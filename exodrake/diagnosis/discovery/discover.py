@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
@@ -26,7 +27,7 @@ from exodrake.diagnosis.discovery.watch import watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
 from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.levels import ALPHA, PROMISING
+from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
@@ -84,20 +85,15 @@ def fit_best(
         if s.active and len(here) < PER_POINT and len(chosen) < STARTED:
             chosen.append(s)
     starts = [started(likelihood, base, model, s) for s in chosen]
-    starts.sort(key=lambda f: left(likelihood, f))
+    starts.sort(key=lambda f: likelihood.mean_log(f.residual))
     fits = []
     for start in starts[:FITTED]:
         progress(Stage.FIT, start.candidate.name)
         fits.append(refined(likelihood, base, start, jacobian, FIRST))
-    fits.sort(key=lambda f: left(likelihood, f))
+    fits.sort(key=lambda f: likelihood.mean_log(f.residual))
     likelihood = likelihood.scaled_to(fits[0].residual)
     fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in of_two_points(fits)]
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
-
-
-def left(likelihood: Likelihood, fit: Fit) -> float:
-    """Sum over the views of the logarithms of what a fit leaves, reduced chi-squares above the noise."""
-    return float(np.sum(np.log(np.maximum(likelihood.chi2(fit.residual), 1.0))))
 
 
 def of_two_points(fits: Sequence[Fit]) -> list[Fit]:

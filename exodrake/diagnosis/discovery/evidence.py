@@ -9,6 +9,7 @@ x is eliminated (Schur complement). The scale s of each channel and the variance
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -57,6 +58,24 @@ class Eliminated:
         """Products (n,) or (n, rows) of weighted directions with rows, nuisance parameters eliminated."""
         return (weighted @ row).astype(float) - cross.T @ (self.inverse @ pull)
 
+    def products(self, rows: np.ndarray) -> np.ndarray:
+        """Products (nuisance, n) of J with weighted rows (n, samples)."""
+        return (self.jacobian @ rows.T).astype(float)
+
+    def squares(self, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (n,) of weighted rows (n, samples), nuisance parameters eliminated."""
+        pull = self.products(rows)
+        return np.einsum("ij,ij->i", rows, rows, dtype=float) - np.einsum("in,in->n", pull, self.inverse @ pull)
+
+    def taken_up(self, columns: Columns, prior: np.ndarray, variance: float, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (n,) that a law with prior standard deviations (directions,) takes up of weighted rows."""
+        slope = self.slope(columns.weighted, columns.cross, rows.T, self.products(rows))
+        return np.einsum("in,in->n", slope, np.linalg.solve(columns.gram + variance * np.diag(prior**-2.0), slope))
+
+    def log_evidence(self, variance: Any, penalised: Any, information: float) -> Any:
+        """Log evidence from the variance of a sample, squares over it with the use of the priors, and information."""
+        return -0.5 * (self.samples * np.log(variance) + penalised + information)
+
     def nuisance(self, columns: Columns, modes: np.ndarray) -> np.ndarray:
         """Coordinates x (nuisance,) beside coordinates (n,) of the law."""
         return -self.inverse @ (self.pull + columns.cross @ modes)
@@ -97,6 +116,11 @@ class Weighed:
     left: float
 
 
+def information(gram: np.ndarray, prior: np.ndarray, variance: float) -> float:
+    """Log of the prior's volume over the posterior's, twice: Gram matrix (n, n) and prior standard deviations (n,)."""
+    return float(np.linalg.slogdet(np.eye(len(prior)) + gram * np.outer(prior, prior) / variance)[1])
+
+
 def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.ndarray) -> Weighed:
     """A law with given prior scales; channel (n,): of each direction."""
     prior = scales[channel]
@@ -108,8 +132,7 @@ def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.n
         modes = -inverse @ slope / variance
         left = model.left + 2.0 * slope @ modes + modes @ gram @ modes
         penalised = left / variance + np.sum((modes / prior) ** 2)
-        information = np.linalg.slogdet(np.eye(len(on)) + gram * np.outer(prior, prior) / variance)[1]
-        value = -0.5 * (model.samples * np.log(variance) + penalised + information)
+        value = model.log_evidence(variance, penalised, information(gram, prior, variance))
         full, covariance = np.zeros(len(channel)), np.zeros((len(channel),) * 2)
         full[on], covariance[np.ix_(on, on)] = modes, inverse
         best = Weighed(float(value), scales, full, covariance, variance, float(left))
