@@ -68,7 +68,7 @@ def plant_of(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant
 
 
 def reading_states(loop: FrameMap, point: OperatingPoint, whole: OpenLoop) -> tuple[np.ndarray, np.ndarray]:
-    """For each channel the place of the plant's state that moves its reading most, and by how much to move it."""
+    """Indices (channels,) of the states that move a reading most each, and how far to move them (channels,) [SI]."""
     names = [name.name for name in state_names(loop.robot.machine)]
     size = excursions(loop, point.state, point.references)
     places = np.array([names.index(name) for name in whole.states])
@@ -151,13 +151,13 @@ def performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
 
 
 def closed(plant: Plant, law: Law) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the loop closed by a law, the plant's states first."""
+    """A (n, n) and B (n, channels) [SI] of the loop closed by a law, the plant's states first."""
     a = np.block([[plant.A + plant.B @ law.L @ plant.Y, plant.B @ law.K], [law.G @ plant.Y, law.F]])
     return a, np.vstack([plant.B @ law.M, law.H])
 
 
 def step_performance(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """Settling [s] and overshoot, each the worst over steps of one reference at a time."""
+    """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
     n, m = plant.A.shape[0], b.shape[1]
     x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
     for k in range(FRAMES):

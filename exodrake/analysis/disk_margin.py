@@ -15,12 +15,12 @@ TIGHT = 1e-6  # of the search for scalings
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
-    """Balanced disk margin (f,) at each frequency, for all channels at once.
+    """Balanced disk margin (f,) [-] at each frequency, for all channels at once.
 
     Its minimum is exact; elsewhere it may be a little pessimistic.
 
     Args:
-        sensitivity: S (f, channels, channels) of the commands.
+        sensitivity: S (f, channels, channels) of the commands [-].
     """
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scale = structured_bound(balanced)
@@ -33,7 +33,7 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
 
 
 def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest singular value (f,) of matrices (f, k, k) under balancing scalings (f, k)."""
+    """Largest singular value (f,) [-] of matrices (f, k, k) [-] under balancing scalings (f, k) [-], and these."""
     k = m.shape[-1]
     size, scale = np.abs(m) ** 2, np.ones(m.shape[:2])
     for _ in range(30 if k > 1 else 0):
@@ -46,7 +46,7 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def refined(m: np.ndarray, start: np.ndarray) -> float:
-    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k), searched from scalings (k,)."""
+    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k) [-], searched from scalings (k,) [-]."""
     from scipy.optimize import minimize
 
     def size(logs: np.ndarray) -> float:

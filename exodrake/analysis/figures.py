@@ -130,7 +130,7 @@ def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, 
 
 
 def decibel(size: np.ndarray) -> np.ndarray:
-    """Amplitude ratio in dB."""
+    """Amplitude ratio (n,) [-] in dB."""
     return 20.0 * np.log10(size)
 
 

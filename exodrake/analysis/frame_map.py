@@ -100,7 +100,7 @@ class FrameMap:
         return offsets(self.robot.machine)
 
     def start(self) -> np.ndarray:
-        """State at the start of a run, (states,)."""
+        """State (states,) [SI] at the start of a run."""
         x = np.zeros(state_size(self.robot.machine))
         self.module.begin(self.parameters, x)
         return x
@@ -120,7 +120,7 @@ class FrameMap:
         return x, rows
 
     def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """All signals at the end of each slot, (slots, w); arguments as in `run`."""
+        """All signals (slots, w) [SI] at the end of each slot; arguments as in `run`."""
         machine = self.robot.machine
         fine = np.zeros((len(references) * machine.slots, signal_count(machine)))
         return self._run(state, references, None, fine)[2]

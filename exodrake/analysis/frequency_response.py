@@ -50,7 +50,7 @@ class FrequencyResponse:
 
 
 def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generator) -> np.ndarray:
-    """One period (period,) with equal power on the given harmonics, random phases and this rms."""
+    """One period (period,) [SI] with equal power on the harmonics `lines` (n,) [-], random phases and this rms [SI]."""
     spectrum = np.zeros(period // 2 + 1, complex)
     spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
     signal = np.fft.irfft(spectrum, period)
@@ -95,7 +95,7 @@ def frequency_response(
 
 
 def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], frequency: np.ndarray) -> np.ndarray:
-    """Complex response (n,) of a channel's reading to its own reference, from the linear model.
+    """Complex response (n,) [reading / reference] of a channel to its own reference, from the linear model.
 
     kinds: of the reference and of the reading, as the model's inputs and outputs are named.
     """
@@ -104,6 +104,6 @@ def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], fre
 
 
 def bandwidth(frequency: np.ndarray, static: float, response: np.ndarray) -> float:
-    """Lowest frequency [Hz] at which the response is 3 dB below the static gain; nan if none, or if the first is."""
+    """Lowest frequency [Hz] at which a response (n,) is 3 dB below its static gain; NaN if none, or if the first is."""
     share = np.abs(response) / static if static > 0.0 else np.zeros(1)
     return first_crossing(frequency, -share, -HALF_POWER) if share[0] >= HALF_POWER else float("nan")

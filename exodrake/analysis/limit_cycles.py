@@ -112,6 +112,12 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
     """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
 
     A cosine moves the actuator about where it rests, a sine to one side.
+
+    Args:
+        plant: whose command is set.
+        state: (states,) at rest [SI].
+        amplitude: of the command [SI].
+        cycles: in the window.
     """
     phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
     command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))
@@ -209,7 +215,7 @@ def crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]
 def oscillation(
     plant: CommandedLoop, state: np.ndarray, factor: float, period: float, unit: float
 ) -> tuple[float, float]:
-    """Amplitude [SI] and frequency [Hz] of the command at the end of a run after a kick.
+    """Amplitude [SI] and frequency [Hz] of the command at the end of a run from a state (states,) after a kick.
 
     0 and 0 if it rests, inf and nan if it grows without bound.
     """
@@ -227,7 +233,7 @@ def oscillation(
 
 
 def grows(plant: CommandedLoop, state: np.ndarray, factor: float, frames: int = 400) -> bool:
-    """Whether a small motion grows in the nonlinear simulation with the loop gain of a channel times a factor."""
+    """Whether a small motion about a state (states,) [SI] grows in simulation with the loop gain times a factor."""
     poke = POKE * abs(plant.direct[plant.channel, plant.channel]) * plant.loop.loop.step
     size = np.abs(plant.run(state, frames, lambda n, v: factor * v + (poke if n == 0 else 0.0))[0])
     quarter = frames // 4

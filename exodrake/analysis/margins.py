@@ -87,7 +87,7 @@ def delay_limit(one: OpenLoop) -> float:
 
 
 def gain_margins(loop: np.ndarray) -> tuple[float, float]:
-    """Largest factor < 1 and smallest > 1 that put L (n,), sampled up to Nyquist (real there), on -1; 0 and inf."""
+    """Largest factor < 1 and smallest > 1 that put L (n,) [-], sampled up to Nyquist (real there), on -1; 0 and inf."""
     reals = [float(loop[-1].real)]
     if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
         reals.append(float(loop[0].real))
@@ -101,7 +101,7 @@ def gain_margins(loop: np.ndarray) -> tuple[float, float]:
 
 
 def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float]:
-    """Phase margin [rad], crossover [Hz] and delay margin [s] at the crossover |L| = 1 with the least delay margin."""
+    """Phase margin [rad], crossover [Hz] and delay margin [s] of L (n,) at the crossover of least delay margin."""
     best = (float("inf"), NAN, float("inf"))
     size = np.log(np.maximum(np.abs(loop), np.finfo(float).tiny))
     for k in np.flatnonzero(size[:-1] * size[1:] <= 0.0):

@@ -40,7 +40,7 @@ class OperatingPoint:
 
 
 def moved(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
-    """Largest change over one frame of a state on which the log depends, in units of its excursion."""
+    """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
     after, _ = loop.run(state, references[None, :])
     size = excursions(loop, state, references)
     keep = used(loop, state, references, size)
@@ -48,7 +48,7 @@ def moved(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
 
 
 def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, float]:
-    """State after the loop came to rest, frames until then, what still moves; after 60 s as it is, at rest or not."""
+    """State (states,) [SI] after the loop came to rest, frames until then, what still moves; as it is after 60 s."""
     state, rows = loop.start(), np.tile(references, (CHUNK, 1))
     residual = np.inf
     for look in range(1, CHUNKS + 1):
@@ -97,6 +97,6 @@ def gentle(loop: FrameMap) -> FrameMap:
 
 
 def in_words(loop: FrameMap, references: np.ndarray) -> str:
-    """References in words."""
+    """References (channels,) [SI] in words."""
     unit = loop.robot.machine.signal[loop.loop.reference].unit
     return ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))

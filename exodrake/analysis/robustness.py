@@ -75,7 +75,7 @@ def grid(loop: OpenLoop) -> np.ndarray:
 
 
 def relative_gains(plant: np.ndarray) -> np.ndarray:
-    """Diagonal (f, channels) of the relative gain array of a plant (f, channels, channels): 1 without coupling.
+    """Diagonal (f, channels) [-] of the relative gain array of a plant (f, channels, channels): 1 without coupling.
 
     Bristol's array G * inv(G)^T, with absolute values of the complex elements.
     """
@@ -83,7 +83,7 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
 
 
 def noise_of(model: FrameModel, kind: str) -> np.ndarray:
-    """Standard deviation of the outputs of a kind [SI] under the sensors' noise, in the stable closed loop."""
+    """Standard deviation (channels,) [SI] of the outputs of a kind under the sensors' noise, in a stable loop."""
     rows = [i for i, name in enumerate(model.outputs) if name.rsplit("_", 1)[0] == kind]
     return output_noise(model.A, model.N, model.C[rows], model.M[rows])
 

@@ -49,7 +49,7 @@ def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
 
 
 def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
-    """Spectral radius of the frame map at an operating point, from the states `keep`; size: excursions (states,)."""
+    """Spectral radius of the frame map where it rests, from the states `keep`; size: excursions (states,) [SI]."""
     central = differences(loop, point.state, point.references, size, FRACTION, keep).central
     return spectral_radius(central[np.ix_(keep, keep)])
 
@@ -82,7 +82,7 @@ def stability_map(
 
 
 def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
-    """Spectral radius over command latency added on all channels [frames]; None where the loop names no such effect."""
+    """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
     name = loop.loop.latency
     if not name:
         return None

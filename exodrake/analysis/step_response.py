@@ -40,7 +40,7 @@ class StepResponse:
 
 
 def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, float]:
-    """Rise time [s], overshoot and settling time [s] of a response that ought to go from 0 to 1."""
+    """Rise time [s], overshoot [-] and settling time [s] of a response (n,) that ought to go from 0 to 1."""
     outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
     last = int(outside[-1]) if len(outside) else -1
     settling = float("nan") if last == len(time) - 1 else float(time[last + 1])

@@ -19,7 +19,7 @@ CLOSE = 0.03  # rad between plan and simulation
 
 
 def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
-    """Means (n,) of columns over the last half second of the hold of a grasp."""
+    """Means (n,) [SI] of columns over the last half second of the hold of a grasp."""
     during = (log.time >= REST + APPROACH + HOLD - LAST) & (log.time < REST + APPROACH + HOLD)
     return log.array(kind, names)[during].mean(axis=0)
 
