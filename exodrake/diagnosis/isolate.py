@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
-from exodrake.diagnosis.comparison import taken_up
+from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.isolation import Isolation, mean_log, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
@@ -151,7 +151,27 @@ class Isolator:
         for k, e in enumerate(done[:FRESH]):
             if CONVERGED < mean_log(likelihood, e) < least + NEAR:
                 done[k] = self.refreshed(closer, e)
+        done = [self.unstuck(likelihood, e, done) for e in done]
         return sorted(done, key=lambda e: mean_log(likelihood, e))
+
+    def unstuck(self, likelihood: Likelihood, e: Explanation, found: Sequence[Explanation]) -> Explanation:
+        """An explanation fitted again from a simpler law of the same effects, if that leaves less than it does.
+
+        Parameters of the effects keep the values of those that are called alike, and others begin anew.
+        """
+        simpler = [s for s in found if richer_law(likelihood, e, s) and s.cost(likelihood) < e.cost(likelihood)]
+        if not simpler:
+            return e
+        best, count = min(simpler, key=lambda s: s.cost(likelihood)), e.nominal
+        known = {(p.name.split(".")[-1], p.channels): p.value(x) for p, x in zip(best.parameters, best.x) if p.effect}
+        own, low, high = e.parameters[count:], *e.bounds[:, count:]
+        starts = []
+        for others in (np.array([p.start for p in own]), e.x[count:], low, high):
+            alike = [known.get((p.name.split(".")[-1], p.channels)) for p in own]
+            x = [o if value is None else p.coordinate(value) for p, o, value in zip(own, others, alike, strict=True)]
+            starts.append(e.at(likelihood, np.r_[best.x[:count], np.clip(x, low, high)]))
+        first = replace(min(starts, key=lambda s: s.cost(likelihood)), jacobian=best.jacobian)
+        return min(e, self.refined(likelihood, first, STEPS), key=lambda s: s.cost(likelihood))
 
     def exchanged(
         self, likelihood: Likelihood, found: list[Explanation], others: Sequence[Explanation]
