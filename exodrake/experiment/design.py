@@ -1,7 +1,8 @@
 """The search for the motion that tells rivals apart best, within what is safe on each of them.
 
     library: random motifs, and windows of the machine's own experiments or of the case's motion
-    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated
+    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
+        once of many short motifs, once of a few long ones, of which the better is kept
     check: the whole motion on every explanation; smaller until it is safe
 
 All chance is seeded.
@@ -27,8 +28,8 @@ from exodrake.simulation.references import protocol
 
 SHORTEST, LONGEST, USUAL = 20.0, 60.0, 30.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames take seconds: assumed
-PIECES = 5  # motifs in a sequence: some 60 parameters for three channels
-RANDOM, WINDOWS, MUTATIONS = 24, 12, 60  # in a library, in a search of two rivals; fewer for more
+PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
+RANDOM, WINDOWS, MUTATIONS = 20, 12, 30  # in a library, in a search of two rivals; fewer for more
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
 ENOUGH = 0.5  # probability below which an experiment is not worth its time: assumed
@@ -86,17 +87,26 @@ class Designer:
     """
 
     def __init__(self, contest: Contest, seconds: float, seed: int) -> None:
-        self.contest, self.tried = contest, 0
+        self.contest, self.tried, self.pieces = contest, 0, PIECES[0]
         problem = contest.problem
         self.rng = np.random.default_rng(seed)
         self.stage: Stage = stage_of(problem.robot, problem.fit)
-        self.frames = frames_of(seconds, self.stage.frame) // PIECES
-        known = known_motions(contest)
+        self.whole = frames_of(seconds, self.stage.frame)
+        self.known = known = known_motions(contest)
         self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
-        (pilot,) = [information(contest, reference.tension[:PILOT]) for reference in known[-1:]]
-        self.quick = reduced(contest, pilot) if pilot else contest
-        self.windows = [window for reference in known for window in self.cut(reference)]
+        self.pilot = information(contest, known[-1].tension[:PILOT])
+        self.quick = reduced(contest, self.pilot) if self.pilot else contest
         self.fewer = 2.0 / len(contest.explanations)
+
+    def follow(self, found: Information) -> None:
+        """Let the quick search keep the directions, too, in which a refit changes a motion that was found."""
+        self.pilot = self.pilot + found if self.pilot else found
+        self.quick = reduced(self.contest, self.pilot)
+
+    @property
+    def frames(self) -> int:
+        """Frames of a piece."""
+        return self.whole // self.pieces
 
     def cut(self, reference: Reference) -> list[Window]:
         """A known motion in windows of a piece's length."""
@@ -124,9 +134,10 @@ class Designer:
     def library(self) -> list[Piece]:
         """Random motifs and windows of known motions, those that are safe at some size."""
         channels = len(self.stage.low)
-        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), PIECES))]
-        order = self.rng.permutation(len(self.windows))[: max(round(WINDOWS * self.fewer), 3)]
-        found = [self.piece(motif) for motif in (*motifs, *(self.windows[i] for i in order))]
+        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
+        windows = [window for reference in self.known for window in self.cut(reference)]
+        order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
+        found = [self.piece(motif) for motif in (*motifs, *(windows[i] for i in order))]
         pieces = [piece for piece in found if piece is not None]
         if not pieces:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
@@ -135,7 +146,7 @@ class Designer:
     def sequence(self, library: list[Piece]) -> list[Piece]:
         """The pieces that together tell most, chosen one after the other."""
         chosen: list[Piece] = []
-        for _ in range(PIECES):
+        for _ in range(self.pieces):
             chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
         return chosen
 
@@ -143,7 +154,7 @@ class Designer:
         """The sequence after a local search that mutates one piece at a time."""
         best, count = total(chosen).criterion, round(MUTATIONS * self.fewer)
         for _ in range(count):
-            at = int(self.rng.integers(PIECES))
+            at = int(self.rng.integers(self.pieces))
             piece = self.piece(chosen[at].motif.mutated(self.rng))
             if piece is None:
                 continue
@@ -153,10 +164,14 @@ class Designer:
         return chosen
 
     def designed(self) -> Design:
-        """The experiment."""
-        chosen = self.improved(self.sequence(self.library()))
-        shares, rest = np.concatenate([piece.course for piece in chosen]), self.stage.rest
-        return self.checked(shares, rest)
+        """The experiment: the best of sequences of short and of long pieces."""
+        found, rest = [], self.stage.rest
+        for self.pieces in PIECES:
+            chosen = self.improved(self.sequence(self.library()))
+            found.append(self.checked(np.concatenate([piece.course for piece in chosen]), rest))
+            self.follow(found[-1].information)
+        best = max(found, key=lambda d: d.information.criterion)
+        return replace(best, tried=self.tried)
 
     def checked(self, shares: np.ndarray, rest: np.ndarray) -> Design:
         """The experiment of shares (frames, channels), made smaller until it is safe as a whole."""
