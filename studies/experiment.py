@@ -125,10 +125,15 @@ def left_in(answer: dict[str, Any]) -> frozenset[str]:
     return frozenset(i for c in answer["candidates"] if c["left"] for i in c["id"].split(" + "))
 
 
+def is_true(row: dict[str, Any], name: str) -> bool:
+    """Whether an explanation is the true one."""
+    return sorted(name.split(" + ")) == sorted(row["truth"])
+
+
 def resolved(row: dict[str, Any], motion: str) -> bool:
     """Whether one explanation is left after a motion, and it is the true one."""
     after = row["after"][motion]
-    return after["verdict"] == "NAMED" and sorted(after["class"][0].split(" + ")) == sorted(row["truth"])
+    return after["verdict"] == "NAMED" and is_true(row, after["class"][0])
 
 
 def in_principle(row: dict[str, Any]) -> bool:
@@ -137,18 +142,10 @@ def in_principle(row: dict[str, Any]) -> bool:
     from exodrake.machines.robot_file import load_robot
 
     limit, class_ = calibration_of(load_robot().machine).taken, row["before"]["class"]
-    taken = [[after["taken"].get(name, 0.0) for name in class_ if not is_true(row, name)] for after in told(row)]
+    taken = [
+        [after["taken"].get(name, 0.0) for name in class_ if not is_true(row, name)] for after in row["after"].values()
+    ]
     return any(is_true(row, name) for name in class_) and any(shares and min(shares) > limit for shares in taken)
-
-
-def is_true(row: dict[str, Any], name: str) -> bool:
-    """Whether an explanation is the true one."""
-    return sorted(name.split(" + ")) == sorted(row["truth"])
-
-
-def told(row: dict[str, Any]) -> list[dict[str, Any]]:
-    """What was found after either motion."""
-    return [row["after"][motion] for motion in (DESIGNED, RANDOM)]
 
 
 def page(rows: dict[str, dict[str, Any]], command: str) -> str:
@@ -171,7 +168,7 @@ def page(rows: dict[str, dict[str, Any]], command: str) -> str:
     lines += ["|---|---|---|---|---|---|---|"]
     for name, row in used.items():
         left = ", ".join(f"{row['promised'][motion][1]:.0f}" for motion in (DESIGNED, RANDOM))
-        after = "the same log | the same log" if row.get("same") else " | ".join(map(said, told(row)))
+        after = "the same log | the same log" if row.get("same") else " | ".join(map(said, row["after"].values()))
         start = f"{', '.join(row['truth']) or 'none'} | {', '.join(row['before']['class'])}"
         lines.append(f"| {name} | {start} | {left} | {after} | {'yes' if in_principle(row) else 'no'} |")
     if decided := {name: row for name, row in rows.items() if name not in used}:
@@ -198,13 +195,16 @@ def said(after: dict[str, Any]) -> str:
     return f"{after['verdict']} {', '.join(after['class'])}".strip()
 
 
-TEXT = """Cases of the reference simulator that a diagnosis leaves ambiguous get one further log: of the motion that
-`exodrake experiment` designs, or of a random one as long. Then each is diagnosed again, that log used in full length.
-Resolved: one explanation is left, and it is the true one. T is what the closest rival would leave of the new log once
-it is refitted, in variances of noise and of the error of a law; promised is the probability that follows from it.
-Where two laws differ by less than the better one differs from the robot, a diagnosis keeps both whatever the motion: a
-slack tendon that never loses its tension is an offset of an encoder, and friction that falls with speed is Coulomb
-friction within the error that a law is granted.
+TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its class
+(the logs reject all others before). Those that still are ambiguous get one further log, of the motion that `exodrake
+experiment` designs or of a random one as long, and are diagnosed again with it in full length. Resolved: one
+explanation is left, and it is the true one. T is what the rival that is told apart worst would leave of the new log
+once it is refitted, in variances of noise; promised is the probability that follows from it. Where T is below that of
+chance for every motion the two laws write the same log, and no experiment is run: a slack tendon that never loses its
+tension is an offset of an encoder. A case can be resolved in principle if after one of the motions the true law takes
+up more of what each rival leaves than an absent effect takes up of what a true law leaves (`taken` of the
+calibration). Else the simulator's robot follows neither law more closely than the other: its garment yields and
+stiffens a little, so that the library's stiffening wire fits it better than the library's yielding garment.
 
     {command}"""
 

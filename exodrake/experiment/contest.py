@@ -125,7 +125,8 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
         nothing = Linearisation(e.parameters, e.x, e.residual, e.jacobian, np.zeros((0, len(e.residual))), ())
         project = Projection(likelihood.scaled_to(e.residual), e, nothing)
         changes = contributed(likelihood, e, e.residual)
-        owners = [effect for effect in e.effects for _ in range(channels_of(likelihood, effect))]
+        axes = {effect: machine.effect(effect).parameters[0].axis for effect in e.effects}
+        owners = [effect for effect, axis in axes.items() for _ in machine.axes.of(axis)]
         own = [float(np.sum(project.own(row, effect) ** 2)) for row, effect in zip(changes, owners, strict=True)]
         left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
         law = any(not machine.effect(effect).same_meaning for effect in e.effects)
@@ -135,12 +136,6 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
     error = np.sqrt(left / whole)
     richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
     return Laws(whole, own, np.clip(error, limits.same_meaning, None), rho, limits.taken, richer)
-
-
-def channels_of(likelihood: Likelihood, effect: str) -> int:
-    """Number of robots that lack one channel of an effect each."""
-    machine = likelihood.robot.machine
-    return len(without_effect(machine, likelihood.robot.values, machine.effect(effect)))
 
 
 def effective(likelihood: Likelihood) -> float:
