@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -83,6 +84,11 @@ class Contest:
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
+
+    def difference(self, records: np.ndarray) -> float:
+        """Mean square difference [noise_std^2] of the two runs of `records` that differ least in the logged columns."""
+        logs = records[:, :, self.problem.signal_indices] / self.problem.noise_std
+        return min(float(np.mean((a - b) ** 2)) for a, b in combinations(logs, 2))
 
 
 def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:

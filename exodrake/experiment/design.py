@@ -29,7 +29,8 @@ from exodrake.simulation.references import protocol
 SHORTEST, LONGEST, USUAL = 20.0, 60.0, 30.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames take seconds: assumed
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
-RANDOM, WINDOWS, MUTATIONS = 20, 12, 30  # in a library, in a search of two rivals; fewer for more
+RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
+LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
 ENOUGH = 0.5  # probability below which an experiment is not worth its time: assumed
@@ -115,30 +116,36 @@ class Designer:
         starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
         return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
 
-    def piece(self, motif: Motif | Window) -> Piece | None:
-        """A motif, smaller until it is safe; None if it never is."""
+    def safe(self, motif: Motif | Window) -> tuple[np.ndarray, float] | None:
+        """The course of a motif, smaller until it is safe, and how much rivals differ on it as they are; or None."""
         self.tried += 1
         shares, rest = motif.shares(self.frames, self.stage.rest), self.stage.rest
         for _ in range(SHRINKS):
-            reference = self.stage.reference(shares)
-            if not self.violations(reference):
-                found = information(self.quick, reference.tension)
-                return Piece(motif, shares, found) if found else None
+            records = self.contest.records(self.stage.reference(shares))
+            if not self.safety.violations(self.contest.names, records):
+                return shares, self.contest.difference(records)
             shares = rest + SMALLER * (shares - rest)
         return None
+
+    def piece(self, motif: Motif | Window, shares: np.ndarray) -> Piece | None:
+        """A motif with its course, unless a robot does not come to its end."""
+        found = information(self.quick, self.stage.reference(shares).tension)
+        return Piece(motif, shares, found) if found else None
 
     def violations(self, reference: Reference) -> list[str]:
         """What a reference would take out of its range, on any explanation."""
         return self.safety.violations(self.contest.names, self.contest.records(reference))
 
     def library(self) -> list[Piece]:
-        """Random motifs and windows of known motions, those that are safe at some size."""
+        """Of random motifs and windows of known motions those that tell most at first sight, at a size that is safe."""
         channels = len(self.stage.low)
         motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
         windows = [window for reference in self.known for window in self.cut(reference)]
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
-        found = [self.piece(motif) for motif in (*motifs, *(windows[i] for i in order))]
-        pieces = [piece for piece in found if piece is not None]
+        safe = [(motif, found) for motif in (*motifs, *(windows[i] for i in order)) if (found := self.safe(motif))]
+        safe.sort(key=lambda item: -item[1][1])
+        kept = safe[: max(len(safe) // LIBRARY, self.pieces)]
+        pieces = [piece for motif, (shares, _) in kept if (piece := self.piece(motif, shares))]
         if not pieces:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
         return pieces
@@ -155,12 +162,14 @@ class Designer:
         best, count = total(chosen).criterion, round(MUTATIONS * self.fewer)
         for _ in range(count):
             at = int(self.rng.integers(self.pieces))
-            piece = self.piece(chosen[at].motif.mutated(self.rng))
+            motif = chosen[at].motif.mutated(self.rng)
+            found = self.safe(motif)
+            piece = self.piece(motif, found[0]) if found else None
             if piece is None:
                 continue
             trial = [*chosen[:at], piece, *chosen[at + 1 :]]
-            if (found := total(trial).criterion) > best:
-                chosen, best = trial, found
+            if (reached := total(trial).criterion) > best:
+                chosen, best = trial, reached
         return chosen
 
     def designed(self) -> Design:
