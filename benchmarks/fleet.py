@@ -100,7 +100,7 @@ def main(cases: int, robots: int, sessions: int, out: Path) -> None:
     click.echo(
         f"table and page in {perf_counter() - began:.1f} s; {sum(r.verdict == FAILURE for r in rows)} unanswered"
     )
-    processor, whole = sum(row.seconds for row in rows), robots * sessions
+    processor, whole = sum(row.run_time for row in rows), robots * sessions
     size = sum(path.stat().st_size for path in (out / "answers").rglob("*") if path.is_file()) / len(rows)
     click.echo(
         f"{processor / len(rows):.2f} s a case on a worker, {took / len(places):.2f} s in all; {whole:,} cases: "

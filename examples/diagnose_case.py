@@ -34,7 +34,7 @@ MADE.mkdir(parents=True, exist_ok=True)
 case, nominal = exo.read_case(some_case()), exo.load_robot()
 print(f"{case.name}: {', '.join(item.file for item in case.logs)}")
 
-# 1. the gap: what the nominal robot would have logged, beside what was measured, in units of the noise floor
+# 1. the gap: what the nominal robot would have logged, beside what was measured, in noise standard deviations
 problem = make_problem(case, nominal)
 rows = problem.silent()[None]
 gap = np.sqrt(np.mean(problem.residual(rows, problem.holdout) ** 2))

@@ -10,7 +10,7 @@ from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesis
 from exodrake.identification.workspace import Ranges, monte_carlo, reach
 
 # 20 s of a moving hand at 100 Hz, fourteen markers with 0.3 mm of noise and now and then a gap
-recording, truth = synthesise(Hand(), Faults(noise=0.3e-3, dropouts=6), seconds=20.0, rate=100.0, seed=1)
+recording, truth = synthesise(Hand(), Faults(noise=0.3e-3, dropouts=6), duration=20.0, rate=100.0, seed=1)
 found = identify(recording)
 
 print("joint  centre = gradient x angle + intercept [mm/rad, mm]      planted gradient [mm/rad]")

@@ -10,7 +10,7 @@ import numpy as np
 
 import exodrake as exo
 from exodrake.data.plot import save_png
-from exodrake.estimator.quick import quick_estimator
+from exodrake.estimator.quick_estimator import quick_estimator
 from exodrake.grasping.figure import grasp_figure
 from exodrake.grasping.run import run_plan
 from exodrake.grasping.trial import at_hold

@@ -9,7 +9,7 @@ import exodrake as exo
 from exodrake.estimator.dataset import sweeps_from_logs
 from exodrake.estimator.gp import condition
 from exodrake.estimator.prior import learn
-from exodrake.estimator.strokes import learn_strokes
+from exodrake.estimator.stroke_zeros import learn_strokes
 from exodrake.estimator.validate import estimate, validate
 
 robot = exo.load_robot()

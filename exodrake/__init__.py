@@ -1,6 +1,6 @@
 """exodrake: simulate a tendon-driven robot and explain how far, where and why it differs from the real one.
 
-`import exodrake as exo` stays light: every public name is looked up, and its module imported, at first use. The names
+`import exodrake as exo` stays light: the module of a public name is imported at its first use. The names
 stand in `__init__.pyi`, which type checkers read.
 """
 

@@ -1,4 +1,4 @@
-"""What a designed experiment is worth: `docs/experiment.md`.
+"""What a designed experiment gains: `docs/experiment.md`.
 
     exodrake blind make --seed 7 --cases 200 --out cases && exodrake blind run cases
     python -m studies.experiment cases --labels cases-labels.json --keep kept --out docs/experiment.md
@@ -33,7 +33,7 @@ LOG_SEED = 9  # of the noise of further logs
 
 
 def measured(
-    case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str], seconds: float | None, seed: int
+    case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str], duration: float | None, seed: int
 ) -> dict[str, Any]:
     """What became of a case: its class, what the design promises, and the class after either motion.
 
@@ -54,15 +54,20 @@ def measured(
         if len(rivals) < 2:
             return found
         contest = contest_of(make_problem(case, robot), rivals)
-        designed = design(contest, seconds, seed)
+        designed = design(contest, duration, seed)
         length = len(designed.reference.tension) * robot.machine.frame
         motions = {
             DESIGNED: designed.reference.tension,
             RANDOM: protocol(f"random-motion:seed={seed},duration={length:g}", robot).tension,
         }
-        told = {name: promised(contest, reference) for name, reference in motions.items()}
-        found |= {"seconds": length, "size": designed.size, "promised": told, "after": dict.fromkeys(motions, before)}
-        if max(left for _, left in told.values()) < CHANCE**2:
+        expected = {name: promised(contest, reference) for name, reference in motions.items()}
+        found |= {
+            "duration": length,
+            "size": designed.size,
+            "promised": expected,
+            "after": dict.fromkeys(motions, before),
+        }
+        if max(left for _, left in expected.values()) < CHANCE**2:
             return found | {"same": True}
         for name, reference in motions.items():
             again = make_problem(with_log(case, spec, reference), robot, effects)
@@ -89,7 +94,7 @@ def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple
 
 
 def promised(contest: Contest, reference: np.ndarray) -> tuple[float, float]:
-    """Probability that a motion tells the rivals apart, and T of the two that are told apart worst."""
+    """Probability that a motion distinguishes the rivals, and T of the two that it distinguishes worst."""
     from exodrake.experiment.information import information
 
     found = information(contest, reference)
@@ -198,7 +203,7 @@ def said(after: dict[str, Any]) -> str:
 TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its class
 (the logs reject all others before). Those that still are ambiguous get one further log, of the motion that `exodrake
 experiment` designs or of a random one as long, and are diagnosed again with it in full length. Resolved: one
-explanation is left, and it is the true one. T is what the rival that is told apart worst would leave of the new log
+explanation is left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log
 once it is refitted, in variances of noise; promised is the probability that follows from it. Where T is below that of
 chance for every motion the two laws write the same log, and no experiment is run: a slack tendon that never loses its
 tension is an offset of an encoder. A case can be resolved in principle if after one of the motions the true law takes
@@ -213,12 +218,12 @@ stiffens a little, so that the library's stiffening wire fits it better than the
 @click.argument("folders", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--labels", multiple=True, type=click.Path(exists=True, path_type=Path), help="Of each set, in order.")
 @click.option("--cases", default="", metavar="NAME,...", help="SET/CASE of these alone.")
-@click.option("--seconds", type=float, default=None, help="Of an experiment [the designer's own].")
+@click.option("--duration", type=float, default=None, help="Of an experiment [the designer's own].")
 @click.option("--seed", default=0, show_default=True, help="Of the search and of the random motion.")
 @click.option("--keep", required=True, type=click.Path(path_type=Path), help="Folder of what is measured, by case.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(
-    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, seconds: float | None, seed: int, keep: Path,
+    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, duration: float | None, seed: int, keep: Path,
     out: Path | None,
 ) -> None:  # fmt: skip
     """Measure what the designed experiment resolves on ambiguous cases of the sets in FOLDERS."""
@@ -232,7 +237,7 @@ def command(
             name = f"{folder.name}/{case.name}"
             place = keep / f"{folder.name}-{case.name}.json"
             if not place.is_file():
-                row = of_case(case, json.loads(file.read_text()), seconds, seed)
+                row = of_case(case, json.loads(file.read_text()), duration, seed)
                 keep.mkdir(parents=True, exist_ok=True)
                 write_text(place, json.dumps(row, indent=1) + "\n")
             rows[name] = json.loads(place.read_text())
@@ -249,7 +254,7 @@ def places(folder: Path, wanted: list[str]) -> Iterable[Path]:
     )
 
 
-def of_case(case: Path, labels: dict[str, Any], seconds: float | None, seed: int) -> dict[str, Any]:
+def of_case(case: Path, labels: dict[str, Any], duration: float | None, seed: int) -> dict[str, Any]:
     """What became of one case folder."""
     from exodrake.blind.run import ANSWER
     from exodrake.blind.transfer import withheld
@@ -262,7 +267,7 @@ def of_case(case: Path, labels: dict[str, Any], seconds: float | None, seed: int
     machine = load_robot().machine
     truth = [effect["id"] for effect in label["effects"]]
     read = read_case(case, required_of(machine), machine.frame)
-    return measured(read, withheld(case.name, label), truth, left_in(read_json(case / ANSWER)), seconds, seed)
+    return measured(read, withheld(case.name, label), truth, left_in(read_json(case / ANSWER)), duration, seed)
 
 
 if __name__ == "__main__":

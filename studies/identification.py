@@ -17,6 +17,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
+from exodrake.core.normal import NORMAL_95
 
 if TYPE_CHECKING:
     from exodrake.estimator.dataset import Sweeps
@@ -111,7 +112,7 @@ def _judged(estimator, fresh: list[Sweeps], shift: float, wire: str) -> Sessions
         before = estimator.predict(session.tension, session.stroke)[0] - session.angle
         mean, std, _ = used.predict(session.tension, session.stroke)
         after = mean - session.angle
-        errors.append([np.mean(before**2), np.mean(after**2), np.mean(np.abs(after) < 1.96 * std)])
+        errors.append([np.mean(before**2), np.mean(after**2), np.mean(np.abs(after) < NORMAL_95 * std)])
     before, after, coverage = np.mean(errors, axis=0)
     return Sessions(shift, wire, float(np.mean(flags)), float(before**0.5), float(after**0.5), float(coverage))
 

@@ -48,11 +48,11 @@ SAME_PLACE = {"encoder.homing_offset": ("encoder", "motor", "tendon"), "tendon.s
 PAGE = """# The missing law
 
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
-are diagnosed with **no effect in the library**: whatever is planted is a law that nobody told. One free law is searched
-over every point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
+are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
+point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
 ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
-encoder, motor or tendon, which meet at the spool. "Told apart" rests on a test that is not calibrated: it says yes of
-the wrong parts below, too.
+encoder, motor or tendon, which meet at the spool. "Distinguished" rests on a test that is not calibrated: it says yes
+of the wrong parts below, too.
 
     {command}
 
@@ -60,7 +60,7 @@ the wrong parts below, too.
 
 {tables}
 
-## Formulas that nobody told
+## Formulas unknown to the diagnosis
 
 A carriage that a few lines of their own simulate (`tests/test_missing_law.py`), its law in no library:
 
@@ -128,7 +128,7 @@ def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, law: Missi
     runner = "" if law.runner_up is None else law.runner_up.id
     return Row(
         name, kind, blocks, gap, law.found, law.block, f"{law.id}: {law.words}", law.channels, law.share, closure,
-        runner, law.lead, law.told_apart, formula, law.reason, seconds,
+        runner, law.lead, law.distinguished, formula, law.reason, seconds,
     )  # fmt: skip
 
 
@@ -159,7 +159,9 @@ def percent(value: float) -> str:
 
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown."""
-    head = "| planted | gap | law found | channels | fitted | held out | runner-up told apart |\n" + 7 * "|---" + "|\n"
+    head = (
+        "| planted | gap | law found | channels | fitted | held out | runner-up distinguished |\n" + 7 * "|---" + "|\n"
+    )
     lines = []
     for r in rows:
         gap = f"{r.gap:.1f}" if np.isfinite(r.gap) else "-"

@@ -27,7 +27,7 @@ SETS = {
     "without load cells": ("tension",),
     "encoders alone": ("tension", "angle"),
 }  # sensors -> kinds of columns withheld; commands are no sensors and stay
-TOLD, MISTAKEN, HIDDEN = "told apart", "could be mistaken", "not seen"
+CLEAR, MISTAKEN, HIDDEN = "distinguished", "could be mistaken", "not seen"
 
 
 def without(case: Case, hidden: tuple[str, ...]) -> Case:
@@ -49,10 +49,10 @@ def computed(case: Case) -> dict[str, dict[str, str]]:
     robot, found = load_robot(), {}
     for sensors, hidden in SETS.items():
         with one_blas_thread():
-            told = identifiability(without(case, hidden), robot)
-        clear, mistaken = ({d.effect for d in some} for some in (told.clear, told.mistaken))
-        for effect in dict.fromkeys(d.effect for d in told.directions):
-            state = TOLD if effect in clear else MISTAKEN if effect in mistaken else HIDDEN
+            shown = identifiability(without(case, hidden), robot)
+        clear, mistaken = ({d.effect for d in some} for some in (shown.clear, shown.mistaken))
+        for effect in dict.fromkeys(d.effect for d in shown.directions):
+            state = CLEAR if effect in clear else MISTAKEN if effect in mistaken else HIDDEN
             found.setdefault(effect, {})[sensors] = state
     return found
 
@@ -89,14 +89,14 @@ def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], co
     """The page."""
     lines = ["# Fewer sensors", "", TEXT.format(command=command), "", "## Computed", ""]
     lines += [f"| of {len(effects)} effects | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
-    for state in (TOLD, MISTAKEN, HIDDEN):
-        counts = (str(sum(told[sensors] == state for told in effects.values())) for sensors in SETS)
+    for state in (CLEAR, MISTAKEN, HIDDEN):
+        counts = (str(sum(states[sensors] == state for states in effects.values())) for sensors in SETS)
         lines.append(f"| {state} | {' | '.join(counts)} |")
     lines += ["", "Effects for which the sensors make a difference:", ""]
     lines += [f"| effect | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
-    for effect, told in effects.items():
-        if len(set(told.values())) > 1:
-            lines.append(f"| `{effect}` | {' | '.join(told[sensors] for sensors in SETS)} |")
+    for effect, states in effects.items():
+        if len(set(states.values())) > 1:
+            lines.append(f"| `{effect}` | {' | '.join(states[sensors] for sensors in SETS)} |")
     if rows:
         lines += ["", "## Measured", "", MEASURED.format(count=len(rows)), ""]
         lines += [f"| sensors | {' | '.join(OUTCOMES)} |", "|---" * (1 + len(OUTCOMES)) + "|"]

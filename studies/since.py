@@ -25,11 +25,11 @@ from exodrake.blind.parameters import draw_parameters
 from exodrake.blind.protocols import wander
 from exodrake.blind.robot_spec import InjectedFault, RobotSpec
 from exodrake.blind.simulator import simulate as simulate_reference
+from exodrake.core.confidence import ALPHA, CONFIDENCE
 from exodrake.core.files import write_text
 from exodrake.core.proportions import binomial_interval
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.diagnosis.change_point import CONFIDENCE, LEVEL
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.since import Since
 from exodrake.simulation import protocols
@@ -201,7 +201,7 @@ def main(out: Path, repeats: int, exos: int) -> None:
     p = binomtest(held, len(stated), CONFIDENCE, alternative="less").pvalue if stated else float("nan")
     options = f" --out {out} --repeats {repeats}" + (f" --exo {exos}" if exos else "")
     text = HEAD.format(
-        options=options, sessions=SESSIONS, earliest=EARLIEST, latest=LATEST, level=LEVEL, confidence=CONFIDENCE
+        options=options, sessions=SESSIONS, earliest=EARLIEST, latest=LATEST, level=ALPHA, confidence=CONFIDENCE
     )
     text += "\n".join(lines) + "\n\n"
     text += f"All changes together: the date is held in {share(held, len(stated))}; one-sided binomial test against "

@@ -30,7 +30,7 @@ def loop():
 @pytest.fixture(scope="session")
 def point(loop):
     """Where the loop rests."""
-    from exodrake.analysis.operating import operating_point
+    from exodrake.analysis.operating_point import operating_point
 
     return operating_point(loop)
 
@@ -38,7 +38,7 @@ def point(loop):
 @pytest.fixture(scope="session")
 def model(loop, point):
     """The loop's linear model there."""
-    from exodrake.analysis.linear import linearise
+    from exodrake.analysis.linear_model import linearise
 
     return linearise(loop, point.state, point.references)
 

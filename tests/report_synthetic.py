@@ -7,6 +7,7 @@ import numpy as np
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
+from exodrake.diagnosis.level_table import LevelTest
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.provenance import Provenance
 from exodrake.diagnosis.result import (
@@ -19,7 +20,6 @@ from exodrake.diagnosis.result import (
     Closure,
     Diagnosis,
     Interval,
-    LevelTest,
     Moved,
     NamedEffect,
     Retune,
@@ -48,10 +48,10 @@ def noise_and_sizes():
 def simulated_logs(robot=None, frames=1500, gap=0.06):
     """A fitted and a held-out log: the nominal robot errs by a share `gap`, the improved one by noise alone."""
     rng = np.random.default_rng(1)
-    floor, size = noise_and_sizes()
+    noise_std, size = noise_and_sizes()
     time = 0.02 * np.arange(frames)
-    course = np.clip(1.2 * np.sin(2 * np.pi * time / 7.5), 0, 1)[:, None] * size * rng.uniform(0.5, 1.0, len(floor))
-    measured = course + floor * rng.standard_normal(course.shape)
+    course = np.clip(1.2 * np.sin(2 * np.pi * time / 7.5), 0, 1)[:, None] * size * rng.uniform(0.5, 1.0, len(noise_std))
+    measured = course + noise_std * rng.standard_normal(course.shape)
     measured[40:60, -1] = np.nan
     lag = gap * size * np.sign(np.gradient(course, axis=0)) * (course > 0)
     runs = {"nominal": course - lag, "retuned": course - 0.8 * lag, "improved": course}
@@ -61,8 +61,8 @@ def simulated_logs(robot=None, frames=1500, gap=0.06):
     again = CaseLog(log, "chirp", "fit", fit.name, "chirp_2.csv.gz")
     logs = (CaseLog(log, "chirp", "fit", None, fit.name), again, CaseLog(log, "grasps", "holdout", None, held.name))
     case = Case("synthetic", {}, logs, hashes={item.file: f"{k}" * 64 for k, item in enumerate(logs)})
-    problem = Problem(robot or load_robot(), COLUMNS, floor, (fit,), (held,), case)
-    return SimulatedLogs(problem, tuple(SimulatedLog(trial, runs, floor) for trial in (fit, held)))
+    problem = Problem(robot or load_robot(), COLUMNS, noise_std, (fit,), (held,), case)
+    return SimulatedLogs(problem, tuple(SimulatedLog(trial, runs, noise_std) for trial in (fit, held)))
 
 
 def chosen(runs, columns, **changes):
@@ -90,11 +90,11 @@ def chosen(runs, columns, **changes):
 
 def closure(healthy=False):
     """Gaps of all signals, down to 1.05 noise standard deviations."""
-    floor, size = noise_and_sizes()
+    noise_std, size = noise_and_sizes()
     units = {kind: item[0] for kind, item in KINDS.items()} | {"angle": "rad"}
     signals = {
         name: SignalGap(b, 0.8 * b, 1.05 * f, f, 0.98, units[name.rsplit("_", 1)[0]])
-        for name, f, b in zip(COLUMNS, floor, 1.02 * floor if healthy else 0.05 * size)
+        for name, f, b in zip(COLUMNS, noise_std, 1.02 * noise_std if healthy else 0.05 * size)
     }
     whole, retune, effect = Interval(0.962, 0.934, 0.981), Interval(0.24, 0.18, 0.31), Interval(0.95, 0.91, 0.975)
     return Closure(whole, retune, Interval(nan, nan, nan) if healthy else effect, signals)
@@ -147,7 +147,7 @@ def diagnosis(verdict=NAMED):
         baselines={"replay": IDS[0], "bic": IDS[3]},
         reasons=("tendon.capstan_friction leaves 2.0 % of the gap",),
         notes=("chirp.csv.gz: 2 repeated rows dropped",),
-        seconds=48.2,
+        run_time=48.2,
         robots={"nominal": robot, "retuned": retuned, "improved": improved},
         simulated={"retune": 1200.0, "linearise": 6400.0},
         tests=(LevelTest("Would noise leave so much?", "p-value", 0.4, 0.02, True),),

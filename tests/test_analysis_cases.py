@@ -8,10 +8,10 @@ from scipy.optimize import brentq
 import exodrake as exo
 from exodrake.analysis.closed_loop import margin_remarks, remarks, returns
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
+from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import margins
 from exodrake.analysis.open_loop import cut, opened
-from exodrake.analysis.operating import operating_point
+from exodrake.analysis.operating_point import operating_point
 from exodrake.cli.main import cli
 
 PERIOD = 0.02

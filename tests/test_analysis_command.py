@@ -21,7 +21,8 @@ def run(*arguments):
 
 
 def test_it_writes_figures_numbers_and_the_model(tmp_path):
-    found = run("--out", tmp_path / "a", "--json", tmp_path / "b.json", "--to-control", tmp_path / "m.npz")
+    files = ("--out", tmp_path / "a", "--json", tmp_path / "b.json", "--to-control", tmp_path / "m.npz")
+    found = run("--draws", 4, *files)
     assert found.exit_code == 0, found.output
     assert "spectral radius 0.96" in found.output and "stable up to" in found.output
     names = {path.name for path in (tmp_path / "a").iterdir()}

@@ -5,12 +5,12 @@ import pytest
 from scipy.signal import lfilter
 
 import exodrake as exo
-from exodrake.analysis.candidate import law_of, performance, plant_of
+from exodrake.analysis.candidate_controller import law_of, performance, plant_of
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise
-from exodrake.analysis.operating import operating_point
-from exodrake.analysis.robust import robustness
-from exodrake.analysis.steps import step_response
+from exodrake.analysis.linear_model import linearise
+from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.robustness import robustness
+from exodrake.analysis.step_response import step_response
 from exodrake.systems import controller
 
 PERIOD, ZERO = 0.02, (0.0, 0.0, 0.0)

@@ -5,9 +5,9 @@ import pytest
 
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
-from exodrake.analysis.frequency import bandwidth, frequency_response, multisine, odd_lines
+from exodrake.analysis.frequency_response import LINES, bandwidth, frequency_response, multisine
 from exodrake.analysis.limit_cycles import CommandedLoop, grows
-from exodrake.analysis.linear import FrameModel, linearise, spectral_radius
+from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import gain_margins, margins, phase_margin
 from exodrake.analysis.open_loop import cut, opened
 
@@ -36,7 +36,7 @@ def test_margins_of_an_integrator():
 
 
 def test_multisine_is_odd_flat_and_periodic():
-    signal = multisine(0.05, odd_lines(500), 500, np.random.default_rng(0))
+    signal = multisine(0.05, LINES, 500, np.random.default_rng(0))
     power = np.abs(np.fft.rfft(signal))
     assert np.sqrt(np.mean(signal**2)) == pytest.approx(0.05)
     assert power[::2].max() < 1e-12

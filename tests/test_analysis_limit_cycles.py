@@ -11,7 +11,6 @@ from exodrake.analysis.limit_cycles import (
     crossing,
     describing_function,
     limit_cycles,
-    without_effects,
 )
 from exodrake.analysis.open_loop import opened
 
@@ -93,4 +92,4 @@ def test_an_unstable_loop_has_no_describing_function():
 def test_without_effects_nothing_is_left():
     robot = exo.load_robot()
     spoilt = robot.splice("motor.dead_zone").splice("tendon.coulomb_friction")
-    assert np.array_equal(without_effects(spoilt).values, robot.values)
+    assert np.array_equal(spoilt.without_effects().values, robot.values)

@@ -8,10 +8,10 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.closed_loop import remarks, returns
 from exodrake.analysis.frame_map import FrameMap, references_of, state_names
-from exodrake.analysis.linear import best_slopes, linearise, matters, pole_of, spectral_radius
-from exodrake.analysis.operating import operating_point
-from exodrake.analysis.stability import first_crossing, latency_sweep, stability_map
-from exodrake.analysis.steps import step_figures
+from exodrake.analysis.linear_model import best_slopes, linearise, matters, pole_of, spectral_radius
+from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.stability_map import latency_sweep, stability_limit, stability_map
+from exodrake.analysis.step_response import step_figures
 
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
 
@@ -137,11 +137,11 @@ def test_bad_operating_points_are_named(at, word):
         references_of(FrameMap.of(exo.load_robot()), at)
 
 
-def test_first_crossing():
+def test_stability_limit():
     x = np.array([1.0, 2.0, 3.0])
-    assert first_crossing(x, np.array([0.5, 0.9, 1.1])) == pytest.approx(2.5)
-    assert first_crossing(x, np.array([1.5, 1.9, 2.1])) == 0.0
-    assert np.isnan(first_crossing(x, np.array([0.5, 0.6, 0.7])))
+    assert stability_limit(x, np.array([0.5, 0.9, 1.1])) == pytest.approx(2.5)
+    assert stability_limit(x, np.array([1.5, 1.9, 2.1])) == 0.0
+    assert np.isnan(stability_limit(x, np.array([0.5, 0.6, 0.7])))
 
 
 def test_step_figures_of_a_second_order_system():

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 import exodrake as exo
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise, spectral_radius
-from exodrake.analysis.operating import operating_point
+from exodrake.analysis.linear_model import linearise, spectral_radius
+from exodrake.analysis.operating_point import operating_point
 from exodrake.systems import controller, controller_as_printed
 
 STIFFNESS, PERIOD, KP = 3000.0, 0.02, 5e-3  # N/m, s, m/(s N)

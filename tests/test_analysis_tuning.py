@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.analysis.assessment import Requirements, missed_of
-from exodrake.analysis.candidate import Performance, plant_of
+from exodrake.analysis.candidate_controller import Performance, plant_of
 from exodrake.analysis.tuning import compliance, cost_of, tune
 from exodrake.cli.main import cli
 from exodrake.simulation import protocols
@@ -43,7 +43,7 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
 
 def test_the_tuned_loop_settles_no_later_than_one_that_holds_the_same(tuned):
     """A grid of gains, each by its own analysis of the plain loop, has none that is much better."""
-    from exodrake.analysis.candidate import performance
+    from exodrake.analysis.candidate_controller import performance
 
     folder, _ = tuned
     numbers = json.loads((folder / "tune.json").read_text())

@@ -78,7 +78,7 @@ def test_every_effect_is_finite_and_seen(effect_id):
         best = max(best, max(gap_in_noise(log, healthy_log()).values()))
         if best >= 2.0:
             return
-    assert effect_id in NEEDS_LONGER, f"{best:.2f} floors"
+    assert effect_id in NEEDS_LONGER, f"{best:.2f} noise standard deviations"
 
 
 def test_a_neutral_effect_is_absent():

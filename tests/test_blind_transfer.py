@@ -1,4 +1,4 @@
-"""What a diagnosis is worth: the cost, tuned controllers, robots built anew from labels, and the measures."""
+"""What a controller gains from a diagnosis: cost, tuned controllers, robots built from labels, and measures."""
 
 import json
 

@@ -111,13 +111,13 @@ def test_bad_log_names_file_and_column(case):
 
 
 def test_an_error_in_the_report_loses_no_answer(case, answered, tmp_path, monkeypatch):
-    import exodrake.report.diagnosis_page as diagnosis_page
+    import exodrake.report.diagnosis_html as diagnosis_html
 
     def fails(*_):
         raise RuntimeError("ink is out")
 
     answered(NAMED)
-    monkeypatch.setattr(diagnosis_page, "report_html", fails)
+    monkeypatch.setattr(diagnosis_html, "report_html", fails)
     result = run("diagnose", case, "--json", tmp_path / "a.json", "--report", tmp_path / "r.html")
     assert isinstance(result.exception, RuntimeError)
     assert "NAMED" in result.output

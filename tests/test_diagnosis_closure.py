@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from diagnosis_cases import friction_diagnosis
 
-from exodrake.diagnosis.closure import CONFIDENCE, blocks, bootstrapped, closure
+from exodrake.core.confidence import CONFIDENCE
+from exodrake.diagnosis.closure import blocks, bootstrapped, closure
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exodrake.diagnosis.intervals import Fitted, affected, describe, interval, pooled
+from exodrake.core.effect import ANY_SHAPE, LAW_STD, SHAPE_STD
+from exodrake.diagnosis.intervals import ROUNDING, Z90, Fitted, affected, describe, interval, pooled
 from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.machines.robot_file import load_robot
 
@@ -69,3 +70,23 @@ def test_undetermined_parameter_ends_at_its_range(machine):
     known, lost = (interval(parameter, parameter.start, std, "s") for std in (0.01, 1e4))
     assert known.low < parameter.value(parameter.start) < known.high
     assert [lost.low, lost.high] == pytest.approx([parameter.value(b) for b in parameter.bounds])
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "std"),
+    [
+        ("tendon.stribeck_friction", "force", LAW_STD),  # scales the friction
+        ("tendon.stribeck_friction", "ratio", SHAPE_STD),
+        ("tendon.creep", "time_constant", ANY_SHAPE),  # one for a spectrum
+        ("sensor.gain", "gain", ROUNDING),  # means the same in every law
+    ],
+)
+def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect, parameter, std):
+    parameters = effect_parameters(machine, machine.effect(effect))
+    at = next(p for p in parameters if p.name == f"{effect}.{parameter}")
+    x = [0.5 if at.transform == "log" else 0.1] * len(parameters)
+    found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), 1.0, machine.axes.tendons)
+    stated = found.parameters[parameter]
+    log = at.transform == "log"
+    width = np.log(stated.high / stated.low) if log else (stated.high - stated.low) / stated.value
+    assert width / 2 == pytest.approx(Z90 * std, rel=1e-3)

@@ -5,9 +5,10 @@ import pytest
 from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal, probe
 from scipy import stats
 
+from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
 from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.levels import ALPHA, exceeding, local_levels
+from exodrake.diagnosis.levels import exceeding, local_levels
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
 from exodrake.diagnosis.scan import scan

@@ -65,7 +65,7 @@ def test_jacobian_holds_in_all_directions_those_that_hardly_show_included(proble
         assert np.linalg.norm(move @ jacobian - central) < 0.05 * np.linalg.norm(central)
 
 
-def test_every_direction_belongs_to_one_probe_and_simulated_seconds_are_counted(problem):
+def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(problem):
     likelihood, effects = output_error(problem, "here"), problem.robot.machine.effects[:6]
     lin = linearise(likelihood, problem.silent(), np.zeros(0), (), effects)
     rows = np.concatenate([probe.rows for probe in lin.probes])

@@ -34,7 +34,7 @@ def test_transform_is_its_formula_and_its_inverse_undoes_it(transform):
 
 def test_stiffness_is_infinite_at_zero_compliance():
     stiffness = Parameter("k", (0,), "reciprocal", 0.0, math.inf, (0.0, 1.0))
-    assert stiffness.value(0.0) == math.inf and stiffness.coordinate(math.inf) == 0.0
+    assert stiffness.value(0.0) == stiffness.value(1e-40) == math.inf and stiffness.coordinate(math.inf) == 0.0
 
 
 def test_nominal_parameters_start_from_the_robots_values(robot):

@@ -63,7 +63,7 @@ def test_held_out_logs_decide_the_closure_alone():
     answers = [found.to_json() for found in (friction_diagnosis(), exo.diagnose(spoilt))]
     assert answers[0]["closure"] != answers[1]["closure"]
     for answer in answers:  # notes are on the logs as they came
-        del answer["closure"], answer["seconds"], answer["notes"], answer["provenance"]["date"]
+        del answer["closure"], answer["run_time"], answer["notes"], answer["provenance"]["date"]
     assert answers[0] == answers[1]
 
 
@@ -74,9 +74,9 @@ def test_answer_is_strict_json(found):
 
 
 @pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])
-def test_simulated_seconds_are_affordable_and_add_up(found):
+def test_simulated_time_is_affordable_and_adds_up(found):
     total = sum(found().simulated.values())
-    assert 0.0 < total <= AFFORDABLE and found().simulated_seconds == pytest.approx(total)
+    assert 0.0 < total <= AFFORDABLE and found().simulated_time == pytest.approx(total)
 
 
 def test_effect_beside_a_tremor_is_named_with_it():

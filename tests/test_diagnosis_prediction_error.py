@@ -25,14 +25,14 @@ def case_of(robot, seed, quantisation=True):
     plan = (("holds", "fit", protocols.holds(robot, seed=3)), ("steps", "holdout", protocols.steps(robot)))
     logs = []
     for k, (name, role, whole) in enumerate(plan):
-        asked = Reference(whole.tension[:FRAMES], name)
-        log = simulate(robot, asked, None if seed is None else seed + k, quantisation)
+        reference = Reference(whole.tension[:FRAMES], name)
+        log = simulate(robot, reference, None if seed is None else seed + k, quantisation)
         logs.append(CaseLog(log, name, role, None, name))
     return Case("fed", {}, tuple(logs))
 
 
 def chi2(problem, robot):
-    """Mean square residual on the fitted logs [floor^2] of a robot."""
+    """Mean square residual on the fitted logs [noise variances] of a robot."""
     return float(np.mean(problem.residual(problem.silent(robot)[None], problem.fit) ** 2))
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.likelihood import moved_a_little
 from exodrake.diagnosis.noise import noise_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
 from exodrake.machines.robot_file import load_robot
@@ -33,9 +34,9 @@ def case(robot):
 
 def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robot, case):
     columns = columns_of(case, robot.machine)
-    floor = dict(zip(columns, noise_std(case, robot, columns), strict=True))
-    assert floor["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
-    assert floor["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
+    found = dict(zip(columns, noise_std(case, robot, columns), strict=True))
+    assert found["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
+    assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
 
 
 def test_repeats_count_for_the_noise_only(robot, case):
@@ -81,3 +82,15 @@ def test_late_motion_capture_shows_in_a_simulated_log(robot):
     late = simulate(robot.splice("timing.mocap_delay", {"delay": 0.04}), reference, seed=None, quantisation=False)
     assert np.allclose(late["angle_MCP"][2:], plain["angle_MCP"][:-2], atol=1e-12)
     assert np.array_equal(late["stroke_AF"], plain["stroke_AF"])
+
+
+def test_robots_of_the_runs_with_noise_rest_at_all_phases_of_an_encoders_count(robot, case):
+    """Phases of one robot have a mean vector of length 1; n uniform ones have 0.5 or more with exp(-0.25 n)."""
+    problem = make_problem(case, robot)
+    count = np.sqrt(12.0) * sensor_noise_std(robot)["stroke"]
+    strokes = [i for i, column in enumerate(problem.columns) if column.startswith("stroke")]
+    rests = problem.predict(moved_a_little(problem, problem.silent()), problem.fit[0])[:, -1, strokes]
+    length = np.abs(np.mean(np.exp(2j * np.pi * rests / count)))
+    assert rests.size == 24
+    assert np.ptp(rests, axis=0).max() < 100 * count  # and are still one robot
+    assert length < 0.5

@@ -16,7 +16,7 @@ from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.session_series import Series
 from exodrake.diagnosis.sessions import dated_sessions, windows
 from exodrake.diagnosis.since import Since
-from exodrake.report.diagnosis_page import page
+from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
@@ -162,12 +162,12 @@ def test_the_change_in_words_and_on_the_page():
     values = since_section(found)
     (line,) = values["timelines"]
     assert line["times"][3] - line["times"][2] == 2 * 86400 and line["began"][1] == line["times"][2]
-    html = page(found, simulated_logs(found.robots["nominal"], frames=200))
+    html = html_of(found, simulated_logs(found.robots["nominal"], frames=200))
     assert (
         "Since when" in html
         and 'id="timelines"' in html
         and "timelines"
-        not in page(diagnosis(NAMED), simulated_logs(found.robots["nominal"], frames=200))
+        not in html_of(diagnosis(NAMED), simulated_logs(found.robots["nominal"], frames=200))
         .split("</style>")[1]
         .split("<script>")[0]
     )

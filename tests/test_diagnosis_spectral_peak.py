@@ -6,7 +6,7 @@ from diagnosis_cases import case_of
 
 from exodrake.diagnosis import filters
 from exodrake.diagnosis.detect import spectral_peak
-from exodrake.diagnosis.detect.spectral_peak import Peak, find
+from exodrake.diagnosis.detect.spectral_peak import Peak, WanderingPhase, find, phase_rate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -57,3 +57,34 @@ def test_band_of_a_slow_line_can_be_filtered(robot):
     slow = Peak(1.0, np.zeros(1), 10.0, 1.0)
     left = filters.without(slow.bands(25.0), np.ones((500, 1)), robot.machine.frame)
     assert np.isfinite(left).all()
+
+
+@pytest.mark.parametrize(("frequency", "rate"), [(6.3, 0.0), (6.3, 0.5), (6.3, 2.0), (1.6, 0.5)])
+def test_rate_of_a_wandering_phase_is_recovered(robot, frequency, rate):
+    """Six logs of 60 s: the estimate of a rate of 2 rad^2/s scatters by 10 %."""
+    rng, frame = np.random.default_rng(5), robot.machine.frame
+    problem, time = make_problem(case_of(robot, 3, frames=100), robot), np.arange(3000) * frame
+    logs = []
+    for _ in range(6):
+        phase = np.cumsum(np.sqrt(rate * frame) * rng.standard_normal(3000))
+        logs.append(
+            10.0 * np.sin(2 * np.pi * frequency * time + phase)[:, None] + rng.standard_normal((3000, 2)) * [1.0, 0.1]
+        )
+    found = phase_rate(problem, logs, Peak(frequency + 0.05, np.array([50.0, 49.0]), 10.0, 1.0))
+    assert found == pytest.approx(rate, rel=0.3, abs=0.1)
+
+
+def test_drawn_tremor_is_as_strong_as_the_simulated_one_and_repeats_no_phase(robot):
+    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": FREQUENCY}, channels=["MCP"])
+    found = detected(robot, shaken)
+    trial, (detection,), rng = found.fit[0], found.detected, np.random.default_rng(1)
+    still = found.silent()
+    still[robot.machine.index["finger.tremor.torque.MCP"]] = 0.0
+    lines = found.predict(np.array([found.silent(), still]), trial)
+    here = np.s_[50:, found.columns.index("angle_MCP")]
+    line, noise = (lines[0] - lines[1])[here], detection.noise
+    assert isinstance(noise, WanderingPhase) and noise.rate < 0.1  # the planted one keeps its phase
+    drawn = [noise(found, found.silent(), trial, rng)[here] for _ in range(6)]
+    assert np.mean([np.std(line + d) / np.std(line) for d in drawn]) == pytest.approx(1.0, rel=0.05)
+    likeness = [np.corrcoef(line, line + d)[0, 1] for d in drawn]  # cosines of random phases
+    assert np.abs(np.mean(likeness)) < 0.8 and np.ptp(likeness) > 0.3

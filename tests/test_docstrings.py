@@ -8,8 +8,7 @@ from pkgutil import walk_packages
 import pytest
 
 import exodrake as exo
-import exodrake.estimator
-import exodrake.identification
+from exodrake import analysis, estimator, grasping, identification
 
 SHAPE = re.compile(r"\((\.\.\.|\w[\w .*+-]*),[\w .*+,()-]*\)")  # (n,) or (rows, 3)
 UNIT = re.compile(r"\[[^\[\]]+\]")  # [N], [rad/s], [SI] of any signal, [-] of none
@@ -35,9 +34,9 @@ def takes_or_returns_array(function):
 
 
 def modules():
-    """Modules that define public names, and those of identification and estimator."""
+    """Modules that define public names, and those of the rooms beside the diagnosis."""
     found = {import_module(name) for name in exo.PUBLIC.values()}
-    for package in (exodrake.identification, exodrake.estimator):
+    for package in (analysis, estimator, grasping, identification):
         found |= {import_module(item.name) for item in walk_packages(package.__path__, package.__name__ + ".")}
     return sorted(found, key=lambda module: module.__name__)
 

@@ -1,14 +1,16 @@
 """The Gaussian process against scikit-learn, its closed forms against refits, and its promises on sweeps not seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from estimator_sweeps import JOINTS, as_sweeps, trained, worn_sweeps
 from sklearn.gaussian_process import GaussianProcessRegressor
 
+from exodrake.estimator.baselines import fit_ridge
 from exodrake.estimator.gp import condition, leave_one_sweep_out
 from exodrake.estimator.kernels import sweep_kernel
-from exodrake.estimator.prior import JITTER, new_rows
-from exodrake.estimator.ridge import fit_ridge
+from exodrake.estimator.prior import JITTER
 from exodrake.estimator.validate import HELD_OUT, RANDOM, score, validate
 from exodrake.systems.gp_estimator import predict, predict_into, scratch
 
@@ -37,7 +39,7 @@ def test_prediction_is_that_of_scikit_learn():
     fresh = as_sweeps(worn_sweeps(3, seed=50, rows=40))
     mean, std, _ = estimator.predict(fresh.tension, fresh.stroke)
     process = reference_process(prior, sweeps.equispaced(500))
-    wanted, wanted_std = process.predict(new_rows(prior, fresh.tension, fresh.stroke), return_std=True)
+    wanted, wanted_std = process.predict(prior.rows(replace(fresh, sweep=fresh.sweep + 1000)), return_std=True)
     scale = estimator.weights.spread
     np.testing.assert_allclose(mean, prior.offset + prior.gain * wanted, atol=1e-8)
     np.testing.assert_allclose(std / scale, wanted_std, atol=1e-8)

@@ -9,7 +9,7 @@ from scipy.linalg import lstsq
 
 from exodrake.core.errors import InputError
 from exodrake.estimator.gp import condition
-from exodrake.estimator.strokes import TOLERANCE, hotelling, stroke_rows
+from exodrake.estimator.stroke_zeros import TOLERANCE, hotelling, stroke_rows
 from exodrake.estimator.validate import estimate, score
 
 SESSIONS, SWEEPS = 40, 3  # of three sweeps each: one per wire

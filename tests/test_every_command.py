@@ -34,7 +34,7 @@ ALL = {
 SOME = {
     "analyse": [],
     "tune": [],
-    "show": ["{}/log.csv", "--out", "{}/page.html"],
+    "show": ["{}/log.csv", "--out", "{}/base.html"],
     "workspace": ["--samples", "300", "--steps", "3", "--out", "{}/areas"],
     "grasp": ["caging", "--size", "1 m", "--out", "{}/grasp"],
     "train": ["{}/log.csv", "--out", "{}/e.npz"],

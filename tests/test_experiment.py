@@ -18,7 +18,6 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.isolate import Isolator
-from exodrake.diagnosis.levels import LIKELY
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.retune import retune
@@ -96,18 +95,18 @@ def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask
     found = planted(64.0, 9000.0, 0.1, 1.0)
     assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
     both = found + found
-    assert both.left[0, 1] == pytest.approx(128.0) and both.asked(0, 1) == pytest.approx(270.0)
+    assert both.left[0, 1] == pytest.approx(128.0) and both.required(0, 1) == pytest.approx(270.0)
 
 
 def test_what_a_law_is_granted_rejects_it_where_less_than_a_share_would():
     """Granted 0.15^2 of 9000 less the 90 that the truth leaves: T* = 112.5, not 135."""
-    assert planted(64.0, 9000.0, 0.1, 0.15).asked(0, 1) == pytest.approx(112.5)
+    assert planted(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
 
 
-def test_a_richer_law_must_beat_a_simpler_one_by_more_than_true_laws_are_wrong_by():
-    """LIKELY^2 of 0.4^2 of 9000 less 90; the simpler one against the richer one is as probable."""
+def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
+    """0.4^2 of 9000 less 90, more than a share of 0.6; the simpler one against the richer one is as probable."""
     found = planted(64.0, 9000.0, 0.1, 0.4, ((False, True), (False, False)))
-    assert found.asked(0, 1) == pytest.approx(LIKELY**2 * 1440.0 - 90.0)
+    assert found.required(0, 1) == pytest.approx(1350.0)
     assert found.power(0, 1) == found.power(1, 0) and found.closest == (0, 1)
 
 
@@ -140,9 +139,9 @@ def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_n
     stage = stage_of(contest.problem.robot, contest.problem.fit)
     s = np.linspace(0.0, 1.0, 8001)[:, None]
     one, two = 0.2 + 0.6 * s, np.where(s < 0.5, 0.2 + 0.2 * s, 0.3 + (s - 0.5))
-    told = [information(contest, stage.reference(shares).tension) for shares in (one, two)]
-    assert told[0] is not None and told[1] is not None
-    assert min(told[1].left.values()) > 3.0 * min(told[0].left.values())
+    both = [information(contest, stage.reference(shares).tension) for shares in (one, two)]
+    assert both[0] is not None and both[1] is not None
+    assert min(both[1].left.values()) > 3.0 * min(both[0].left.values())
 
 
 def test_random_motifs_stay_within_the_span_and_return_to_rest():
@@ -205,10 +204,10 @@ def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):
         design(contest, 20.0)
 
 
-@pytest.mark.parametrize("seconds", [5.0, 61.0])
-def test_length_out_of_range_is_refused(seconds):
+@pytest.mark.parametrize("duration", [5.0, 61.0])
+def test_length_out_of_range_is_refused(duration):
     with pytest.raises(InputError, match="wanted 20 to 60 s"):
-        frames_of(seconds, 0.02)
+        frames_of(duration, 0.02)
     assert frames_of(120.0, 1.0) == 120
 
 
@@ -238,21 +237,21 @@ def run(*arguments):
 
 def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path):
     out = tmp_path / "reference.csv"
-    told = run("experiment", answered, "--robot", "emps", "--out", out, "--seconds", 20)
-    assert told.exit_code == 0, told.output
-    assert "carriage.coulomb_friction" in told.output and "diagnose again" in told.output
+    result = run("experiment", answered, "--robot", "emps", "--out", out, "--duration", 20)
+    assert result.exit_code == 0, result.output
+    assert "carriage.coulomb_friction" in result.output and "diagnose again" in result.output
     robot = exo.load_robot("emps")
     reference = from_log(out, robot)
     assert len(reference.tension) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     again = tmp_path / "again.csv"
-    told = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--seconds", 20)
-    assert told.exit_code == 0 and again.read_bytes() == out.read_bytes()
+    result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--duration", 20)
+    assert result.exit_code == 0 and again.read_bytes() == out.read_bytes()
 
 
 def test_command_refuses_a_second_case(answered, tmp_path):
-    told = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
-    assert told.exit_code == 2 and "is a case itself" in told.output
+    result = run("experiment", answered, "--case", answered, "--robot", "emps", "--out", tmp_path / "reference.csv")
+    assert result.exit_code == 2 and "is a case itself" in result.output
 
 
 def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):
@@ -267,6 +266,6 @@ def test_command_says_why_there_is_nothing_to_do(answered, tmp_path):
         path = tmp_path / "answer.json"
         path.write_text(json.dumps(answer | changes))
         out = tmp_path / "reference.csv"
-        told = run("experiment", path, "--case", answered, "--robot", "emps", "--out", out)
-        assert told.exit_code == status and words in told.output, told.output
+        result = run("experiment", path, "--case", answered, "--robot", "emps", "--out", out)
+        assert result.exit_code == status and words in result.output, result.output
         assert not out.exists()

@@ -33,7 +33,7 @@ MARKERS, C3D = csv_bytes(HAND).decode(), c3d_bytes(HAND)
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Commands without what only draws, and a diagnosis that ends when its case is read and its floor known."""
+    """Commands without what only draws, and a diagnosis that ends when its case is read and its noise known."""
     import exodrake.cli.simulate as command
     import exodrake.diagnosis.pipeline as pipeline
     import exodrake.diagrams.meshcat as viewer

@@ -10,10 +10,11 @@ import exodrake as exo
 from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.grasping.contact import candidates
 from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
-from exodrake.grasping.inverse import parameters_of, tensions_for
-from exodrake.grasping.trial import at_hold, nominal
+from exodrake.grasping.inverse_kinematics import candidates
+from exodrake.grasping.inverse_statics import tensions_for
+from exodrake.grasping.trial import at_hold
+from exodrake.systems.finger_statics import parameters_of
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
 LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # model.md
@@ -120,7 +121,7 @@ def test_cages_are_closed_and_candidates_finite():
 def test_effects_do_not_change_the_plan_and_plans_repeat():
     rough = robot().splice("tendon.capstan_friction")
     assert exo.plan_grasp("caging", 0.06, rough) == plan("caging", 0.06)
-    assert not nominal(rough).effects()
+    assert not rough.without_effects().effects()
     stiffer = robot().with_parameters({"finger.kappa": 0.12})
     assert exo.plan_grasp("caging", 0.06, stiffer).tensions != plan("caging", 0.06).tensions
 

@@ -273,7 +273,7 @@ def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
     assert any("moved by -200 ms" in note for note in case.notes) and any("20 Hz" in note for note in case.notes)
     log = case.logs[0].log
     error = (log["angle_wrist"] - log["angle_ref_wrist"])[100:-100]
-    assert np.abs(error).max() < 0.05  # a frame's worth of motion: frames take the newest sample
+    assert np.abs(error).max() < 0.05  # the motion of a frame: frames take the newest sample
 
 
 @pytest.mark.parametrize(

@@ -155,7 +155,7 @@ def test_command_writes_table_robot_and_figure(tmp_path):
     run = CliRunner().invoke
     made = run(
         cli,
-        ["identify", "synthesise", str(tmp_path / "h.c3d"), "--seconds", "12", "--rate", "50", "--swap", "P1", "P3"],
+        ["identify", "synthesise", str(tmp_path / "h.c3d"), "--duration", "12", "--rate", "50", "--swap", "P1", "P3"],
     )
     assert made.exit_code == 0, made.output
     out = tmp_path / "out"

@@ -81,7 +81,7 @@ def test_skin_that_slides_shows_as_bias_beyond_the_intervals():
 
 
 def test_hand_without_abduction_is_still_identified():
-    recording, truth = synthesise(Hand(abduction=(-0.001, 0.001)), Faults(noise=1e-4), 20.0, 100.0, 2)
+    recording, truth = synthesise(Hand(abduction=(-0.001, 0.001)), Faults(noise=1e-4), 12.0, 50.0, 2)
     found = identify(recording)
     assert np.rad2deg(_rms(found.joints[0].angle - truth.angles[:, 1])) < 0.5
     np.testing.assert_allclose(found.lengths, truth.lengths, atol=1e-3)

@@ -108,7 +108,7 @@ def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them(
     rigid, play, lag = (
         r.rms[0] for r in growing_models(make_problem(case_of(planted, "tendon_sheath", range(2)), robot), steps)
     )
-    assert play < 0.05 * rigid and play == pytest.approx(load_robot("tendon_sheath")["reading.floor"], rel=0.2)
+    assert play < 0.05 * rigid and play == pytest.approx(load_robot("tendon_sheath")["reading.repeatability"], rel=0.2)
     assert lag == pytest.approx(play, rel=0.1)
 
 
@@ -225,7 +225,7 @@ def test_a_dragged_joint_goes_from_one_stop_to_the_other():
 
 def test_a_robot_file_names_a_known_machine_and_never_a_module(tmp_path):
     file = tmp_path / "mine.yaml"
-    parameters = "parameters: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, floor: 0.001}}\n"
+    parameters = "parameters: {sheath: {ratio: 1.0}, reading: {sigma: 0.001, step: 0.0, repeatability: 0.001}}\n"
     file.write_text("machine: exodrake.machines.tendon_sheath.machine\n" + parameters)
     with pytest.raises(exo.InputError, match="did you mean tendon_sheath"):
         load_robot(file)

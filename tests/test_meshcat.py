@@ -7,7 +7,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.diagrams.meshcat import Thing, beside, frames_of, recording_html
-from exodrake.diagrams.meshcat.page import STOPS, colours
+from exodrake.diagrams.meshcat.readings import STOPS, colours
 from exodrake.diagrams.meshcat.shapes import along, skeleton, span
 
 ROBOT = exo.load_robot()

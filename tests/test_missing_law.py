@@ -24,7 +24,7 @@ from exodrake.effects import law_table
 from exodrake.simulation.simulate import simulate
 
 TICKS, FRAME = 16, 1e-3
-KNOWN = frozenset(  # effects that the diagnosis is told of
+KNOWN = frozenset(  # effects that the diagnosis knows
     f"carriage.{name}" for name in ("coulomb_friction", "viscous_friction", "offset", "direction", "load_friction")
 )
 
@@ -201,7 +201,7 @@ def test_stop_operator_closes_its_loop_and_maxwell_element_forgets():
     path = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, -1, 100), np.linspace(-1, 1, 100)])
     s, seen = 0.0, []
     for change in np.diff(path):
-        s = law_table.stopped(s, change, 0.3)
+        s = law_table.stop_operator(s, change, 0.3)
         seen.append(s)
     assert seen[48] == 0.3 and seen[148] == -0.3 and seen[-1] == 0.3
     assert law_table.faded(1.0, 0.0, 2.0, 2.0) == pytest.approx(np.exp(-1.0))

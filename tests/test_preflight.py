@@ -45,11 +45,11 @@ def found_of(case: Case) -> dict:
 
 def test_a_gain_of_a_sine_changes_the_log_by_its_closed_form():
     """|d| = gain rms(command) sqrt(n / n_c) / noise, less what the ratio's tolerance takes up."""
-    size, floor = 0.3, ROBOT["reading.floor"]
+    size, noise = 0.3, ROBOT["reading.repeatability"]
     direction = found_of(case_of(sines(0.1, size)))["servo.gain", "Pitch"]
     gain, tolerance = PROBE * -0.1, 0.002
     samples = FRAMES * 0.02 / CORRELATION
-    unit = size / np.sqrt(2.0) * np.sqrt(samples) / floor  # change by a gain of 1
+    unit = size / np.sqrt(2.0) * np.sqrt(samples) / noise  # change by a gain of 1
     wanted = abs(gain) * unit / np.sqrt(1.0 + (tolerance * unit) ** 2)
     assert direction.typical == pytest.approx(gain)
     assert direction.seen == pytest.approx(wanted, rel=0.01)
@@ -66,7 +66,7 @@ def test_what_no_motion_shows_is_not_seen():
     assert "servo.gravity_sag" in found["servo.gain", "Elbow"].taken_for or found["servo.gain", "Elbow"].seen < SEEN
 
 
-def test_a_delay_is_told_from_a_lag_by_fast_motion_only():
+def test_a_delay_is_distinguished_from_a_lag_by_fast_motion_only():
     """Both turn the phase of a slow sine; a lag of T halves the amplitude where 2 pi f T is the root of 3."""
     slow, fast = (found_of(case_of(sines(f)))["servo.lag", "Rotation"] for f in (0.1, 3.0))
     assert slow.taken_for["servo.latency"] < 0.1
@@ -74,9 +74,9 @@ def test_a_delay_is_told_from_a_lag_by_fast_motion_only():
 
 
 def test_the_command_at_the_drive_tells_a_delay_from_a_lag():
-    told = identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.latency", "servo.lag"}))
-    assert told.sensors[0].signal == "command"
-    assert told.sensors[0].mistaken + told.sensors[0].hidden < len(told.mistaken) + len(told.hidden)
+    found = identifiability(case_of(sines(0.1)), ROBOT, frozenset({"servo.latency", "servo.lag"}))
+    assert found.sensors[0].signal == "command"
+    assert found.sensors[0].mistaken + found.sensors[0].hidden < len(found.mistaken) + len(found.hidden)
 
 
 def test_a_clock_with_jitter_drift_and_holes():
@@ -111,17 +111,17 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
     log = case.logs[0].log
     clipped = log.with_signals({"angle_Jaw": np.clip(log["angle_Jaw"], -0.15, 0.15)})
     write_case(Case("c", {}, (CaseLog(clipped, "m", "fit", None, "m.csv"),), 0.02), tmp_path / "case")
-    words = ["check", str(tmp_path / "case"), "--robot", "so101", "--figure", str(tmp_path / "told.png")]
+    words = ["check", str(tmp_path / "case"), "--robot", "so101", "--figure", str(tmp_path / "check.png")]
     result = CliRunner().invoke(cli, words)
     assert result.exit_code == 0, result.output
     assert "servo.latency" in result.stdout and "would help most" in result.stdout
     assert "angle_Jaw stays at an end" in result.stdout and "no log is held out" in result.stdout
-    assert (tmp_path / "told.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "check.png").read_bytes().startswith(b"\x89PNG")
     nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])
     assert nothing.exit_code == 2 and "no such folder" in nothing.stderr
 
 
-def test_a_robot_file_without_tolerances_is_told(tmp_path):
+def test_a_robot_file_without_tolerances_is_reported(tmp_path):
     from dataclasses import replace
 
     write_case(case_of(sines(0.1)), tmp_path / "case")
@@ -139,7 +139,7 @@ def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
     found = {item.kinds: item for item in identifiability(case, robot, tried).fewer}
     assert len(found) == 8 and ("stroke",) in found
     wanted = identifiability(poorer, robot, tried).directions
-    got = found["stroke", "speed_cmd", "angle"].told.directions
+    got = found["stroke", "speed_cmd", "angle"].left.directions
     assert [d.name for d in got] == [d.name for d in wanted]
     assert [d.seen for d in got] == pytest.approx([d.seen for d in wanted], rel=1e-3)
 

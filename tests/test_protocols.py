@@ -13,7 +13,7 @@ FLOOR, CEILING = np.array([0.3, 0.3, 0.3]), np.array([12.0, 8.0, 8.0])
 
 
 @pytest.mark.parametrize("name", [*PROTOCOLS, *ROBOT.grasps])
-def test_between_floor_and_ceiling_and_repeatable(name):
+def test_within_reference_limits_and_repeatable(name):
     tension = exo.protocol(name, ROBOT).tension
     assert tension.shape[1] == 3
     assert (tension >= FLOOR).all() and (tension <= CEILING + 1e-9).all()
@@ -65,7 +65,7 @@ def test_seeds_differ():
 
 
 @pytest.mark.parametrize(
-    "asked, word",
+    "given, word",
     [
         ("cagin", "did you mean caging"), ("chirp:hi=3", "'hi'"), ("chirp:high=nan", "NaN"), ("chirp:high=99", "high"),
         ("holds:seed=-1", "seed"), ("holds:seed=0.5", "seed"), ("sweeps:period=0", "period"), ("chirp:high", "'high'"),
@@ -73,9 +73,9 @@ def test_seeds_differ():
         ("caging:hold=inf", "hold"), ("holds:count=0", "count"), ("steps:top=2", "top"), ("", "there are caging"),
     ],
 )  # fmt: skip
-def test_wrong_names_and_numbers(asked, word):
+def test_wrong_names_and_numbers(given, word):
     with pytest.raises(exo.InputError, match=word):
-        exo.protocol(asked)
+        exo.protocol(given)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from exodrake.data.log import Log
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
 from exodrake.report import number_format, wording
 from exodrake.report.curves import LEVELS, MOST, curves
-from exodrake.report.diagnosis_page import page
+from exodrake.report.diagnosis_html import html_of
 from exodrake.report.how_far import spectra
 from exodrake.report.simulated_logs import SimulatedLogs
 from exodrake.report.terminal import print_summary
@@ -39,7 +39,7 @@ def pages():
     def of(verdict):
         if verdict not in made:
             found = diagnosis(verdict)
-            made[verdict] = page(found, simulated_logs(found.robots["nominal"], frames=600))
+            made[verdict] = html_of(found, simulated_logs(found.robots["nominal"], frames=600))
         return made[verdict]
 
     return of
@@ -313,20 +313,20 @@ def test_closure_per_kind_counts_in_noise_standard_deviations():
     gaps = {g.kind: g.gap for g in wording.kind_gaps(diagnosis())}
     assert list(gaps) == ["tension", "stroke", "speed_cmd", "angle"]
     tension = gaps["tension"]
-    assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.floor) ** 2 - 1))
+    assert tension.closure == pytest.approx(1 - (1.05**2 - 1) / ((tension.before / tension.noise_std) ** 2 - 1))
 
 
 def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
     found = diagnosis()
     runs = chosen(simulated_logs(frames=300), [c for c in COLUMNS if not c.startswith("angle")])
     strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow"),))
-    assert "Of tomorrow" in visible(page(strange, runs))
+    assert "Of tomorrow" in visible(html_of(strange, runs))
 
 
 def test_page_and_summary_of_a_diagnosis_without_columns():
     found, runs = diagnosis(), chosen(simulated_logs(frames=300), [])
     found = replace(found, closure=replace(found.closure, signals={}))
-    assert "Capstan friction" in visible(page(found, runs))
+    assert "Capstan friction" in visible(html_of(found, runs))
     print_summary(found, Console(file=StringIO()))
 
 
@@ -337,14 +337,14 @@ def test_machine_says_label_and_unit_of_its_columns():
     found = replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other))
     tension = wording.kind_gaps(found)[0]
     assert tension.display.axis == "Pull [mN]"
-    assert number_format.quantity(tension.gap.floor, "N", tension.display.unit) == "10.0 mN"
+    assert number_format.quantity(tension.gap.noise_std, "N", tension.display.unit) == "10.0 mN"
 
 
 def test_answer_as_json_has_the_keys_of_its_page():
     answer = diagnosis(AMBIGUOUS).to_json()
     text = (Path(__file__).parent.parent / "docs" / "explain" / "answer.md").read_text()
     rows = {row[0]: set(row) for row in (re.findall(r"`(\w+)`", line) for line in text.splitlines()) if row}
-    assert set(answer) <= {"simulated", "simulated_seconds", "date", *rows}
+    assert set(answer) <= {"simulated", "simulated_time", "date", *rows}
     for key in ("where", "closure", "provenance"):
         assert set(answer[key]) <= rows[key], key
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer
@@ -360,13 +360,13 @@ def test_column_names_split_into_kind_and_channel():
 def test_page_of_a_case_without_held_out_log_says_so():
     found, runs = diagnosis(), simulated_logs(frames=300)
     runs = SimulatedLogs(replace(runs.problem, holdout=()), runs.logs[:1])
-    text = visible(page(found, runs))
+    text = visible(html_of(found, runs))
     assert "holds no log out" in text and "Held out:" not in text
 
 
 def test_page_of_a_robot_that_diverges_says_so_by_gaps():
     runs = simulated_logs(frames=300)
     runs.logs[1].simulated["nominal"][100:] = np.inf
-    assert "Capstan friction" in visible(page(diagnosis(), runs))
+    assert "Capstan friction" in visible(html_of(diagnosis(), runs))
     (log,) = curves(runs, ROBOTS)["logs"]
     assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()

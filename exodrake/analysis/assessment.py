@@ -8,10 +8,10 @@ from itertools import chain
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.operating import operating_point
+from exodrake.analysis.operating_point import operating_point
 from exodrake.analysis.populations import within_tolerances
-from exodrake.analysis.robust import Band, band, points_band
-from exodrake.analysis.steps import StepResponse, step_response
+from exodrake.analysis.robustness import Band, band, points_band
+from exodrake.analysis.step_response import StepResponse, step_response
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.analysis.delays import DelayBudget, delay_budget
+from exodrake.analysis.delay_budget import DelayBudget, delay_budget
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.frequency import FrequencyResponse, frequency_response
-from exodrake.analysis.linear import KINK, FrameModel, linearise
+from exodrake.analysis.frequency_response import FrequencyResponse, frequency_response
+from exodrake.analysis.linear_model import KINK, FrameModel
 from exodrake.analysis.margins import Margins, margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
-from exodrake.analysis.robust import Band, Robustness, robustness
-from exodrake.analysis.stability import LatencySweep, StabilityMap, latency_sweep, stability_map
-from exodrake.analysis.steps import StepResponse, step_response
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.robustness import Band, Robustness, robustness
+from exodrake.analysis.stability_map import LatencySweep, StabilityMap, latency_sweep, stability_map
+from exodrake.analysis.step_response import StepResponse, step_response
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
@@ -87,9 +87,7 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     Raises:
         InputError: no closed loop, unknown channel, reference outside its limits, kp = 0, or no state of rest.
     """
-    loop = FrameMap.of(robot)
-    point = operating_point(loop, at)
-    model = linearise(loop, point.state, point.references)
+    loop, point, model = linearised(robot, at)
     whole = opened(loop, model)
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
@@ -188,15 +186,5 @@ def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
         if kind not in known:
             raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
     m = model.select(*(kinds or known))
-    names = [name.replace(".", "_") for name in m.states]
-    return StateSpace(
-        m.A,
-        m.B,
-        m.C,
-        m.D,
-        m.period,
-        states=names,
-        inputs=list(m.inputs),
-        outputs=list(m.outputs),
-        remove_useless_states=False,
-    )
+    names = {"states": [name.replace(".", "_") for name in m.states], "inputs": [*m.inputs], "outputs": [*m.outputs]}
+    return StateSpace(m.A, m.B, m.C, m.D, m.period, remove_useless_states=False, **names)

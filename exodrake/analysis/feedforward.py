@@ -20,13 +20,13 @@ from exodrake.simulation.simulate import simulate
 
 ROUNDS, GAIN = 40, 0.6  # simulations; share of the error that is made up for in each: assumed
 TINY = 1e-12  # [SI] keeps a channel that has no error from dividing by 0
-LATEST = 25  # frames of delay that are looked for
+LATEST = 25  # frames of delay at most
 
 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Feedforward:
-    """Commands and what they are worth on the model.
+    """Commands and their tracking errors on the model.
 
     Attributes:
         commands: to be sent.

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.drawing import DARK, draw_damping_grid, styled
-from exodrake.analysis.frequency import FrequencyResponse, closed_response
+from exodrake.analysis.figure_style import DARK, draw_damping_grid, styled
+from exodrake.analysis.frequency_response import FrequencyResponse, closed_response
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.margins import Margins
-from exodrake.analysis.robust_figures import (
+from exodrake.analysis.robustness_figures import (
     plot_delays,
     plot_limit_cycles,
     plot_nyquist,
     plot_robust,
     plot_root_locus,
 )
-from exodrake.analysis.stability_figures import plot_stability
-from exodrake.analysis.steps import StepResponse
+from exodrake.analysis.stability_map_figure import plot_stability
+from exodrake.analysis.step_response import StepResponse
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import new_figure, png_of
 
@@ -81,11 +81,8 @@ def plot_poles(result: ClosedLoop) -> Figure:
     draw_damping_grid(axes, result.model.period)
     z = np.array([pole.z for pole in result.model.poles()])
     inside = np.abs(z) < 1.0
-    axes.plot(np.real(z[inside]), np.imag(z[inside]), "x", color="#0072b2", ms=6, mew=1.4, label="poles", zorder=4)
-    if not inside.all():
-        axes.plot(
-            np.real(z[~inside]), np.imag(z[~inside]), "x", color="#d55e00", ms=7, mew=1.8, label="unstable", zorder=4
-        )
+    for shown, colour, size, width in ((z[inside], "#0072b2", 6, 1.4), (z[~inside], "#d55e00", 7, 1.8)):
+        axes.plot(np.real(shown), np.imag(shown), "x", color=colour, ms=size, mew=width, zorder=4)
     reach = max(1.12, 1.08 * float(np.abs(z).max()))
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="Re z", ylabel="Im z")
     frame, radius = 1e3 * result.model.period, result.model.spectral_radius
@@ -133,7 +130,7 @@ def draw_response(column: Any, result: ClosedLoop, response: FrequencyResponse, 
 
 
 def decibel(size: np.ndarray) -> np.ndarray:
-    """Amplitude ratio in dB."""
+    """Amplitude ratio (n,) [-] in dB."""
     return 20.0 * np.log10(size)
 
 

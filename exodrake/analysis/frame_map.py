@@ -20,6 +20,7 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared,
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
+from exodrake.core.parameter import full_name
 from exodrake.core.robot import Robot
 from exodrake.core.signal import NORMAL
 
@@ -43,7 +44,7 @@ def state_names(machine: Machine) -> tuple[StateName, ...]:
                 for channel in machine.axes.of(state.axis):
                     for k in range(state.width):
                         parts = (owner, state.name, channel, str(k) if state.width > 1 else "")
-                        found.append(StateName(f"{owner}.{state.name}", ".".join(p for p in parts if p), state.unit))
+                        found.append(StateName(f"{owner}.{state.name}", full_name(*parts), state.unit))
     return tuple(found)
 
 
@@ -99,7 +100,7 @@ class FrameMap:
         return offsets(self.robot.machine)
 
     def start(self) -> np.ndarray:
-        """State at the start of a run, (states,)."""
+        """State (states,) [SI] at the start of a run."""
         x = np.zeros(state_size(self.robot.machine))
         self.module.begin(self.parameters, x)
         return x
@@ -119,7 +120,7 @@ class FrameMap:
         return x, rows
 
     def ticks(self, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-        """All signals at the end of each slot, (slots, w); arguments as in `run`."""
+        """All signals (slots, w) [SI] at the end of each slot; arguments as in `run`."""
         machine = self.robot.machine
         fine = np.zeros((len(references) * machine.slots, signal_count(machine)))
         return self._run(state, references, None, fine)[2]

@@ -14,10 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import linearise
 from exodrake.analysis.margins import gain_margins
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
+from exodrake.analysis.operating_point import OperatingPoint, linearised
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -113,6 +112,12 @@ def describing_function(plant: CommandedLoop, state: np.ndarray, amplitude: floa
     """First harmonic of the reading over that of the command, a cosine of so many cycles in the window.
 
     A cosine moves the actuator about where it rests, a sine to one side.
+
+    Args:
+        plant: whose command is set.
+        state: (states,) at rest [SI].
+        amplitude: of the command [SI].
+        cycles: in the window.
     """
     phase = 2.0 * np.pi * cycles / WINDOW * np.arange(2 * WINDOW)
     command, reading = plant.run(state, 2 * WINDOW, lambda n, _: amplitude * np.cos(phase[n]))
@@ -129,10 +134,8 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     without them, and they are the first nonlinearity. The reading is rounded at the edge between two values, its worst
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
-    for plain in (robot, without_effects(robot)):
-        loop = FrameMap.of(plain)
-        point = operating_point(loop, at)
-        model = linearise(loop, point.state, point.references)
+    for plain in (robot, robot.without_effects()):
+        loop, point, model = linearised(plain, at)
         if model.decides:
             break
     if model.spectral_radius >= 1.0:
@@ -153,13 +156,6 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
             spliced = plain.splice(identity, values)
             found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
     return tuple(found)
-
-
-def without_effects(robot: Robot) -> Robot:
-    """The robot with every effect at its null value."""
-    nulls = [p.null for p in robot.machine.parameters]
-    values = [v if null is None else null for v, null in zip(robot.values, nulls, strict=True)]
-    return replace(robot, values=np.array(values, dtype=float))
 
 
 def cycles_of(
@@ -219,7 +215,7 @@ def crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]
 def oscillation(
     plant: CommandedLoop, state: np.ndarray, factor: float, period: float, unit: float
 ) -> tuple[float, float]:
-    """Amplitude [SI] and frequency [Hz] of the command at the end of a run after a kick.
+    """Amplitude [SI] and frequency [Hz] of the command at the end of a run from a state (states,) after a kick.
 
     0 and 0 if it rests, inf and nan if it grows without bound.
     """
@@ -237,7 +233,7 @@ def oscillation(
 
 
 def grows(plant: CommandedLoop, state: np.ndarray, factor: float, frames: int = 400) -> bool:
-    """Whether a small motion grows in the nonlinear simulation with the loop gain of a channel times a factor."""
+    """Whether a small motion about a state (states,) [SI] grows in simulation with the loop gain times a factor."""
     poke = POKE * abs(plant.direct[plant.channel, plant.channel]) * plant.loop.loop.step
     size = np.abs(plant.run(state, frames, lambda n, v: factor * v + (poke if n == 0 else 0.0))[0])
     quarter = frames // 4

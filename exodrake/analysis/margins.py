@@ -7,13 +7,14 @@ once more. `limit_cycles.grows` finds the limit of gain a third way, by the nonl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from exodrake.analysis.disk import disk_margin
-from exodrake.analysis.linear import OUTSIDE, spectral_radius
+from exodrake.analysis.disk_margin import disk_margin
+from exodrake.analysis.linear_model import OUTSIDE, spectral_radius
 from exodrake.analysis.open_loop import OpenLoop
 
 MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
@@ -33,7 +34,7 @@ class Margins:
         phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
         delay_margin: extra delay at the limit [s], from L. delay_limit: the same [s] from the poles, the command of a
             fractional number of frames ago taken by a straight line between two; nan if none below 40 frames.
-        disk_margin: gain and phase at once, balanced (`disk`).
+        disk_margin: gain and phase at once, balanced (`disk_margin`).
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
         encirclements: of -1 by L, counter-clockwise. open_unstable, closed_unstable: poles outside the unit circle.
     """
@@ -61,33 +62,32 @@ class Margins:
         return self.closed_unstable == self.open_unstable - self.encirclements
 
 
-def bisected(passes, low: float, high: float) -> float:
-    """Where `passes` turns from False at low to True towards high, on a grid and by bisection; nan if it does not."""
+def limit_of(radius: Callable[[float], float], low: float, high: float) -> float:
+    """Where a spectral radius passes 1 from low towards high, on a grid and by Brent's method; nan if it does not."""
+    from scipy.optimize import brentq
+
+    def beyond(x: float) -> float:
+        return radius(x) - 1.0 - OUTSIDE
+
     grid = np.linspace(low, high, 80) if low == 0.0 else np.geomspace(low, high, 80)
-    above = next((k for k, value in enumerate(grid) if passes(value)), None)
+    above = next((k for k, x in enumerate(grid) if beyond(x) > 0.0), None)
     if above is None:
         return NAN
-    if above == 0:
-        return float(grid[0])
-    low, high = grid[above - 1], grid[above]
-    while abs(high - low) > 1e-7 * abs(high):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if passes(middle) else (middle, high)
-    return float(high)
+    return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
 
 
 def gain_limit(one: OpenLoop, far: float = MOST_GAIN) -> float:
     """Factor on the gain of a single loop, from 1 towards `far`, at which the spectral radius passes 1; nan if none."""
-    return bisected(lambda g: spectral_radius(one.closed(g)) > 1.0 + OUTSIDE, 1.0, far)
+    return limit_of(lambda g: spectral_radius(one.closed(g)), 1.0, far)
 
 
 def delay_limit(one: OpenLoop) -> float:
     """Frames of delay in a single loop at which the spectral radius passes 1; nan if none below 40."""
-    return bisected(lambda d: spectral_radius(one.delayed(d)) > 1.0 + OUTSIDE, 0.0, MOST_FRAMES)
+    return limit_of(lambda d: spectral_radius(one.delayed(d)), 0.0, MOST_FRAMES)
 
 
 def gain_margins(loop: np.ndarray) -> tuple[float, float]:
-    """Largest factor < 1 and smallest > 1 that put L (n,), sampled up to Nyquist (real there), on -1; 0 and inf."""
+    """Largest factor < 1 and smallest > 1 that put L (n,) [-], sampled up to Nyquist (real there), on -1; 0 and inf."""
     reals = [float(loop[-1].real)]
     if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
         reals.append(float(loop[0].real))
@@ -101,7 +101,7 @@ def gain_margins(loop: np.ndarray) -> tuple[float, float]:
 
 
 def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float]:
-    """Phase margin [rad], crossover [Hz] and delay margin [s] at the crossover |L| = 1 with the least delay margin."""
+    """Phase margin [rad], crossover [Hz] and delay margin [s] of L (n,) at the crossover of least delay margin."""
     best = (float("inf"), NAN, float("inf"))
     size = np.log(np.maximum(np.abs(loop), np.finfo(float).tiny))
     for k in np.flatnonzero(size[:-1] * size[1:] <= 0.0):

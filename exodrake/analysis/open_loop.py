@@ -16,7 +16,7 @@ from math import floor
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import OUTSIDE, FrameModel
+from exodrake.analysis.linear_model import OUTSIDE, FrameModel
 from exodrake.core.errors import InputError
 
 TURN = 0.5  # rad: largest step of phase when encirclements are counted
@@ -55,7 +55,7 @@ class OpenLoop:
         return np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period)
 
     def response(self, z: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Outputs (f, k, channels) of rows (k, n): rows (z - A)^-1 B at points z (f,)."""
+        """Outputs (f, k, channels) [SI] of rows (k, n): rows (z - A)^-1 B at points z (f,) [-]."""
         n = len(self.A)
         parts = np.array_split(z, max(1, len(z) // 200))
         return np.concatenate([rows @ np.linalg.solve(p[:, None, None] * np.eye(n) - self.A, self.B) for p in parts])
@@ -69,7 +69,7 @@ class OpenLoop:
         return self.response(self.circle(frequency), self.Y)
 
     def closed(self, gain: np.ndarray | float = 1.0) -> np.ndarray:
-        """A (n, n) of the loop closed with factors (channels,) on the commands."""
+        """A (n, n) [SI] of the loop closed with factors (channels,) [-] on the commands."""
         return self.A + self.B @ (np.broadcast_to(gain, (len(self.channels),))[:, None] * self.C)
 
     def single(self, channel: int) -> OpenLoop:
@@ -83,7 +83,7 @@ class OpenLoop:
         )  # fmt: skip
 
     def delayed(self, frames: float) -> np.ndarray:
-        """A of the loop closed by commands late by `frames` (fractional: a straight line between two commands)."""
+        """A (m, m) [SI] of the loop closed by commands late by `frames`, with a straight line between two commands."""
         whole, n, m = floor(frames), len(self.A), len(self.channels)
         depth = whole + 1  # commands of 1 .. depth frames ago
         a = np.zeros((n + depth * m, n + depth * m))
@@ -107,7 +107,7 @@ class OpenLoop:
         return round(2.0 * turned(determinant, np.geomspace(1e-9, np.pi, 400)) / (2.0 * np.pi))
 
     def outside(self, matrix: np.ndarray) -> int:
-        """Number of eigenvalues of a matrix outside the circle that `encirclements` follows."""
+        """Number of eigenvalues [-] of a matrix (n, n) outside the circle that `encirclements` follows."""
         return int((np.abs(np.linalg.eigvals(matrix)) > 1.0 + OUTSIDE).sum())
 
 
@@ -136,7 +136,7 @@ def cut(model: FrameModel, controller: np.ndarray, command: str, measured: str, 
 
     Args:
         model: of the closed loop.
-        controller: (n,) whether a state is the controller's.
+        controller: (n,) mask of the controller's states [-].
         command: kind of the commands' columns.
         measured: kind of the readings' columns.
         channels: names.

@@ -10,9 +10,8 @@ from scipy.special import ndtri
 
 from exodrake.core.draws import drawn_robot
 from exodrake.core.errors import InputError
+from exodrake.core.normal import NORMAL_90
 from exodrake.core.robot import Robot
-
-NINETY = 1.6448536269514722  # standard deviations from the middle to an end of a 90 % interval of a normal variable
 
 
 def within_tolerances(robot: Robot, draws: int, seed: int = 0) -> Iterator[tuple[str, Robot]]:
@@ -54,4 +53,4 @@ def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: 
 def within(interval: Mapping[str, float], rng: np.random.Generator) -> float:
     """A value inside a 90 % interval, normal on either side of the estimate: tails could leave what a robot can be."""
     value, x = interval["value"], float(ndtri(rng.uniform(0.05, 0.95)))
-    return value + x * ((interval["high"] - value) if x > 0.0 else (value - interval["low"])) / NINETY
+    return value + x * ((interval["high"] - value) if x > 0.0 else (value - interval["low"])) / NORMAL_90

@@ -3,8 +3,8 @@
     minimise  max settling      subject to  overshoot, disk margin of all commands, noise of the commands
 
 The maxima run over steps of every channel, the machine's operating points and robots drawn within the tolerances. The
-search is on linear models (`candidate`), by differential evolution over the logarithms of the gains; the answer is then
-judged by nonlinear steps of other robots (`assessment`).
+search is on linear models (`candidate_controller`), by differential evolution over the logarithms of the gains; the
+answer is then judged by nonlinear steps of other robots (`assessment`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.assessment import NOISE_FACTOR, Requirements, Tuned, assessed
-from exodrake.analysis.candidate import Performance, Plant, performance, plant_of
+from exodrake.analysis.candidate_controller import Performance, Plant, performance, plant_of
 from exodrake.analysis.closed_loop import remarks
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.populations import within_tolerances

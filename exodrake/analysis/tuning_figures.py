@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.analysis.drawing import DARK, GREY, styled
+from exodrake.analysis.figure_style import DARK, GREY, styled
 from exodrake.core.display import shown_unit
 from exodrake.data.plot import new_figure
 
@@ -36,18 +36,15 @@ def plot_tuning(tuning: Tuning) -> Figure:
         axes.set_xlim(0.0, shown_time(tuning))
     panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, 1.35))
     draw_requirements(bottom, tuning)
-    best = tuning.best
-    top.suptitle(
-        f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
-        if best
-        else "No controller holds all requirements",
-        fontsize=10,
-    )
+    title = "No controller holds all requirements"
+    if best := tuning.best:
+        title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
+    top.suptitle(title, fontsize=10)
     return figure
 
 
 def shown_time(tuning: Tuning) -> float:
-    """End of the time axis [s]: a little after the robot's own controller has settled."""
+    """End of the time axis [s]: a little beyond the settling time of the robot's own controller."""
     ends = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
     return min(1.15 * max(ends, default=np.inf), tuning.compared[0].steps[0].time[-1])
 
@@ -76,13 +73,11 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
     for axes, (name, scale, label, limit, above) in zip(figure.subplots(1, 4, sharey=True), panels):
         values = np.array([scale * getattr(t, name) for t in tuning.compared])
         axes.barh(rows, np.nan_to_num(values), color=[COLOURS[k % len(COLOURS)] for k in rows], height=0.62)
-        top = max([v for v in values if np.isfinite(v)], default=1.0)
-        top = max(top, limit or 0.0, 1e-12)
+        top = max([*values[np.isfinite(values)], limit or 0.0]) or 1.0
         for row, value in zip(rows, values):
             text = f"{value if value > SEEN * top else 0.0:.3g}" if np.isfinite(value) else "unstable"
-            axes.text(
-                max(np.nan_to_num(value), 0.0) + 0.02 * top, row, text, va="center", fontsize=7, color=DARK, bbox=BOX
-            )
+            at = max(np.nan_to_num(value), 0.0) + 0.02 * top
+            axes.text(at, row, text, va="center", fontsize=7, color=DARK, bbox=BOX)
         if limit is not None:
             axes.axvline(limit, color="black", lw=1.0, ls=(0, (3, 2)))
             side = 0.0 if above else limit

@@ -28,8 +28,8 @@ ANSWERED = having(
         "candidates": optional(listing(having({"id": text()}, required=("id",)))),
         "baselines": optional(names(optional(text()))),
         "configuration": optional(names(text())),
-        "simulated_seconds": KNOWN,
-        "seconds": KNOWN,
+        "simulated_time": KNOWN,
+        "run_time": KNOWN,
     },
     required=("verdict",),
 )

@@ -36,6 +36,20 @@ def control(p, wanted, reading, before, first):
 
 
 @njit(cache=True)
+def command(p, reference, tension, last, commands, first):
+    """Write the commands (3,) [m/s] to all drives from references and tensions (3,) [N]; `last` keeps the tensions."""
+    for wire in range(3):
+        commands[wire] = control(p, reference[wire], tension[wire], last[wire], first)
+        last[wire] = tension[wire]
+
+
+@njit(cache=True)
+def send(p, wire, sent, commands, active, awake):
+    """Hand the command of frame `sent` to a drive; before the first frame it is 0."""
+    active[wire] = heard(p, wire, commands[sent, wire] if sent >= 0 else 0.0, awake)
+
+
+@njit(cache=True)
 def heard(p, wire, command, awake):
     """Command the drive acts on: small ones are ignored, with hysteresis in waking up and falling asleep."""
     if p.dead_zone[wire] <= 0.0:
@@ -78,19 +92,11 @@ def run(p, y, reference, inputs, dropped, noise, tolerance):
             posture[10 * frame + slot, :3] = y[ANGLE : ANGLE + 3]
             posture[10 * frame + slot, 3:] = y[RATE : RATE + 3]
             if 1 <= slot <= 3:
-                wire = slot - 1
+                wire, drift = slot - 1, inputs[frame, CELL_DRIFT + slot - 1]
                 theta[frame, wire] = y[THETA + wire]
-                drift = inputs[frame, CELL_DRIFT + wire]
                 tension[frame, wire] = cell_reading(p, y, wire, drift, noise[frame, wire], last[wire])
             elif slot == 4:
-                for wire in range(3):
-                    commands[frame, wire] = control(
-                        p, reference[frame, wire], tension[frame, wire], last[wire], frame == 0
-                    )
-                    last[wire] = tension[frame, wire]
-            elif 5 <= slot <= 7:
-                wire = slot - 5
-                sent = frame - int(p.latency)
-                if not dropped[frame, wire]:
-                    active[wire] = heard(p, wire, commands[sent, wire] if sent >= 0 else 0.0, awake)
+                command(p, reference[frame], tension[frame], last, commands[frame], frame == 0)
+            elif 5 <= slot <= 7 and not dropped[frame, slot - 5]:
+                send(p, slot - 5, frame - int(p.latency), commands, active, awake)
     return tension, theta, commands, posture

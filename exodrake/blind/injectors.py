@@ -117,7 +117,7 @@ def contact(build, effect, rng):
 
 
 def tremor(build, effect, rng):
-    """A phase that wanders by about half a turn in ten seconds [A]."""
+    """A phase that wanders by about half a turn in 10 s [A]."""
     build.record["tremor_torque"] = effect.parameters["torque"]
     build.record["tremor_frequency"] = effect.parameters["frequency"]
     build.record["tremor_share"][joints_of(effect)] = 1.0

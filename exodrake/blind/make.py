@@ -5,6 +5,7 @@ import json
 import shutil
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ ROLES = {
     "sweeps_1": ("fit", None), "sweeps_2": ("fit", "sweeps_1.csv.gz"), "chirp": ("fit", None), "holds": ("fit", None),
     "grasps": ("holdout", None),
 }  # fmt: skip
-MARK = ".begun"  # of a set that is not complete
+MARK = ".incomplete"  # of a set that is not complete
 
 
 def label_of(plan: CasePlan, case: DrawnCase, each: list[float], whole: Gaps) -> Label:
@@ -93,33 +94,67 @@ def keep_case(case: Case, folder: Path) -> None:
         write_case(case, folder)
 
 
-def begin(folder: Path, labels: Path, stamp: str) -> None:
-    """Open the folder of a set for making.
+@dataclass(frozen=True)
+class SetFolder:
+    """The folder of a set and its labels file, which lies outside; labels by case until all are there.
 
-    Args:
+    Attributes:
         folder: Folder of the set.
         labels: Labels file.
-        stamp: Digest of what the set follows from.
-
-    Raises:
-        InputError: If a set is finished there, another one was started, or the labels would lie inside.
     """
-    if folder.resolve() in labels.resolve().parents:
-        raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
-    if labels.exists():
-        raise InputError(f"{labels}: already there; a committed set is not made over")
-    if (folder / COMMITMENT).exists():
-        raise InputError(f"{folder}: already committed; a committed set is not made over")
-    folder.mkdir(parents=True, exist_ok=True)
-    mark = folder / MARK
-    if mark.is_file():
-        if mark.read_text().strip() != stamp:
-            raise InputError(f"{folder}: started with another seed, number of cases, mix or code")
-    elif any(folder.iterdir()):
-        raise InputError(f"{folder}: not empty")
-    write_text(mark, stamp + "\n")
-    for half in folder.glob(".*.part"):  # of a run that was killed
-        shutil.rmtree(half)
+
+    folder: Path
+    labels: Path
+
+    @property
+    def parts(self) -> Path:
+        """Folder of labels by case."""
+        return self.labels.with_name(self.labels.name + ".part")
+
+    def begin(self, stamp: str) -> None:
+        """Open the set for making; `stamp` is a digest of what it follows from.
+
+        Raises:
+            InputError: If a set is finished there, another one was started, or the labels would lie inside.
+        """
+        folder, labels, mark = self.folder, self.labels, self.folder / MARK
+        if folder.resolve() in labels.resolve().parents:
+            raise InputError(f"{labels}: the labels would lie inside the cases' folder {folder}")
+        if labels.exists():
+            raise InputError(f"{labels}: already there; a committed set is not made over")
+        if (folder / COMMITMENT).exists():
+            raise InputError(f"{folder}: already committed; a committed set is not made over")
+        folder.mkdir(parents=True, exist_ok=True)
+        if mark.is_file():
+            if mark.read_text().strip() != stamp:
+                raise InputError(f"{folder}: started with another seed, number of cases, mix or code")
+        elif any(folder.iterdir()):
+            raise InputError(f"{folder}: not empty")
+        write_text(mark, stamp + "\n")
+        for half in folder.glob(".*.part"):  # of a run that was killed
+            shutil.rmtree(half)
+        self.parts.mkdir(parents=True, exist_ok=True)
+
+    def made(self, name: str) -> Label | None:
+        """Label of a case that is there already, whole; else None."""
+        try:
+            whole = (self.folder / name / FILE).is_file()
+            return json.loads((self.parts / f"{name}.json").read_text()) if whole else None
+        except (OSError, ValueError):
+            return None
+
+    def keep(self, name: str, case: Case, label: Label) -> Label:
+        """Write a case, then its label; return the label as it is read back."""
+        keep_case(case, self.folder / name)
+        text = json.dumps(label, indent=1) + "\n"
+        write_text(self.parts / f"{name}.json", text)
+        return json.loads(text)
+
+    def commit(self, found: dict[str, Label]) -> None:
+        """Write labels and commitment of a complete set."""
+        write_committed(found, self.labels, self.folder / COMMITMENT)
+        shutil.rmtree(self.parts)
+        (self.folder / MARK).unlink()
 
 
 def stamp_of(seed: int, cases: int, mixes: Sequence[CaseMix]) -> str:
@@ -127,14 +162,6 @@ def stamp_of(seed: int, cases: int, mixes: Sequence[CaseMix]) -> str:
     from exodrake.core.provenance import digest, source_files
 
     return hashlib.sha256(f"{seed} {cases} {mixes} {digest(source_files(Path(__file__).parent))}".encode()).hexdigest()
-
-
-def made(plan: CasePlan, folder: Path, labels: Path) -> Label | None:
-    """Label of a case that is there already, whole; else None. `labels`: folder of labels by case."""
-    try:
-        return json.loads((labels / f"{plan.name}.json").read_text()) if (folder / plan.name / FILE).is_file() else None
-    except (OSError, ValueError):
-        return None
 
 
 def make(
@@ -166,28 +193,22 @@ def make(
         Path of the labels file.
 
     Raises:
-        InputError: For a bad number of cases, as `begin`, and for cases that could not be made, once all others are.
+        InputError: For a bad number of cases, as `SetFolder.begin`, and naming cases that could not be made.
     """
     folder = Path(folder)
-    labels = Path(labels) if labels else folder.with_name(folder.name + "-labels.json")
+    home = SetFolder(folder, Path(labels) if labels else folder.with_name(folder.name + "-labels.json"))
     if cases < 1:
         raise InputError(f"--cases {cases}: at least one case is wanted")
-    begin(folder, labels, stamp_of(seed, cases, mixes))
-    parts = labels.with_name(labels.name + ".part")
-    parts.mkdir(parents=True, exist_ok=True)
-    plans = plan(seed, cases, *mixes)
-    found = make_all(plans, folder, parts, jobs, cluster, progress)
-    write_committed({item.name: found[item.name] for item in plans}, labels, folder / COMMITMENT)
-    shutil.rmtree(parts)
-    (folder / MARK).unlink()
-    return labels
+    home.begin(stamp_of(seed, cases, mixes))
+    home.commit(make_all(home, plan(seed, cases, *mixes), jobs, cluster, progress))
+    return home.labels
 
 
 def make_all(
-    plans: list[CasePlan], folder: Path, parts: Path, jobs: int, cluster: str | None, progress: Count
+    home: SetFolder, plans: list[CasePlan], jobs: int, cluster: str | None, progress: Count
 ) -> dict[str, Label]:
     """Make or read back the labels by case; InputError naming the cases that could not be made."""
-    found = {item.name: label for item in plans if (label := made(item, folder, parts)) is not None}
+    found = {item.name: label for item in plans if (label := home.made(item.name)) is not None}
     warm_up()
     waiting, failed = [item for item in plans if item.name not in found], {}
     progress(len(found), 0, len(plans))
@@ -195,19 +216,11 @@ def make_all(
         for outcome in outcomes:
             name = waiting[outcome.number].name
             if outcome.reason is None:
-                case, label = outcome.value
-                found[name] = keep(name, case, label, folder, parts)
+                found[name] = home.keep(name, *outcome.value)
             else:
                 failed[name] = outcome.reason
             progress(len(found), len(failed), len(plans))
     if failed:
-        raise InputError(f"{folder}: not made: " + "; ".join(f"{name} ({why})" for name, why in sorted(failed.items())))
-    return found
-
-
-def keep(name: str, case: Case, label: Label, folder: Path, parts: Path) -> Label:
-    """Write a case, then its label; return the label as it is read back."""
-    keep_case(case, folder / name)
-    text = json.dumps(label, indent=1) + "\n"
-    write_text(parts / f"{name}.json", text)
-    return json.loads(text)
+        why = "; ".join(f"{name} ({reason})" for name, reason in sorted(failed.items()))
+        raise InputError(f"{home.folder}: not made: {why}")
+    return {item.name: found[item.name] for item in plans}

@@ -12,7 +12,7 @@ FRAME = 0.02
 
 
 def walk(rng, samples, size, memory):
-    """A wandering course (samples,) of standard deviation `size` that forgets within `memory` seconds; starts at 0."""
+    """A wandering course (samples,) of standard deviation `size` with correlation time `memory` [s]; starts at 0."""
     keep = np.exp(-FRAME / memory)
     kicks = size * np.sqrt(1 - keep**2) * rng.standard_normal(samples)
     course = np.zeros(samples)

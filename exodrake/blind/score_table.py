@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from exodrake.blind.measures import Quantity
 from exodrake.blind.score import Group, Score
 from exodrake.blind.shares import Paired, Share
+from exodrake.core.markdown import markdown_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -89,12 +90,7 @@ def as_markdown(score: Score) -> str:
 
 def markdown(tables: Iterable[tuple[str, Row, list[Row]]]) -> str:
     """Tables of title, headings and rows as Markdown; a heading that begins with `>` heads numbers on the right."""
-    lines = []
-    for title, headings, rows in tables:
-        marks = "".join("---:|" if heading.startswith(">") else "---|" for heading in headings)
-        lines += [title, "", "| " + " | ".join(heading.lstrip(">") for heading in headings) + " |", "|" + marks]
-        lines += ["| " + " | ".join(row) + " |" for row in rows] + [""]
-    return "\n".join(lines)
+    return "\n".join(f"{title}\n\n{markdown_table(headings, rows)}\n" for title, headings, rows in tables)
 
 
 def as_json(score: Score) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a diagnosis is worth: controllers tuned on the models of a case run on the withheld robot.
+"""What a controller gains from a diagnosis: controllers tuned on the models of a case run on the withheld robot.
 
 For each case a controller is tuned on the nominal, the retuned and the improved robot; each of these models predicts
 the cost of every controller on a motion that no controller was tuned on. Then the labels are read, the withheld robot

@@ -128,7 +128,7 @@ def share(name: str, model: str, found: Transfer, other: str) -> Measured:
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
     cases = f"{len(found.cases)} case{'s' if len(found.cases) != 1 else ''}"
-    yield f"what a diagnosis is worth, {cases}", MEASURES, [measured.row for measured in measures(found)]
+    yield f"controllers tuned on diagnosed models, {cases}", MEASURES, [measured.row for measured in measures(found)]
     gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
     headings = tuple(heading.format(gains) for heading in COSTS)
     yield "controllers by case", headings, [row for case in found.cases for row in case_rows(case)]
@@ -139,10 +139,10 @@ def case_rows(case: Transferred) -> Iterator[Row]:
     prediction, truth = case.prediction, " + ".join(case.truths) or case.kind
     notes = (prediction.name, truth, prediction.verdict, "")
     for note, (controller, gains) in zip(notes, prediction.gains.items(), strict=True):
-        told = prediction.costs["nominal" if controller == DEFAULT else controller][controller]
+        predicted = prediction.costs["nominal" if controller == DEFAULT else controller][controller]
         shown = ", ".join(f"{value:.3g}" for value in gains.values())
         changed = "" if controller == DEFAULT else f"{100 * relative(case, controller):+.1f} %"
-        yield note, controller, shown, f"{told:.4f}", f"{case.real[controller]:.4f}", changed
+        yield note, controller, shown, f"{predicted:.4f}", f"{case.real[controller]:.4f}", changed
 
 
 def as_json(found: Transfer) -> dict[str, Any]:

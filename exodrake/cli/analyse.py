@@ -14,7 +14,7 @@ from exodrake.cli.options import robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
-    from exodrake.analysis.robust import Band
+    from exodrake.analysis.robustness import Band
     from exodrake.core.robot import Robot
 
 MANY = {"multiple": True, "metavar": "TEXT"}
@@ -63,9 +63,9 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from rich.console import Console
 
     from exodrake.analysis.closed_loop import analyse
+    from exodrake.analysis.closed_loop_json import closed_loop_numbers, model_bytes
     from exodrake.analysis.figures import figures_of
     from exodrake.analysis.limit_cycles import limit_cycles
-    from exodrake.analysis.results import closed_loop_numbers, model_bytes
     from exodrake.core.files import make_folder, write_bytes
 
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)
@@ -106,7 +106,7 @@ def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], p
 def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
     """Bands over the tolerances, the intervals of a diagnosis, and the operating points."""
     from exodrake.analysis.populations import within_intervals, within_tolerances
-    from exodrake.analysis.robust import band, points_band
+    from exodrake.analysis.robustness import band, points_band
 
     found = []
     if draws and robot.machine.tolerances:

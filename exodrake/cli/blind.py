@@ -1,4 +1,4 @@
-"""`exodrake blind`: withheld cases from a reference simulator, their diagnoses, and what these are worth."""
+"""`exodrake blind`: withheld cases from a reference simulator, diagnoses, and what controllers gain from them."""
 
 from pathlib import Path
 

@@ -43,7 +43,6 @@ def command(
     --case they follow the machine's own experiments. The same seed gives the same numbers, whatever --jobs is.
     """
     from exodrake.cli.diagnose import check_target
-    from exodrake.core.errors import InputError
     from exodrake.core.files import write_text
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
@@ -56,10 +55,7 @@ def command(
     case = read_case(folder, required_of(machine), machine.frame) if folder else None
     with counted("calibrating", "nothing is kept") as count:
         records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count)
-    if failed:
-        click.echo(f"{len(failed)} of {cases} robots failed; robot {min(failed)}: {failed[min(failed)]}", err=True)
-    if not records:
-        raise InputError("no robot could be diagnosed")
+    report_failures(failed, cases)
     found, rests_on = numbers_of(records, source_of(robot, folder, cases, seed, keep_numbers))
     rates = rates_of(records)
     print_calibration(found, rests_on, rates)
@@ -68,6 +64,16 @@ def command(
     if write:
         write_text(write, calibration_text(found, rests_on, rates))
         click.echo(f"wrote {write}")
+
+
+def report_failures(failed: dict[int, str], cases: int) -> None:
+    """Says how many robots failed, and why the first did; InputError if all did."""
+    from exodrake.core.errors import InputError
+
+    if failed:
+        click.echo(f"{len(failed)} of {cases} robots failed; robot {min(failed)}: {failed[min(failed)]}", err=True)
+    if len(failed) == cases:
+        raise InputError("no robot could be diagnosed")
 
 
 def source_of(robot: str, folder: str | None, cases: int, seed: int, keep_numbers: bool) -> str:

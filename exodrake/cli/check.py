@@ -102,9 +102,9 @@ def show_effects(console: Console, found: Preflight) -> None:
     from exodrake.preflight.identifiability import SEEN
     from exodrake.report.terminal import table
 
-    told, rows = found.told, []
-    for effect in dict.fromkeys(d.effect for d in told.directions):
-        own = [d for d in told.directions if d.effect == effect]
+    result, rows = found.identifiability, []
+    for effect in dict.fromkeys(d.effect for d in result.directions):
+        own = [d for d in result.directions if d.effect == effect]
         seen = [d for d in own if d.seen >= SEEN]
         hidden = ", ".join(d.channel or "everywhere" for d in own if d.seen < SEEN)
         taken = list(dict.fromkeys(name for d in seen for name in d.taken_for))
@@ -113,10 +113,10 @@ def show_effects(console: Console, found: Preflight) -> None:
     console.print()
     console.print(table(("effect", ">seen from", "not seen at typical size", "could be taken for"), rows, wrapped=3))
     console.print(
-        f"\n[bold]{len(told.clear)}[/bold] of {len(told.directions)} effects and channels are seen and told apart, "
-        f"{len(told.mistaken)} could be mistaken, {len(told.hidden)} are not seen"
+        f"\n[bold]{len(result.clear)}[/bold] of {len(result.directions)} effects and channels are seen and "
+        f"distinguished, {len(result.mistaken)} could be mistaken, {len(result.hidden)} are not seen"
     )
-    for sensor in told.sensors[:1]:
+    for sensor in result.sensors[:1]:
         console.print(
             f"[bold]{sensor.signal}[/bold] would help most: measured with a noise of {sensor.noise:.2g} {sensor.unit}, "
             f"{sensor.mistaken} could be mistaken and {sensor.hidden} not seen"
@@ -124,17 +124,17 @@ def show_effects(console: Console, found: Preflight) -> None:
 
 
 def show_fewer(console: Console, found: Preflight) -> None:
-    """A table of what would still be told apart with fewer sensors."""
+    """A table of what would still be distinguished with fewer sensors."""
     from exodrake.report.terminal import table
 
-    if not found.told.fewer:
+    if not found.identifiability.fewer:
         return
     rows = []
-    for item in found.told.fewer:
+    for item in found.identifiability.fewer:
         more = f" and {len(item.lost) - FEW} more" if len(item.lost) > FEW else ""
-        counts = (len(item.told.clear), len(item.told.mistaken), len(item.told.hidden))
+        counts = (len(item.left.clear), len(item.left.mistaken), len(item.left.hidden))
         rows.append((", ".join(item.kinds), *map(str, counts), ", ".join(item.lost[:FEW]) + more))
-    titles = ("with these columns alone", ">told apart", ">mistaken", ">not seen", "effects no longer told apart")
+    titles = ("with these columns alone", ">distinguished", ">mistaken", ">not seen", "effects no longer distinguished")
     console.print()
     console.print(table(titles, rows, wrapped=4))
 

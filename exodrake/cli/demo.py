@@ -66,7 +66,7 @@ def fresh(out: Path) -> None:
 
 
 def grasp(console: Console, folder: Path) -> None:
-    """Simulates a grasp; writes log, figure and Meshcat page."""
+    """Simulates a grasp; writes log, figure and Meshcat recording."""
     from exodrake.cli.simulate import files_of
     from exodrake.core.files import write_folder
     from exodrake.data.log_file import log_bytes

@@ -22,14 +22,14 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @click.command()
 @click.argument("cases", nargs=-1, required=True, metavar="CASE...")
 @click.option("--json", "json_file", **FILE, help="Write the answer as JSON, in SI.")
-@click.option("--report", **FILE, help="Write a report as one HTML page.")
+@click.option("--report", **FILE, help="Write a report as one HTML file.")
 @click.option("--out-robot", **FILE, help="Write the improved robot, for `exodrake simulate --robot`.")
 @robot_option(default="")
 @click.option("--effects", "only", default="", metavar="ID,...", help="Try these effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", **FOLDER, help="Write a law that was found, as a plugin with its robot.")
-@click.option("--profile", is_flag=True, help="Say where the simulated seconds went.")
+@click.option("--profile", is_flag=True, help="Say which stages took the simulated time.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
@@ -113,7 +113,7 @@ def law_files(found: Diagnosis, folder: Path | None) -> list[Path]:
 
 
 def with_command(found: Diagnosis) -> Diagnosis:
-    """The answer with the command that asked for it."""
+    """The answer with its command."""
     from dataclasses import replace
 
     made = found.provenance

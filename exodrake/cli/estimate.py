@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from exodrake.estimator.strokes import Zeros
+    from exodrake.estimator.stroke_zeros import Zeros
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
 
@@ -30,15 +30,16 @@ def command(log: Path, estimator: Path, out: Path | None, figure: Path | None, r
     LOG has measured angles, prints the error and the share inside the 95 % interval.
     """
     from exodrake.core.errors import InputError
+    from exodrake.core.files import sha256_of
     from exodrake.data.log_file import read_log, write_log
     from exodrake.data.plot import save_png
-    from exodrake.estimator.file import load, signature
+    from exodrake.estimator.file import load
     from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
     if figure is not None and figure.suffix.lower() != ".png":
         raise InputError(f"{figure}: the figure is a PNG; its name ends in .png")
-    trained = load(estimator, signature(robot_yaml(robot) or robot) if robot else None)
+    trained = load(estimator, sha256_of(robot_yaml(robot) or robot) if robot else None)
     found = estimate(trained, read_log(log), correct=not as_trained)
     if out:
         write_log(found.log, out)
@@ -68,5 +69,5 @@ def zeros_text(zeros: "Zeros", corrected: bool) -> str:
         return f"{text}\nand more than a shift: contact, other tensions, another wearer or robot? Nothing corrected."
     if not zeros.moved:
         return f"{text}: not moved"
-    done = "corrected" if corrected else "not corrected, as asked"
+    done = "corrected" if corrected else "not corrected, by --as-trained"
     return f"{text}: moved, {done}. Re-donned? A changed rest posture looks the same."

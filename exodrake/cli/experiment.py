@@ -24,14 +24,16 @@ ADVICE = (
 
 @click.command()
 @click.argument("case", type=click.Path(path_type=Path))
-@click.option("--out", default=Path("reference.csv"), show_default=True, help="What the robot is to be asked.", **FILE)
+@click.option(
+    "--out", default=Path("reference.csv"), show_default=True, help="References to be sent to the robot.", **FILE
+)
 @click.option("--figure", default=None, help="Figure (PNG) [beside --out].", **FILE)
 @click.option("--case", "folder", default=None, help="Folder of the case, for an answer that lies elsewhere.", **FILE)
-@click.option("--seconds", type=float, default=None, help="Length of the experiment, 20 to 60 s [30].")
+@click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [30].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @robot_option()
 def command(
-    case: Path, out: Path, figure: Path | None, folder: Path | None, seconds: float | None, seed: int, robot: str
+    case: Path, out: Path, figure: Path | None, folder: Path | None, duration: float | None, seed: int, robot: str
 ) -> None:
     """Design the experiment that tells apart the explanations that the logs of CASE do not reject.
 
@@ -52,7 +54,7 @@ def command(
     picture, nominal = figure or out.with_suffix(".png"), load_robot(robot)
     check_target(out)
     check_target(picture)
-    check_length(nominal, seconds)
+    check_length(nominal, duration)
     with stages() as progress:
         found = in_play(case, nominal, folder, progress)
     if found.why_none:
@@ -61,7 +63,7 @@ def command(
     waiting = Console(stderr=True)
     with waiting.status("searching for the motion that tells them apart"), one_blas_thread():
         contest = contest_of(found.problem, found.rivals)
-        best = design(contest, seconds, seed)
+        best = design(contest, duration, seed)
     console = Console(highlight=False, width=None if waiting.is_terminal else 120)
     show(console, contest, best)
     write(contest, best, out, picture)

@@ -1,4 +1,4 @@
-"""`exodrake fleet`: the answers to many cases as one table and one page."""
+"""`exodrake fleet`: the answers to many cases as a table and an HTML report."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-TOLD, CAUSE = 4, 2  # columns of the page's table that the terminal shows, and the one that is wrapped
+LISTED, CAUSE = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 
 
 @click.command()
 @click.argument("source", type=click.Path(path_type=Path), metavar="FOLDER_OR_TABLE")
-@click.option("--out", **FILE, help="Write the page: which robots, which causes, since when.")
+@click.option("--out", **FILE, help="Write the report: which robots, which causes, since when.")
 @click.option("--table", **FILE, help="Write the table, a row each case, as Parquet.")
 def command(source: Path, out: Path | None, table: Path | None) -> None:
     """Say of many diagnosed cases which robots have which causes, and since when.
@@ -36,7 +36,7 @@ def command(source: Path, out: Path | None, table: Path | None) -> None:
     if out is not None:
         write_text(out, fleet_html(rows, source.resolve().name))
     shown = robot_table(members(rows))
-    titles, cells = shown.header[:TOLD], [[cell.replace("`", "") for cell in row[:TOLD]] for row in shown.rows]
+    titles, cells = shown.header[:LISTED], [[cell.replace("`", "") for cell in row[:LISTED]] for row in shown.rows]
     Console(highlight=False).print(table_of(titles, cells, wrapped=CAUSE))
     for path in (table, out):
         if path is not None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from exodrake.grasping.plan import Plan
 
 ESTIMATOR = "estimator.npz"
-PAGES = {  # Meshcat page -> posture that it shows, and the columns that it is in
+RECORDINGS = {  # name -> posture that it shows, and the columns that it is in
     "recording.html": ("reached", "angle"),
     "estimated.html": ("estimated", "angle_est"),
     "planned.html": ("planned", "angle_plan"),
@@ -34,8 +34,8 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 
-    Writes log.csv, plan.json, figure.png, Meshcat pages (recording.html as reached, estimated.html, planned.html) and,
-    without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
+    Writes log.csv, plan.json, figure.png, Meshcat recordings (recording.html as reached, estimated.html, planned.html)
+    and, without --estimator, the estimator.npz it trained. For a grasp out of reach the nearest one that the tendons
     hold is shown.
     """
     from rich.console import Console
@@ -44,22 +44,21 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     from exodrake.core.files import write_folder
     from exodrake.data.log_file import log_bytes
     from exodrake.estimator.file import load
-    from exodrake.estimator.quick import quick_estimator
+    from exodrake.estimator.quick_estimator import quick_estimator
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import run_plan
-    from exodrake.grasping.trial import nominal
     from exodrake.machines.robot_file import load_robot
 
     built, wanted = load_robot(robot), parse_size(size)
     refuse_others("grasp", built, "finger.length")
     listening = load(file) if file else None
-    with Console(stderr=True).status("planning (the statics compile for some seconds)") as status:
+    with Console(stderr=True).status("planning (the statics compile first)") as status:
         plan = plan_grasp(mode, wanted, built)
         folder = out or Path("grasps") / f"{plan.mode}-{1e3 * plan.size:g}mm"
         check_folder(folder)
         if listening is None:
             status.update("training an estimator on simulated sweeps")
-            listening = quick_estimator(nominal(built), folder / ESTIMATOR)
+            listening = quick_estimator(built.without_effects(), folder / ESTIMATOR)
         status.update("simulating the Diagram")
         log = run_plan(plan, built, listening, seed)
         status.update("drawing")
@@ -99,7 +98,7 @@ def files_of(plan: Plan, log: Log, robot: Robot, trained: Estimator | None) -> d
         "plan.json": (json.dumps(asdict(plan), indent=1, allow_nan=False) + "\n").encode(),
         "figure.png": png_of(grasp_figure(plan, log, robot)),
     }
-    for name, (what, kind) in PAGES.items():
+    for name, (what, kind) in RECORDINGS.items():
         contents[name] = recording_html(shown, robot, f"{title}, {what}", thing, kind).encode()
     if trained is not None:
         with tempfile.TemporaryDirectory() as folder:

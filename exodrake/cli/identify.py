@@ -1,8 +1,14 @@
 """`exodrake identify`: kinematics from marker recordings, and synthetic recordings with known truth."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from exodrake.identification.kinematics.identify import Kinematics
 
 
 @click.group()
@@ -34,7 +40,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     from exodrake.identification.kinematics.labels import check_labels, relabelled
     from exodrake.identification.kinematics.layout import Layout, read_layout
     from exodrake.identification.kinematics.marker_file import read_markers
-    from exodrake.identification.kinematics.report import print_table, write_report
+    from exodrake.identification.kinematics.report import write_report
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -45,15 +51,36 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
             click.echo(f"exchanged {swap.names[0]} and {swap.names[1]} in frames {swap.first} to {swap.last}")
     found = identify(recording, layout, Settings(cutoff=cutoff or None))
     files = write_report(found, out)
-    print_table(found)
+    show(found)
     for remark in found.remarks:
         click.echo(f"note: {remark}")
     click.echo("wrote " + ", ".join(str(name) for name in files))
 
 
+def show(found: Kinematics) -> None:
+    """Print the lines of the joint centres, and lengths and ranges."""
+    from rich.console import Console
+
+    from exodrake.identification.kinematics.report import length_rows, table_rows
+    from exodrake.report.terminal import table
+
+    console = Console()
+    titles = ("joint", "axis", ">gradient \\[mm/rad]", ">intercept \\[mm]", ">RMSE \\[mm]")
+    rows = [
+        (joint, axis, f"{gradient} ± {half}", f"{intercept} ± {other}", rmse)
+        for joint, axis, gradient, half, intercept, other, rmse in table_rows(found)
+    ]
+    console.print(f"joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
+    console.print(table(titles, rows))
+    titles = ("joint", ">flexion \\[rad]", "phalanx", ">length \\[mm]")
+    ranges = ["{:.2f} .. {:.2f}".format(*joint.range) for joint in found.joints]
+    lengths = [(j, span, bone, f"{mm} ± {half}") for span, (j, bone, mm, half) in zip(ranges, length_rows(found))]
+    console.print(table(titles, lengths))
+
+
 @command.command(short_help="Write a marker recording with known truth.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--seconds", type=float, default=40.0, show_default=True, help="Length of the recording.")
+@click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
 @click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
 @click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
@@ -62,7 +89,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
 @click.option("--seed", type=int, default=0, show_default=True)
 def synthesise(
     file: Path,
-    seconds: float,
+    duration: float,
     rate: float,
     noise: float,
     artefact: float,
@@ -80,10 +107,10 @@ def synthesise(
     known = (*Layout().finger, *Layout().thumb)
     if swap and not set(swap) <= set(known):
         raise InputError(f"--swap {' '.join(swap)}: the markers are {', '.join(known)}")
-    middle = round(seconds * rate / 2)
+    middle = round(duration * rate / 2)
     swaps = (Swap(swap, middle, middle + round(rate / 2)),) if swap else ()
     faults = Faults(1e-3 * noise, 1e-3 * artefact, dropouts, swaps=swaps)
-    recording, truth = synthesise(Hand(), faults, seconds, rate, seed)
+    recording, truth = synthesise(Hand(), faults, duration, rate, seed)
     if file.suffix.lower() == ".c3d":
         from exodrake.identification.kinematics.c3d import c3d_bytes
 

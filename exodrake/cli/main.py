@@ -44,7 +44,7 @@ COMMANDS = {
     "export": ("exodrake.cli.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
     "watch": ("exodrake.cli.watch", "Follow a growing log: the gap per block, and an alarm."),
     "alarm-limits": ("exodrake.cli.alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
-    "show": ("exodrake.cli.show", "Write a log as a page with the moving finger."),
+    "show": ("exodrake.cli.show", "Write a log as HTML with the moving robot."),
     "warm-up": ("exodrake.cli.warm_up", "Compile the kernels now, not at first use."),
 }
 

@@ -70,7 +70,8 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
     mobility = float(f"{0.01 / efforts.max():.1g}")  # 0.01 rad/s at the level of the largest effort: assumed
     return {
         "rotors": joined(names, [0.0] * len(names)), "noise": joined(names, noise),
-        "floor": f"{float(noise.min()) / 10:.2g}", "force": f'"{unit["effort"]}"', "angle": f'"{unit["position"]}"',
+        "repeatability": f"{float(noise.min()) / 10:.2g}",
+        "force": f'"{unit["effort"]}"', "angle": f'"{unit["position"]}"',
         "inertia": f'"{unit["inertia"]}"',
         "lowest": joined(names, places - reach), "highest": joined(names, places + reach),
         "limited": "assumed: a moderate motion about the middle of the URDF's limits",

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def command(name: str, robot: str, only: str, as_json: bool) -> None:
     """List each parameter of a robot with value, unit, plausible range, tolerance and source.
 
-    NAME is a machine or a robot file, as for --robot. Below the parameters come effects in the robot, limits, and what
-    else can be asked of it.
+    NAME is a machine or a robot file, as for --robot. Below the parameters come effects in the robot, limits,
+    parts and references.
     """
     from exodrake.core.errors import InputError, nearest
     from exodrake.core.plain import to_dict
@@ -43,7 +43,7 @@ def command(name: str, robot: str, only: str, as_json: bool) -> None:
 
 
 def show(robot: Robot, names: list[str], some: bool) -> None:
-    """Prints the table, and what else the robot file holds unless some parameters were asked for."""
+    """Prints the table, and what else the robot file holds unless some parameters were chosen."""
     from rich.console import Console
     from rich.markup import escape
 

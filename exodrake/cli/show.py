@@ -1,4 +1,4 @@
-"""`exodrake show`: a log as a moving finger, in one HTML page that plays offline."""
+"""`exodrake show`: a log as a moving robot, in one HTML file that plays offline."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from exodrake.cli.options import robot_option
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
 @robot_option()
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Page to write [LOG with .html].")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
-@click.option("--open", "show", is_flag=True, help="Open the page in the browser.")
+@click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
-    """Write LOG as a page with the moving finger, its tendons coloured by tension.
+    """Write LOG as HTML with the moving robot, its tendons coloured by tension.
 
-    `#t=1.5` at the end of the page's address stops it at that time.
+    `#t=1.5` at the end of the address stops it at that time.
     """
     from exodrake.core.files import write_text
     from exodrake.data.log_file import read_log

@@ -124,7 +124,7 @@ def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
 
 
 def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
-    """The same run of the robot without the effects, parameters and variants asked for; None where there are none."""
+    """The same run without the options' effects, parameters and variants; None where there are none."""
     if not (scenario.effects or scenario.parameters or scenario.parts):
         return None
     plain = replace(scenario, effects={}, parameters={}, parts=())
@@ -150,8 +150,8 @@ def files_of(
     files = {"scenario.yaml": scenario_text(again).encode(), "figure.png": png_of(figure)}
     if machine.skeleton is not None:
         say("drawing the recording")
-        page = recording_html(log, robot, title, other=nominal, names=names, details=details)
-        files["recording.html"] = page.encode()
+        html = recording_html(log, robot, title, other=nominal, names=names, details=details)
+        files["recording.html"] = html.encode()
     return files
 
 

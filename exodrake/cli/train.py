@@ -30,16 +30,17 @@ def command(logs: tuple[Path, ...], out: Path, points: int, robot: str, one_swee
 
     from rich.console import Console
 
+    from exodrake.core.files import sha256_of
     from exodrake.data.log_file import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
-    from exodrake.estimator.file import save, signature
+    from exodrake.estimator.file import save
     from exodrake.estimator.gp import condition
     from exodrake.estimator.prior import learn
-    from exodrake.estimator.strokes import learn_strokes
+    from exodrake.estimator.stroke_zeros import learn_strokes
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 
-    mark = signature(robot_yaml(robot) or robot) if robot else ""
+    mark = sha256_of(robot_yaml(robot) or robot) if robot else ""
     read = [read_log(path) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     prior = learn(sweeps, points)

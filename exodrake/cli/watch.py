@@ -20,8 +20,8 @@ REDRAW = 4  # times a second
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path, dir_okay=False))
 @robot_option()
-@click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="SECONDS",
-              help="End when no row has come for so long [never]; 0 reads a complete log to its end.")  # fmt: skip
+@click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="TIME",
+              help="End when no row has come for this time [s; never]; 0 reads a complete log to its end.")  # fmt: skip
 def command(log: Path, robot: str, until_idle: float | None) -> None:
     """Follow LOG, a CSV file that a robot is writing, and show the gap between each of its segments and the model.
 
@@ -57,7 +57,7 @@ def in_terminal(monitor: Monitor, log: Path, idle: float | None) -> None:
 
 
 def in_lines(monitor: Monitor, log: Path, idle: float | None) -> None:
-    """A line every ten seconds of the log, and one for each alarm."""
+    """A line for every 10 s of the log, and one for each alarm."""
     from exodrake.monitor.display import EVERY, line, sentence
     from exodrake.monitor.watcher import follow
 

@@ -24,11 +24,15 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
 
     Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
     """
+    from rich.console import Console
+    from rich.markup import escape
+
     from exodrake.core.files import write_folder
     from exodrake.identification.workspace import SPONTANEOUS, assisted
     from exodrake.identification.workspace.figure import workspace_figure
-    from exodrake.identification.workspace.report import areas, areas_csv, print_report
+    from exodrake.identification.workspace.report import HEAD, areas, areas_csv
     from exodrake.machines.robot_file import load_robot
+    from exodrake.report.terminal import table
 
     loaded = load_robot(robot)
     refuse_others("workspace", loaded, "finger.length")
@@ -40,5 +44,6 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
         "workspace.png": workspace_figure(lengths, SPONTANEOUS, wired),
     }
     files = write_folder(out, contents)
-    print_report(rows)
+    marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
+    Console().print(table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows))
     click.echo("wrote " + ", ".join(str(name) for name in files))

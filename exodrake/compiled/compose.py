@@ -71,7 +71,7 @@ def constant_names(node: ast.Assign) -> list[str]:
 
 
 class Rename(ast.NodeTransformer):
-    """Renames a module's names, local names excepted, and drops annotations."""
+    """Renames a module's names, local names excepted, and removes annotations."""
 
     def __init__(self, table: dict[str, str], local: set[str]) -> None:
         self.table, self.local = table, local

@@ -39,7 +39,7 @@ class Replay:
         self.values = values.copy()
         for segment in machine.segments:
             for name, value in segment.parameters.items() if segment.name in names else ():
-                self.values[places(machine, name)] = value
+                self.values[machine.indices(name)] = value
 
     def step(
         self,
@@ -68,11 +68,6 @@ class Replay:
             self.machine.slot, feed, rate, self.fixed, readings, targets, gains, record,
         )  # fmt: skip
         return record
-
-
-def places(machine: Machine, name: str) -> list[int]:
-    """Indices of a parameter's channels in the flat vector."""
-    return [i for full, i in machine.index.items() if full == name or full.rsplit(".", 1)[0] == name]
 
 
 def compile_replay(machine: Machine) -> ModuleType:

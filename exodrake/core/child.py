@@ -24,7 +24,7 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import ONE_THREAD
 
-SECONDS = 6.0  # assumed: of processor time, for a small file; readers take milliseconds
+CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
 PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits
 BYTES_PER_SECOND = 2e6  # assumed: a tenth of what the slowest reader does
 MEMORY = 2 << 30  # bytes of address space; a log of the size that is read takes a tenth
@@ -49,7 +49,7 @@ def in_child[T](function: Callable[..., T], *arguments: Any, source: str, size: 
         if _child is None or not _child.usable():
             _child = Child()
         try:
-            answer = _child.call(function, arguments, SECONDS + size / BYTES_PER_SECOND)
+            answer = _child.call(function, arguments, CPU_TIME + size / BYTES_PER_SECOND)
         except BaseException as error:
             _child.end()
             if isinstance(error, TimeoutError):
@@ -71,8 +71,8 @@ class Child:
         self.pipe, theirs = Pipe()
         environment = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         command = [sys.executable, "-m", "exodrake.core.child", str(theirs.fileno())]
-        quiet: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **quiet)
+        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
         self.owner = os.getpid()
         theirs.close()
 
@@ -80,10 +80,10 @@ class Child:
         """Whether it runs, and belongs to this process: after a fork it is the parent's."""
         return self.owner == os.getpid() and self.process.poll() is None
 
-    def call(self, function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
+    def call(self, function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
         """The result of a call, or the exception it raised. TimeoutError; EOFError or OSError if the process ends."""
-        self.pipe.send((function, arguments, seconds))
-        if not self.pipe.poll(PATIENCE * seconds):
+        self.pipe.send((function, arguments, time_limit))
+        if not self.pipe.poll(PATIENCE * time_limit):
             raise TimeoutError
         try:
             return self.pipe.recv()
@@ -110,11 +110,11 @@ def serve(pipe: Connection) -> None:
             pipe.send(answered(*pipe.recv()))
 
 
-def answered(function: Callable[..., Any], arguments: tuple, seconds: float) -> Any:
+def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) -> Any:
     """Result or exception of a call. The system ends the process after the time, even if the parent is gone."""
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     _, most = resource.getrlimit(resource.RLIMIT_CPU)
-    wanted = math.ceil(used + seconds)
+    wanted = math.ceil(used + time_limit)
     resource.setrlimit(resource.RLIMIT_CPU, (wanted if most < 0 else min(wanted, most), most))
     try:
         return function(*arguments)

@@ -10,7 +10,7 @@ from exodrake.core.units import KINDS, conversion
 # SI unit -> unit shown, unless the machine's column names another
 SHOWN = {"m": "mm", "m/s": "mm/s", "rad": "deg", "rad/s": "deg/s", "N/m": "N/mm", "N m": "mN m", "A": "mA"}
 SYMBOLS = {"deg": "°", "deg/s": "°/s", "-": ""}
-PALETTE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito: told apart by all eyes
+PALETTE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")  # Okabe and Ito: distinct to all eyes
 
 
 class Display(NamedTuple):

@@ -57,6 +57,9 @@ class EffectParameter:
         return self.low + (value - self.low) % self.period if self.period else value
 
 
+# law_std of an effect that states none; of parameters that shape a law; of all parameters of a law whose form is one of
+# many, as one relaxation time for a spectrum of them: development cases of the blind package
+LAW_STD, SHAPE_STD, ANY_SHAPE = 0.08, 0.2, 0.3
 LAST = 1000  # order of an effect that states none: after the effects of the library
 
 
@@ -77,6 +80,8 @@ class Effect:
         family: kind of law, e.g. "friction", "backlash", "elasticity".
         same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
             delay; those of friction or creep belong to the fitted law, and reality follows another.
+        law_std: relative standard deviation between the amplitude in this law and in another law of the effect, of
+            which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
         detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
         order: where several effects act at one point, those of lower order act first; equal ones by id.
@@ -92,6 +97,7 @@ class Effect:
     advances: tuple[str, ...] = ()
     family: str = ""
     same_meaning: bool = False
+    law_std: float = LAW_STD
     not_tried: str = ""
     detector: str = ""
     order: int = LAST

@@ -13,7 +13,7 @@ MAX_BYTES = 500_000_000  # assumed; an hour of 30 columns at 50 Hz takes 100 MB 
 
 
 def is_file(path: str | Path) -> bool:
-    """True for a file that can be seen; False for a name too long, or a folder that may not be looked into."""
+    """True for a file that can be seen; False for a name too long, or a folder without permission."""
     try:
         return Path(path).is_file()
     except (OSError, ValueError):

@@ -11,7 +11,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.measured import Column, Observer
-from exodrake.core.parameter import ParameterInfo, Tolerance
+from exodrake.core.parameter import ParameterInfo, Tolerance, full_name
 from exodrake.core.part import Field, Part, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
@@ -144,12 +144,23 @@ class Machine:
 
     def names(self, f: Field) -> list[str]:
         """Full names of a field, one per channel."""
-        return [".".join(part for part in (f.group, f.name, channel) if part) for channel in self.axes.of(f.axis)]
+        return [full_name(f.group, f.name, channel) for channel in self.axes.of(f.axis)]
 
     @cached_property
     def index(self) -> dict[str, int]:
         """Index of each parameter in the flat parameter vector, by full name."""
         return {parameter.name: i for i, parameter in enumerate(self.parameters)}
+
+    def indices(self, name: str) -> list[int]:
+        """Indices in the flat vector of a full name, or of all channels of a name without channel; none if unknown."""
+        if name in self.index:
+            return [self.index[name]]
+        return [i for full, i in self.index.items() if full.rsplit(".", 1)[0] == name]
+
+    def effect_indices(self, identity: str, parameter: str) -> dict[str, int]:
+        """Index in the flat vector of each channel of an effect's parameter; "" for one without channels."""
+        axis = next(p.axis for p in self.effect(identity).parameters if p.name == parameter)
+        return {channel: self.index[full_name(identity, parameter, channel)] for channel in self.axes.of(axis)}
 
     def effect(self, identity: str) -> Effect:
         """The effect of that id; raises InputError with the nearest ids."""

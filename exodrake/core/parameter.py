@@ -42,6 +42,11 @@ class Tolerance:
         return f"±{std:g}{unit}, at most {most:g}" if self.transform == "additive" else f"factor e^±{std:g}"
 
 
+def full_name(*words: str) -> str:
+    """Words joined by dots, empty ones left out."""
+    return ".".join(word for word in words if word)
+
+
 def expanded(pattern: str, axes: Axes) -> list[str]:
     """The pattern for each tendon {w} or joint {j} that it names."""
     for mark, channels in (("{w}", axes.tendons), ("{j}", axes.joints)):

@@ -60,13 +60,10 @@ class Robot:
 
     def indices(self, name: str) -> list[int]:
         """Indices in the flat vector of a full name, or of all channels of a name without channel."""
-        index = self.machine.index
-        if name in index:
-            return [index[name]]
-        found = [i for full, i in index.items() if full.rsplit(".", 1)[0] == name]
+        found = self.machine.indices(name)
         if not found:
             where = self.source or self.machine.name
-            raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(index))}")
+            raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(self.machine.index))}")
         return found
 
     def to_json(self) -> dict[str, Any]:
@@ -114,12 +111,18 @@ class Robot:
             value = given.get(parameter.name, parameter.initial)
             if isinstance(value, Mapping):
                 check_channels(self.machine, effect, (channel for channel in value if channel))
-            for channel in wanted:
+            indices = self.machine.effect_indices(identity, parameter.name)
+            for channel in wanted if parameter.axis else [""]:
                 one = value.get(channel, parameter.null) if isinstance(value, Mapping) else value
-                names = (identity, parameter.name, channel if parameter.axis else "")
-                full = ".".join(part for part in names if part)
-                values[self.machine.index[full]] = quantity(one, parameter.unit, full)
+                i = indices[channel]
+                values[i] = quantity(one, parameter.unit, self.machine.parameters[i].name)
         return replace(self, values=values)
+
+    def without_effects(self) -> Robot:
+        """The robot with every effect at its null value."""
+        nulls = [parameter.null for parameter in self.machine.parameters]
+        values = [v if null is None else null for v, null in zip(self.values, nulls, strict=True)]
+        return replace(self, values=np.array(values, dtype=float))
 
     def effects(self) -> dict[str, dict[str, dict[str, float]]]:
         """Effects present: id -> parameter -> channel -> value [SI] ("" for a parameter without channels)."""
@@ -134,14 +137,9 @@ class Robot:
     def effect_values(self, effect: Effect) -> dict[str, dict[str, float]]:
         """Parameters of an effect, present or not: parameter -> channel -> value [SI]."""
         return {
-            p.name: {c: float(self.values[i]) for c, i in self.channel_indices(effect.id, p.name, p.axis)}
+            p.name: {c: float(self.values[i]) for c, i in self.machine.effect_indices(effect.id, p.name).items()}
             for p in effect.parameters
         }
-
-    def channel_indices(self, group: str, name: str, axis: str) -> list[tuple[str, int]]:
-        """Channel names and indices of a parameter."""
-        channels = self.machine.axes.of(axis)
-        return [(channel, self.machine.index[".".join(p for p in (group, name, channel) if p)]) for channel in channels]
 
     def reference_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""

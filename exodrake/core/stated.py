@@ -82,7 +82,7 @@ def stated_parameters(robot: Robot) -> dict[str, StatedParameter]:
     for identity in robot.effects():
         effect = machine.effect(identity)
         for p in effect.parameters:
-            for _, i in robot.channel_indices(identity, p.name, p.axis):
+            for i in robot.machine.effect_indices(identity, p.name).values():
                 name, value = machine.parameters[i].name, float(robot.values[i])
                 low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
                 found[name] = StatedParameter(name, value, p.unit, low, high, None, effect.source, identity)

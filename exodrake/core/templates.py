@@ -1,4 +1,4 @@
-"""HTML pages from jinja2 templates: text is escaped, a missing value is an error."""
+"""HTML from jinja2 templates: text is escaped, a missing value is an error."""
 
 from __future__ import annotations
 

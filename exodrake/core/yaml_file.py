@@ -90,7 +90,7 @@ def _node(event: Any, events: Iterator[Any], source: str, depth: int) -> Any:
     if event.tag is not None:
         raise refusal(where, f"not YAML of this kind: the tag {shown(event.tag)} is refused")
     if depth > MAX_DEPTH:
-        raise refusal(where, f"not YAML of this kind: nested deeper than {MAX_DEPTH}")
+        raise refusal(where, f"not YAML of this kind: nested more than {MAX_DEPTH} deep")
     if isinstance(event, yaml.ScalarEvent):
         return _scalar(event.value) if event.style in (None, "") else event.value
     if isinstance(event, yaml.SequenceStartEvent):

@@ -45,7 +45,7 @@ def columns_of(frame: Any, units: Mapping[str, str], source: str) -> tuple[dict[
 
 
 def numbers(values: Any, name: str, source: str) -> np.ndarray:
-    """A column (n,) [any unit] as float64, time differences in seconds; InputError naming one that is not numeric."""
+    """A column (n,) [any unit] as float64, time differences in s; InputError naming one that is not numeric."""
     array = np.asarray(values)
     if array.dtype.kind == "m":
         return array / np.timedelta64(1, "s")

@@ -32,7 +32,7 @@ ASIDE = (REFERENCE, ESTIMATE, DEVIATION, "_start", "_true")
 LONG = 6000  # rows: more of them cover each other; a log of two minutes at 50 Hz
 STRETCHES = 240  # of a long log, about four pixels each on a screen
 LINE, POINTS, MARGIN = 120, 72.0, 0.05  # characters of a line of details; points in an inch; inches at the top
-NARROWEST, WIDEST, SECONDS = 7.0, 12.0, 10.0  # width of a figure [inches], seconds in an inch of a long log
+NARROWEST, WIDEST, PER_INCH = 7.0, 12.0, 10.0  # width of a figure [inches], s of a long log in an inch
 SIZES = (11.0, 7.5)  # of title and details [points]
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
@@ -80,22 +80,31 @@ def plot_log(
     kinds = kinds_of(log, machine)
     if not kinds:
         raise InputError(f"{log.label}: nothing to draw: no column but the time and references")
-    width = min(WIDEST, max(NARROWEST, log.duration / SECONDS)) if len(log) > 1 else NARROWEST
+    width = min(WIDEST, max(NARROWEST, log.duration / PER_INCH)) if len(log) > 1 else NARROWEST
     with matplotlib.rc_context({**STYLE, "lines.linewidth": STYLE["lines.linewidth"] * (NARROWEST / width) ** 0.5}):
         figure = new_figure(width, 0.7 + 1.65 * len(kinds))
         rows = figure.subplots(len(kinds), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, kind in zip(rows, kinds):
-            draw_panel(axes, log, kind, machine)
-            if other is not None:
-                draw_other(axes, other, kind, machine)
-            axes.set_title((remarks or {}).get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
+        panels = dict(zip(kinds, rows))
+        draw_panels(panels, log, other, machine, remarks or {})
         add_legends(rows, kinds, log, names if other is not None else None)
-        rows[-1].set_xlabel("Time [s]")
-        rows[-1].set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
         figure.align_ylabels(rows)
         if title or any(details):
             add_title(figure, title, [line for detail in details for line in wrap(detail, LINE)])
     return figure
+
+
+def draw_panels(
+    panels: Mapping[str, Any], log: Log, other: Log | None, machine: Machine | None, remarks: Mapping[str, str]
+) -> None:
+    """Draws one or two logs into the axes of each kind, over one time axis, with the remark on each."""
+    for kind, axes in panels.items():
+        draw_panel(axes, log, kind, machine)
+        if other is not None:
+            draw_other(axes, other, kind, machine)
+        axes.set_title(remarks.get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
+    *_, last = panels.values()
+    last.set_xlabel("Time [s]")
+    last.set_xlim(log.time[0], log.time[-1] if len(log) > 1 else None)
 
 
 def add_title(figure: Figure, title: str, lines: list[str]) -> None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
@@ -30,7 +31,7 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA, exceeding
+from exodrake.diagnosis.levels import exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection
@@ -42,7 +43,7 @@ HEALTHY, TRIED, OTHER_LAW, OUTSIDE = "healthy", "tried", "other law", "outside" 
 EACH_HEALTHY = 3  # one robot in so many is healthy
 LEAST = 20  # robots from which a number is taken; fewer cannot say a quantile of 95 %
 LEAST_ERROR = 0.02  # relative: a robot differs from its model at least as two simulators do; assumed
-FLOORS = {"law_error": LEAST_ERROR, "same_meaning": LEAST_ERROR}
+LOWER_BOUNDS = {"law_error": LEAST_ERROR, "same_meaning": LEAST_ERROR}
 QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "moved": 1.0 - ALPHA}
 
 
@@ -181,7 +182,7 @@ def numbers_of(records: Sequence[Record], source: str) -> tuple[Calibration, dic
     if not any(r.kind == OTHER_LAW and "law_error" in r.values for r in records):
         samples["law_error"] = []
     found = {n: upper(samples[n], QUANTILES[n], getattr(UNCALIBRATED, n)) for n in NUMBERS}
-    found = {n: max(value, FLOORS.get(n, 0.0)) or getattr(UNCALIBRATED, n) for n, value in found.items()}
+    found = {n: max(value, LOWER_BOUNDS.get(n, 0.0)) or getattr(UNCALIBRATED, n) for n, value in found.items()}
     return Calibration(**found, source=source), {name: len(values) for name, values in samples.items()}
 
 

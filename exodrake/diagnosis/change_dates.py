@@ -41,7 +41,7 @@ def dates_of(times: np.ndarray, white: np.ndarray, constant: np.ndarray, grid: i
     """Shapes and dates that are tried on points at times (points,).
 
     A step may lie in any gap between two points. A ramp may begin at any point but the last two, and `grid` times
-    between two of them, each for the dates up to its neighbours; one that begins later cannot be told from a step.
+    between two of them, each for the dates up to its neighbours; one that begins later equals a step.
 
     Args:
         times: increasing (points,).

@@ -18,11 +18,10 @@ from functools import cached_property
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA, CONFIDENCE
 from exodrake.diagnosis.change_dates import BOTH, RAMP, STEP, Dates, dates_of
 
 LEAST = 5  # points: a change has three parameters, their scatter one
-LEVEL = 0.02  # of the test whether there is a change; that of the other tests (`levels`)
-CONFIDENCE = 0.9  # of the date's set and of sizes
 REJECTED = 0.05  # level of a date's test: at a tenth, sets of ramps covered 82 to 88 %, since sizes are fitted, too
 DRAWS, DATE_DRAWS, SIZE_DRAWS = 1999, 199, 2000  # for the p-value, for each date that is tried, for sizes
 GRID = 4  # dates of a ramp's begin that are tried between two points
@@ -130,7 +129,7 @@ class ChangePoint:
             return (two - one) / np.maximum(((rows**2).sum(axis=0) - two) / (free - 1), least)
 
         above = int((ratio(drawn, 1e-12) >= ratio(row, 1.0)).sum())
-        return (1.0 + above) / (DATE_DRAWS + 1.0) < LEVEL
+        return (1.0 + above) / (DATE_DRAWS + 1.0) < ALPHA
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
         """White noise (points, draws) without its constant."""

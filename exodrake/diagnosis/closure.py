@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from exodrake.core.confidence import CONFIDENCE
 from exodrake.diagnosis.filters import mismatch
-from exodrake.diagnosis.intervals import CONFIDENCE
 from exodrake.diagnosis.problem import WILD, Problem
 from exodrake.diagnosis.result import Closure, Interval, SignalGap
 
@@ -100,9 +100,9 @@ def signal(
     problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]
 ) -> SignalGap:
     """Gap of one signal in its unit."""
-    floor = float(problem.noise_std[i])
+    noise_std = float(problem.noise_std[i])
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
-    rms = [floor * float(np.sqrt(x.mean())) for x in (b, t, a)]
+    rms = [noise_std * float(np.sqrt(x.mean())) for x in (b, t, a)]
     kind = problem.kinds[i]
     unit = next(problem.robot.machine.signal[c.signal].unit for c in problem.robot.machine.columns if c.kind == kind)
-    return SignalGap(rms[0], rms[1], rms[2], floor, closure(b, a), unit)
+    return SignalGap(rms[0], rms[1], rms[2], noise_std, closure(b, a), unit)

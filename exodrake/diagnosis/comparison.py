@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from exodrake.core.machine import Machine
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import Explanation
 
 
@@ -43,6 +47,20 @@ def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation
     machine = likelihood.robot.machine
     kinds = [sorted((machine.effect(i).block, machine.effect(i).family) for i in e.effects) for e in (richer, simpler)]
     return kinds[0] == kinds[1] and len(richer.x) > len(simpler.x)
+
+
+def contributions(
+    machine: Machine, e: Explanation, simulate: Callable[[np.ndarray], np.ndarray], whole: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Contribution (channels, ...) of each effect of an explanation: by how much outputs differ without it.
+
+    Args:
+        machine: of the robots.
+        e: explanation.
+        simulate: outputs (robots, ...) of flat parameter vectors (robots, n).
+        whole: (...) outputs of the explanation itself.
+    """
+    return {i: simulate(without_effect(machine, e.robot, machine.effect(i))) - whole for i in e.effects}
 
 
 def tolerance_use(e: Explanation) -> float:

@@ -57,7 +57,7 @@ class Row:
         closure: fraction of the excess error that is gone; NaN if there was none.
         before, after: RMS error of the nominal and the last robot [noise_std].
         began: date at which the case's own sessions changed; empty if they did not.
-        seconds: that the diagnosis took [s].
+        run_time: of the diagnosis [s].
         reason: of a failure, else of the verdict.
         version, code: of what answered it.
     """
@@ -74,7 +74,7 @@ class Row:
     before: float = float("nan")
     after: float = float("nan")
     began: str = ""
-    seconds: float = float("nan")
+    run_time: float = float("nan")
     reason: str = ""
     version: str = ""
     code: str = ""
@@ -99,7 +99,7 @@ def row_of(answer: Mapping[str, Any], name: str) -> Row:
             before=number(rms.get("before")),
             after=number(rms.get("after")),
             began=str(began.get("value", "")),
-            seconds=number(answer.get("seconds")),
+            run_time=number(answer.get("run_time")),
             reason="; ".join(answer.get("reasons", [])),
             version=str(made.get("version", "")),
             code=str(made.get("code", "")),

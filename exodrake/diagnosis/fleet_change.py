@@ -14,7 +14,8 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from exodrake.diagnosis.change_point import LEAST, LEVEL, Change, ChangePoint
+from exodrake.core.confidence import ALPHA
+from exodrake.diagnosis.change_point import LEAST, Change, ChangePoint
 from exodrake.diagnosis.fleet import Row
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 from exodrake.diagnosis.sessions import DAY
@@ -89,5 +90,5 @@ def trend(
         return Trend(serial, *key, first, times, values, 1.0, None)
     scan = ChangePoint(times, (TINY * spread) ** 2 * np.eye(len(times)), grid=1)
     p = min(1.0, float(scan.p_values(values[:, None])[0]) * count)
-    change = scan(values, np.random.default_rng(len(times))) if p < LEVEL else None
+    change = scan(values, np.random.default_rng(len(times))) if p < ALPHA else None
     return Trend(serial, *key, first, times, values, p, change)

@@ -5,8 +5,8 @@ What a fit makes of noise and of the error of its laws (`levels`), by the curvat
     dx = -(J'J + P)^-1 (J' (w + a c h) + P^1/2 z)          J Jacobian, P prior precision, z white
 
 Draws of dx have the spread of the parameters: noise as coloured as it is, and the model discrepancy that the residual
-shows. To that comes what no residual shows: a parameter of friction, creep or contact belongs to a law, reality follows
-another one, and the fitted value is an effective one.
+shows, a typical one at least. To that comes what no residual shows (`Effect.law_std`): a parameter of friction, creep
+or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.effect import Effect
+from exodrake.core.confidence import CONFIDENCE
+from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 
-CONFIDENCE = 0.9  # of intervals
 Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
-LAW = 0.2  # the same between the parameters of two laws of one effect: development cases of the blind package
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,24 +76,31 @@ def describe(fitted: Fitted, effect: Effect, probability: float, channels: tuple
         channels: those of its axis.
     """
     chosen, parameters, by_channel = affected(fitted), {}, {}
-    info, law = {p.name: p for p in effect.parameters}, ROUNDING if effect.same_meaning else LAW
+    info, law = {p.name: p for p in effect.parameters}, [law_std(effect, p) for p in fitted.parameters]
     sits = tuple(fitted.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     if chosen:
         first = fitted.parameters[chosen[0]]
         name = first.name.removeprefix(f"{effect.id}.")
         unit = info[name].unit
         by_channel[name] = {
-            fitted.parameters[i].channels[0]: interval(fitted.parameters[i], fitted.x[i], fitted.std[i], unit, law)
+            fitted.parameters[i].channels[0]: interval(fitted.parameters[i], fitted.x[i], fitted.std[i], unit, law[i])
             for i in chosen
         }
         mean, std = pooled(fitted.x[chosen], fitted.covariance[np.ix_(chosen, chosen)])
-        parameters[name] = interval(first, mean, std, unit, law)
+        parameters[name] = interval(first, mean, std, unit, law[chosen[0]])
     for i, p in enumerate(fitted.parameters):
         name = p.name.removeprefix(f"{effect.id}.")
         if name not in parameters and i not in chosen:
-            parameters[name] = wrapped(interval(p, fitted.x[i], fitted.std[i], info[name].unit, law), effect, name)
+            parameters[name] = wrapped(interval(p, fitted.x[i], fitted.std[i], info[name].unit, law[i]), effect, name)
     tendons, joints = (sits, ()) if effect.axis == TENDONS else ((), () if effect.axis == SCALAR else sits)
     return NamedEffect(effect.id, tendons, joints, parameters, by_channel, probability)
+
+
+def law_std(effect: Effect, parameter: Parameter) -> float:
+    """Relative standard deviation of a parameter between two laws of its effect, or between two simulators of one."""
+    if effect.same_meaning:
+        return ROUNDING
+    return effect.law_std if parameter.amplitude else max(effect.law_std, SHAPE_STD)
 
 
 def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:

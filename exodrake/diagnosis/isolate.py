@@ -17,7 +17,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.comparison import richer_law, taken_up
-from exodrake.diagnosis.isolation import Isolation, mean_log, tested
+from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
@@ -41,7 +41,7 @@ class Isolator:
     Args:
         problem: shortened case as a regression, with what was detected.
         start: its retuned robot.
-        simulated: seconds simulated so far, by stage.
+        simulated: time simulated so far, by stage [s].
         progress: called with the stage and what it works on.
     """
 
@@ -109,7 +109,7 @@ class Isolator:
         levels = found.tests(fitted[0])
         further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.sufficient]
         more = [*fitted, *self.fitted(likelihood, known, further)]
-        return sorted(more, key=lambda e: mean_log(likelihood, e))
+        return sorted(more, key=lambda e: likelihood.mean_log(e.residual))
 
     def restarted(self, found: Isolation, zero: Explanation) -> Isolation:
         """The isolation with single effects that look best from the nominal robot, where retuning led astray."""
@@ -141,18 +141,18 @@ class Isolator:
     def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
         first = [self.first_steps(likelihood, self.starts(likelihood, known, p)) for p in found]
-        cost = [mean_log(likelihood, e) for e in first]
+        cost = [likelihood.mean_log(e.residual) for e in first]
         near = [c < min(cost) + BEHIND for c in cost]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
-        done.sort(key=lambda e: mean_log(likelihood, e))
+        done.sort(key=lambda e: likelihood.mean_log(e.residual))
         if not done:
             return done
-        least, closer = mean_log(likelihood, done[0]), likelihood.scaled_to(done[0].residual)
+        least, closer = likelihood.mean_log(done[0].residual), likelihood.scaled_to(done[0].residual)
         for k, e in enumerate(done[:FRESH]):
-            if CONVERGED < mean_log(likelihood, e) < least + NEAR:
+            if CONVERGED < likelihood.mean_log(e.residual) < least + NEAR:
                 done[k] = self.refreshed(closer, e)
         done = [self.unstuck(likelihood, e, done) for e in done]
-        return sorted(done, key=lambda e: mean_log(likelihood, e))
+        return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
 
     def unstuck(self, likelihood: Likelihood, e: Explanation, found: Sequence[Explanation]) -> Explanation:
         """An explanation fitted again from a simpler law of the same effects, if that leaves less than it does.
@@ -190,7 +190,7 @@ class Isolator:
             parameters = e.parameters + tuple(found[0].parameters[i] for i in own)
             joined = Explanation((*e.effects, effect), parameters, e.x, values, e.residual, e.jacobian)
             more.append(self.refined(likelihood, joined.at(likelihood, np.r_[e.x, found[0].x[own]]), STEPS))
-        return sorted(more, key=lambda e: mean_log(likelihood, e))
+        return sorted(more, key=lambda e: likelihood.mean_log(e.residual))
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""

@@ -24,11 +24,6 @@ class Tested:
     cost: float
 
 
-def mean_log(likelihood: Likelihood, e: Explanation) -> float:
-    """Mean logarithm of the reduced chi-squares of all views, above the noise."""
-    return float(np.mean(np.log(np.maximum(likelihood.chi2(e.residual), 1.0))))
-
-
 def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
     """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
     name = richer.explanation.name

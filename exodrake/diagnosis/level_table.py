@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.calibration import Calibration
 from exodrake.diagnosis.isolation import Tested
-from exodrake.diagnosis.levels import ALPHA, LOCAL
-from exodrake.diagnosis.result import LevelTest
+from exodrake.diagnosis.levels import LOCAL
 
 P, SHARE, SQUARE = "p-value", "share", "mean square"
 VIEWS = ("in closed loop", "as prediction error")
+
+
+@dataclass(frozen=True)
+class LevelTest:
+    """A test of the explanation behind the verdict, at its level.
+
+    Attributes:
+        asks: what it asks, in words.
+        measure: what is compared: "p-value", "share" or "mean square".
+        value: what was found.
+        limit: the level; p-values must be larger, all else at most as large.
+        passed: whether the explanation stands the test.
+    """
+
+    asks: str
+    measure: str
+    value: float
+    limit: float
+    passed: bool
 
 
 def level_table(t: Tested, limits: Calibration) -> tuple[LevelTest, ...]:

@@ -26,23 +26,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of, spread
-from exodrake.diagnosis.comparison import excess, power, richer_law, taken_up, tolerance_use
+from exodrake.diagnosis.comparison import contributions, excess, power, richer_law, taken_up, tolerance_use
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linearise import Linearisation, without_effect
+from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import scan
 
-ALPHA = 0.02  # level of each test
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
 DRAWS = 99
-# of rho: error of its law up to which a richer law does not beat an explanation. Of development robots, true laws of a
-# friction or an elasticity needed 0.03 to 0.33 beside a rival of their family, simpler laws than the true one 0.25 to 1
-LIKELY = 0.5
+TYPICAL = 0.5  # error of a law in units of rho: rho is the upper quantile of a normal law at 95 %
 REJECTED = 1e-4  # p-value of a fit below which no further effect is sought by the linearisation
 
 
@@ -132,7 +130,7 @@ class Tests:
         rejected = max(fit, *views) < REJECTED
         null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
         share, beaten_by, no_better = 0.0, "", []
-        true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= LIKELY
+        true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= 1.0
         moved = tolerance_use(e)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved, spread(r.nominal))):
             taken, total = taken_up(likelihood, e, rival)
@@ -177,8 +175,8 @@ class Tests:
         e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
         decoded = self.likelihood.views[0].problem.counted
         found = [(self.moved, limits.same_meaning)]
-        for effect in (machine.effect(identity) for identity in e.effects):
-            rows = self.likelihood.residual(without_effect(machine, e.robot, effect)) - e.residual
+        for identity, rows in contributions(machine, e, self.likelihood.residual, e.residual).items():
+            effect = machine.effect(identity)
             rho = limits.same_meaning if effect.same_meaning and effect.id not in decoded else limits.law_error
             found += [(project.own(row, effect.id), rho) for row in rows]
         return found
@@ -195,12 +193,16 @@ class Tests:
         return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))
 
     def covariance(self, e: Explanation) -> np.ndarray:
-        """Covariance of the effects' coordinates (k, k), from noise and from as much error of the laws as is seen."""
+        """Covariance of the effects' coordinates (k, k), from noise and from errors of the laws.
+
+        These are as large as what is left shows, and `TYPICAL` at least: noise and other parameters hide smaller ones.
+        """
         likelihood = self.likelihood.scaled_to(e.residual)
         project = Projection(likelihood, e, self.lin)
-        law, model = self.laws(project)
+        law, _ = self.laws(project)
         needed = amplitude(*(project.left(rows) for rows in (e.residual[None], self.noise, law)))
-        moves = project.moves(self.noise + needed[:, None] * law + model, np.random.default_rng(2))
+        errors = np.maximum(needed, np.float32(TYPICAL))[:, None] * law
+        moves = project.moves(self.noise + errors, np.random.default_rng(2))
         return np.atleast_2d(np.cov(moves[e.nominal :]))
 
 

@@ -19,13 +19,16 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.noise import noise_uncertainty
+from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 
 # s of a log that count as one sample against the tolerances: a model's error repeats in every motion. With 0.66 s, 90 %
 # intervals of nominal parameters of 24 healthy robots of the reference simulator covered 90 %, with one frame 41 %
 CORRELATION = 0.66
-NOISE_RUNS = 4  # simulated runs with noise; draws are made from them
+NOISE_RUNS = 8  # simulated runs with noise; draws are made from them
+# of the tolerances, by which the robot of each run differs: a signal at rest is then rounded elsewhere; assumed
+NOISE_MOVES = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,7 @@ class View:
 
 @dataclass(eq=False)
 class Likelihood:
-    """Views of a case side by side; `simulated` counts the seconds that were simulated, by stage."""
+    """Views of a case side by side; `simulated` sums the simulated time by stage [s]."""
 
     views: tuple[View, ...]
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -102,6 +105,10 @@ class Likelihood:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
+    def mean_log(self, residual: np.ndarray) -> float:
+        """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""
+        return float(np.mean(np.log(np.maximum(self.chi2(residual), 1.0))))
+
     @cached_property
     def weights(self) -> np.ndarray:
         """Weight of each sample in the cost (samples,)."""
@@ -115,18 +122,20 @@ class Likelihood:
     def noise_draws(self, draws: int, rng: np.random.Generator) -> np.ndarray:
         """Residuals of noise alone (draws, samples).
 
-        Simulated runs, each log shifted round in time and of either sign, each column as strong as its noise may be
-        (`noise_uncertainty`).
+        Each log comes from one of the simulated runs, shifted round in time; all are of either sign, each column as
+        strong as its noise may be (`noise_uncertainty`).
         """
-        problem, out, runs = self.views[0].problem, [], len(self.views[0].noise)
+        problem, out, count = self.views[0].problem, [], len(self.views[0].noise)
         uncertainty = noise_uncertainty(problem.case)
         for _ in range(draws):
-            run, sign, parts = int(rng.integers(runs)), rng.choice((-1.0, 1.0)), []
+            sign, parts = rng.choice((-1.0, 1.0)), []
+            runs = rng.integers(count, size=len(problem.fit))
             shifts = [int(rng.integers(len(trial.reference))) for trial in problem.fit]
             strengths = sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns)))
             level = dict(zip(problem.columns, strengths, strict=True))
             for view in self.views:
-                levels, logs = np.array([level[column] for column in view.problem.columns]), view.noise[run]
+                levels = np.array([level[column] for column in view.problem.columns])
+                logs = (view.noise[run][k] for k, run in enumerate(runs))
                 parts += [(levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(logs, shifts, strict=True)]
             out.append(np.concatenate(parts))
         return np.array(out, dtype=np.float32)
@@ -149,14 +158,22 @@ def output_error(problem: Problem, stage: str = "") -> Likelihood:
 
 def likelihood_of(problem: Problem, values: np.ndarray) -> Likelihood:
     """The likelihood of a case with the noise of the robot `values` (parameters,), noise and rounding off in it."""
-    views = with_prediction(problem)
-    runs = [with_prediction(written_by(problem, values, seed)) for seed in range(NOISE_RUNS)]
+    views, robots = with_prediction(problem), moved_a_little(problem, values)
+    runs = [with_prediction(written_by(problem, robot, seed)) for seed, robot in enumerate(robots)]
     found = []
     for k, view in enumerate(views):
-        raw = [by_trial(run[k].residual(values[None], run[k].fit)[0], run[k].fit) for run in runs]
+        written = [(run[k], robot) for run, robot in zip(runs, robots, strict=True)]
+        raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
         whitening = whitening_of([log for run in raw for log in run])
         found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw)))
     return Likelihood(tuple(found))
+
+
+def moved_a_little(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """The robots (`NOISE_RUNS`, parameters) of the runs with noise, nominal parameters drawn about `values`."""
+    nominal, rng = nominal_parameters(problem.robot), np.random.default_rng(0)
+    draws = NOISE_MOVES * rng.standard_normal((NOISE_RUNS, len(nominal)))
+    return np.array([apply(values, nominal, x) for x in draws * [p.prior_std for p in nominal]])
 
 
 def with_prediction(problem: Problem) -> list[Problem]:
@@ -166,13 +183,15 @@ def with_prediction(problem: Problem) -> list[Problem]:
 
 
 def written_by(problem: Problem, values: np.ndarray, seed: int) -> Problem:
-    """The problem with the logs that a robot would have written, noise and rounding on."""
-    machine, noisy = problem.robot.machine, values.copy()
+    """The problem with the logs that a robot would have written, noise, rounding and detected disturbances on."""
+    machine, noisy, rng = problem.robot.machine, values.copy(), np.random.default_rng(seed)
+    disturbances = [d.noise for d in problem.detected if d.noise]
     for name in (*machine.noise, *machine.resolution):
         noisy[machine.index[name]] = problem.robot.values[machine.index[name]]
 
     def written(k: int, trial: Trial) -> Trial:
         (measured,) = problem.predict(noisy[None], trial, seed=NOISE_RUNS * k + seed)
+        measured = measured + sum(draw(problem, values, trial, rng) for draw in disturbances)
         return replace(trial, measured=np.where(np.isfinite(trial.measured), measured, np.nan))
 
     return replace(problem, fit=tuple(written(k, trial) for k, trial in enumerate(problem.fit)))

@@ -79,10 +79,10 @@ def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) 
 
 def without_effect(machine: Machine, values: np.ndarray, effect: Effect) -> np.ndarray:
     """Flat parameter vectors (channels, n) with an effect at its null value in one channel at a time."""
-    lead, channels = effect.parameters[0], machine.axes.of(effect.parameters[0].axis)
-    out = np.tile(values, (len(channels), 1))
-    for row, channel in zip(out, channels, strict=True):
-        row[machine.index[".".join(part for part in (effect.id, lead.name, channel) if part)]] = lead.null
+    lead = effect.parameters[0]
+    at = list(machine.effect_indices(effect.id, lead.name).values())
+    out = np.tile(values, (len(at), 1))
+    out[np.arange(len(at)), at] = lead.null
     return out
 
 

@@ -26,7 +26,7 @@ EFFICIENCY = 0.37  # of the median absolute deviation against the standard devia
 
 
 def sensor_noise_std(robot: Robot) -> dict[str, float]:
-    """Floor per kind of signal from the robot's numbers [SI]; none for a machine that states none."""
+    """Noise standard deviation per kind of signal by the robot's parameters [SI]; none where the machine has none."""
     return robot.machine.noise_std(robot.__getitem__) if robot.machine.noise_std else {}
 
 
@@ -45,15 +45,15 @@ def repeat_noise_std(case: Case, column: str, notched: Bands, period: float) -> 
 
 def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
     """Standard deviation of a run about its repeat [unit of the column], by simulating the first fitted reference."""
-    reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "floor")
+    reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "noise")
     a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
 
 def noise_std(case: Case, robot: Robot, columns: tuple[str, ...], notched: Bands = ()) -> np.ndarray:
-    """Floor of each column [its unit]: the larger of what runs differ by and what the sensor's numbers say.
+    """Noise of each column [its unit]: the larger of what runs differ by and what the sensor's parameters say.
 
-    stopped: bands [Hz] that are left out.
+    notched: bands [Hz] that are left out.
     """
     parameters = sensor_noise_std(robot)
     expected = {} if case.repeat_groups else simulated_noise_std(case, robot, columns)

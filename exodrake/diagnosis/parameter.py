@@ -24,6 +24,7 @@ from exodrake.core.robot import Robot
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
 # make up for each other, as lengths that grow together, a longer step shows curvature as a slope
 STEP = 0.002
+NONE = 1e-9  # of the largest reciprocal in range: a smaller one is rounding, its value infinite
 RANGE_FACTOR = 2.0  # a fit may leave an effect's plausible range by this factor: assumed
 
 
@@ -67,7 +68,7 @@ class Parameter:
         """Value of the parameter at x [its unit]; base: value at x = 0, its own if None."""
         base = self.base if base is None else base
         if self.transform == "reciprocal":
-            return math.inf if x <= 0.0 else 1.0 / x
+            return math.inf if x <= NONE * self.bounds[1] else 1.0 / x
         if self.transform == "log":
             return base * math.exp(x)
         return base + x if self.transform == "additive" else base * (1.0 + x)
@@ -110,11 +111,10 @@ def effect_parameters(machine: Machine, effect: Effect, channels: Iterable[str] 
     lead = next((p for p in effect.parameters if p.fitted), effect.parameters[0])
     found = []
     for k, info in enumerate(effect.parameters):
-        axis = machine.axes.of(info.axis)
-        here = tuple(channel for channel in axis if channel in wanted) if info.axis else ("",)
-        index = {c: machine.index[".".join(p for p in (effect.id, info.name, c) if p)] for c in here}
         if not info.fitted:
             continue
+        index = machine.effect_indices(effect.id, info.name)
+        here = tuple(channel for channel in index if channel in wanted or not info.axis)
         groups = [(c,) for c in here] if k == 0 or info is lead else [here]
         found += [effect_parameter(effect, info, group, tuple(index[c] for c in group), k == 0) for group in groups]
     return tuple(found)
@@ -123,10 +123,10 @@ def effect_parameters(machine: Machine, effect: Effect, channels: Iterable[str] 
 def fixed_parameters(machine: Machine, effect: Effect) -> list[tuple[int, float]]:
     """Positions and initial values of the parameters of an effect that a fit leaves alone."""
     return [
-        (machine.index[".".join(p for p in (effect.id, info.name, c) if p)], info.initial)
+        (i, info.initial)
         for info in effect.parameters
         if not info.fitted
-        for c in machine.axes.of(info.axis)
+        for i in machine.effect_indices(effect.id, info.name).values()
     ]
 
 

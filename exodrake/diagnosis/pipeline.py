@@ -71,7 +71,7 @@ def diagnose(
         if not discovers(made.verdict):
             return made
         law = discover(problem, found, progress)
-        return replace(made, missing_law=law, seconds=time.perf_counter() - started)
+        return replace(made, missing_law=law, run_time=time.perf_counter() - started)
 
 
 def isolated(
@@ -193,7 +193,7 @@ def answer(
         baselines=baselines_of(found),
         reasons=decision.reasons,
         notes=(*case.notes, *suspicions(case, problem.robot), *calibration_notes(problem.robot.machine)),
-        seconds=time.perf_counter() - started,
+        run_time=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         simulated=dict(found.likelihood.simulated),

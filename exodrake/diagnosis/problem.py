@@ -28,7 +28,7 @@ class Problem:
         robot: the nominal robot with the case's overrides.
         columns: (c,) names. noise standard deviation: (c,) [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the noise only.
-        case: where it comes from. stopped: bands [Hz] that are filtered out of all residuals.
+        case: where it comes from. notched: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
         detected: effects that detectors found.
     """
@@ -129,8 +129,8 @@ class Problem:
 
     def without(self, bands: Bands) -> Problem:
         """The problem with bands [Hz] filtered out of residuals and noise standard deviations."""
-        floor = noise_std(self.case, self.robot, self.columns, bands)
-        return replace(self, notched=bands, noise_std=np.minimum(floor, self.noise_std))
+        left = noise_std(self.case, self.robot, self.columns, bands)
+        return replace(self, notched=bands, noise_std=np.minimum(left, self.noise_std))
 
     def shortened(self, share: float) -> Problem:
         """The problem with the first part of each fitted trial, for cheap comparisons."""

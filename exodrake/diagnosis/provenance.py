@@ -42,7 +42,7 @@ def provenance_of(problem: Problem) -> Provenance:
     """The provenance of an answer that is made now."""
     robot, code = problem.robot, configuration()
     return Provenance(
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        date=datetime.now(UTC).replace(microsecond=0).isoformat(),
         version=code["version"],
         code=code["code"],
         command="",

@@ -15,6 +15,7 @@ from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw
+    from exodrake.diagnosis.level_table import LevelTest
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.provenance import Provenance
     from exodrake.diagnosis.since import Since
@@ -67,12 +68,12 @@ class Where:
 
 @dataclass(frozen=True)
 class SignalGap:
-    """Gap of a signal on held-out logs before and after, its noise [unit of the signal], and the closure."""
+    """Gap of a signal on held-out logs before and after, its noise standard deviation [its unit], and the closure."""
 
     before: float
     retuned: float
     after: float
-    floor: float
+    noise_std: float
     closure: float
     unit: str
 
@@ -101,7 +102,7 @@ class Closure:
     def rms(self) -> dict[str, float]:
         """RMS error over all signals of the nominal, the retuned and the improved robot [noise_std]; 1 is noise."""
         names = ("before", "retuned", "after")
-        squares = [[(getattr(gap, name) / gap.floor) ** 2 for gap in self.signals.values()] for name in names]
+        squares = [[(getattr(gap, name) / gap.noise_std) ** 2 for gap in self.signals.values()] for name in names]
         return {name: float(np.sqrt(np.mean(s))) if s else float("nan") for name, s in zip(names, squares, strict=True)}
 
 
@@ -138,25 +139,6 @@ class Retune:
 
 
 @dataclass(frozen=True)
-class LevelTest:
-    """A test of the explanation behind the verdict, at its level.
-
-    Attributes:
-        asks: what it asks, in words.
-        measure: what is compared: "p-value", "share" or "mean square".
-        value: what was found.
-        limit: the level; p-values must be larger, all else at most as large.
-        passed: whether the explanation stands the test.
-    """
-
-    asks: str
-    measure: str
-    value: float
-    limit: float
-    passed: bool
-
-
-@dataclass(frozen=True)
 class Candidate:
     """An explanation that was fitted.
 
@@ -187,12 +169,12 @@ class Diagnosis:
         rivals: explanations that the logs do not tell apart, for `exodrake experiment`; none where one is left.
         robots: the nominal, the retuned and the improved robot.
         evidence: reduced chi-squares of these on the fitted logs.
-        simulated: simulated seconds by stage [s].
+        simulated: simulated time by stage [s].
         retune: what retuning moved.
         tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
         provenance: what the answer was made from.
         since: changes over dated sessions or one long log; None of other cases.
-        missing_law: the free law that explains the logs best, if one was looked for.
+        missing_law: the free law that explains the logs best; None without discovery.
         problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
     """
 
@@ -207,7 +189,7 @@ class Diagnosis:
     baselines: dict[str, str]
     reasons: tuple[str, ...]
     notes: tuple[str, ...]
-    seconds: float
+    run_time: float
     robots: dict[str, Robot]
     evidence: dict[str, float] = field(default_factory=dict)
     simulated: dict[str, float] = field(default_factory=dict)
@@ -219,8 +201,8 @@ class Diagnosis:
     problem: Problem | None = None
 
     @property
-    def simulated_seconds(self) -> float:
-        """Simulated seconds of the whole diagnosis [s]."""
+    def simulated_time(self) -> float:
+        """Simulated time of the whole diagnosis [s]."""
         return sum(self.simulated.values())
 
     @property
@@ -239,7 +221,7 @@ class Diagnosis:
         case = None if self.problem is None else self.problem.case
         dates = [item.date for item in case.logs if item.date is not None] if case else []
         robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
-        more = {"next_experiment": self.next_experiment, "simulated_seconds": self.simulated_seconds}
+        more = {"next_experiment": self.next_experiment, "simulated_time": self.simulated_time}
         return plain(answer | robot | {"closure": closure} | more)
 
     @property

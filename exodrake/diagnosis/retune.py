@@ -18,7 +18,7 @@ STEPS, TOL = 4, 1e-3  # of the fit after each
 
 
 def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:
-    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated seconds."""
+    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated time."""
     nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
     found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
     for _ in range(RETUNE_ROUNDS):

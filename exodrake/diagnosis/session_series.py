@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from exodrake.diagnosis.change_point import LEVEL, Change, ChangePoint
+from exodrake.core.confidence import ALPHA
+from exodrake.diagnosis.change_point import Change, ChangePoint
 from exodrake.diagnosis.comparison import power
 from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.levels import Tests, exceeding
@@ -111,7 +112,7 @@ def tested(followed: Sequence[Followed], sessions: Sequence[Session]) -> tuple[S
     for one in followed:
         scan = ChangePoint(times, one.covariance)
         p = min(1.0, float(scan.p_values(one.x[:, None])[0]) * len(followed))
-        change = scan(one.x, rng) if p < LEVEL else None
+        change = scan(one.x, rng) if p < ALPHA else None
         half = Z90 * np.sqrt(np.diag(one.covariance))
         ends = np.sort([[one.value(v) for v in one.x - half], [one.value(v) for v in one.x + half]], axis=0)
         values, low, high = tuple(one.value(v) for v in one.x), tuple(ends[0].tolist()), tuple(ends[1].tolist())

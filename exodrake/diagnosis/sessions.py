@@ -26,7 +26,7 @@ from exodrake.diagnosis.refine import FREE, Explanation, whole_jacobian
 
 DAY = 86400.0  # s
 ROUNDS = 5  # further steps of logs by date at most: the first is exact where the parameters act in proportion
-SETTLED = 0.1  # standard deviations of the own parameters: a smaller step is the last one
+CONVERGED = 0.1  # standard deviations of the own parameters: a smaller step is the last one
 WINDOW = 10.0  # s of a long log that count as a session at least: longer than the memory of the loops
 MOST_WINDOWS = 24  # of a long log
 
@@ -142,7 +142,7 @@ class Step:
     def small(self, moves: np.ndarray) -> bool:
         """Whether changes (sessions, parameters) of the own parameters are small against their noise."""
         std = self.series(np.sqrt(np.maximum(np.diag(self.noise), 0.0))[:, None])[:, :, 0].T
-        return bool(np.all(np.abs(moves[:, self.own]) <= SETTLED * std))
+        return bool(np.all(np.abs(moves[:, self.own]) <= CONVERGED * std))
 
     def series(self, unknowns: np.ndarray) -> np.ndarray:
         """Own parameters by session (own, sessions, n) of unknowns (unknowns, n)."""

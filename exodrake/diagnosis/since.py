@@ -16,9 +16,10 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.change_point import LEAST
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.levels import ALPHA, Tests
+from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
 from exodrake.diagnosis.moved import moved
@@ -30,7 +31,7 @@ from exodrake.diagnosis.sessions import Session, dated_sessions, estimates, wind
 from exodrake.diagnosis.verdict import Decision, fitted
 
 MOST, TRIED = 4, 5  # nominal parameters that are followed, and single effects that are tried
-FEW = "{} sessions: a change is looked for in {} or more"
+FEW = "{} sessions: a change needs {} or more"
 
 
 @dataclass(frozen=True)

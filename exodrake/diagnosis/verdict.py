@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.levels import ALPHA
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 

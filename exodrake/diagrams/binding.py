@@ -1,7 +1,7 @@
 """Addresses that a leaf looks up once for a Context: its own memory, and the states of others that it reads.
 
 A state output port of Drake's shows a copy, made anew after each change. The port `memory` of our systems says instead
-where the state lies, and is asked once.
+where the state lies, and is found once.
 """
 
 from __future__ import annotations

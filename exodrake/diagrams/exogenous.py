@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs
 from exodrake.core.machine import Machine
 
-QUIET = -1.0  # the seed of a run without noise
+NO_NOISE = -1.0  # the seed of a run without noise
 
 
 class Exogenous:
@@ -17,12 +17,12 @@ class Exogenous:
 
     Attributes:
         signals: name -> place in a row.
-        seed: of the noise; QUIET without.
+        seed: of the noise; NO_NOISE without.
     """
 
     def __init__(self, machine: Machine, rows: Mapping[str, np.ndarray], drawn: tuple[str, ...], seed: int | None):
         """Takes rows of signals, (frames, channels) arrays [SI], of which the last stays; `drawn`: noise inputs."""
-        self.machine, self.rows, self.seed = machine, rows, QUIET if seed is None else float(seed)
+        self.machine, self.rows, self.seed = machine, rows, NO_NOISE if seed is None else float(seed)
         self.signals, at = {}, 0
         for name in (name for name in machine.inputs if name in rows or name in drawn):
             width = machine.width(machine.signal[name].axis)

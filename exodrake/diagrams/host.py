@@ -19,7 +19,7 @@ from exodrake.diagrams.signal_log import Logging
 HOST, SAMPLE = "host", "output"  # name of the system, and of the port of its base class
 LONG = 1e9  # [s] a sampling interval that no run reaches
 MANTISSA = 2**53  # a double in 0 .. 1 has as many values: each a seed
-ROW, SETTLED = 1, 2  # groups of discrete state, after the random sample
+ROW, SEED = 1, 2  # groups of discrete state, after the random sample
 
 
 class Host(Logging, RandomSource):
@@ -64,18 +64,18 @@ class Host(Logging, RandomSource):
         self.DeclareInitializationDiscreteUpdateEvent(weak_method(self._initialize))
 
     def _initialize(self, context: Context, discrete: DiscreteValues) -> None:
-        """Settles the seed at time 0, and of a Context that has none yet."""
-        seed = context.get_discrete_state(SETTLED).value()[0]
+        """Sets the seed at time 0, and of a Context that has none yet."""
+        seed = context.get_discrete_state(SEED).value()[0]
         if context.get_time() == 0.0 or np.isnan(seed):
             seed, sample = context.get_numeric_parameter(0).value()[0], context.get_discrete_state(0).value()[0]
             if seed >= 0.0 and sample not in self.usual:
                 seed = float(int(sample * MANTISSA))
         discrete.set_value(ROW, self.exogenous.row(seed, self._frame(context)))
-        discrete.set_value(SETTLED, np.array([seed]))
+        discrete.set_value(SEED, np.array([seed]))
 
     def _next_row(self, context: Context, discrete: DiscreteValues) -> None:
-        """Shows the row of the frame that has begun."""
-        seed = context.get_discrete_state(SETTLED).value()[0]
+        """Shows the row of the frame that starts."""
+        seed = context.get_discrete_state(SEED).value()[0]
         if seed != seed:  # a NaN, as long as there was no initialization
             seed = context.get_numeric_parameter(0).value()[0]
         discrete.set_value(ROW, self.exogenous.row(seed, self._frame(context)))

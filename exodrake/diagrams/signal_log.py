@@ -44,7 +44,7 @@ class Logging:
         self.inputs = inputs
         declare_inputs(system, inputs)
         self._rows = declare_per_context(system, Rows)
-        self._asked = [i for i, port in enumerate(inputs.values()) if not port.state]
+        self._evaluated = [i for i, port in enumerate(inputs.values()) if not port.state]
         system.DeclarePeriodicPublishEvent(period, offset, weak_method(self._append))
 
     def rows(self, context: Context) -> Rows:
@@ -74,14 +74,14 @@ class Logging:
             found.context = context
             found.views = [np.zeros(1), *(self._memory(context, i) for i in range(len(self.inputs)))]
             found.views += [context.get_discrete_state(self.memory).value()] if self.own.width else []
-        for i in self._asked:
+        for i in self._evaluated:
             found.views[1 + i] = self.EvalVectorInput(context, i).value()
         found.views[0][0] = time
         found.rows.append(np.concatenate(found.views))
 
     def _memory(self, context: Context, i: int) -> np.ndarray:
         """The array behind input port i."""
-        if i in self._asked:
+        if i in self._evaluated:
             return self.EvalVectorInput(context, i).value()
         return self.get_input_port(i).Eval(context).array
 

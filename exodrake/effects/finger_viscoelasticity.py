@@ -4,7 +4,7 @@ tau_p = elastic + fraction (elastic - w) + end stops          time_constant w' =
 elastic = kappa (q - q0)
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
 from exodrake.effects.relaxation import relaxed
@@ -33,5 +33,6 @@ EFFECT = Effect(
     states=(State("relaxed_torque", JOINTS, unit="N m"),),
     advances=("finger.relax",),
     family="viscoelasticity",
+    law_std=ANY_SHAPE,
     order=430,
 )

@@ -40,7 +40,7 @@ def slope(u, k1, k2, k3, k4, k5, k6, k7, k8, w1, w2, w3, w4, w5, w6, w7, w8):
     return (w7 - w6) / (k7 - k6) if u < k7 else (w8 - w7) / (k8 - k7)
 
 
-def stopped(s, change, reach):
+def stop_operator(s, change, reach):
     """Stop operator after its input moved by `change`."""
     return min(max(s + change, -reach), reach)
 

@@ -5,7 +5,7 @@ T_c = k (s - l - y)          time_constant y' = T_c / stiffness - y
 
 from math import inf
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.relaxation import relaxed
@@ -38,5 +38,6 @@ EFFECT = Effect(
     states=(State("elongation", TENDONS, unit="m"),),
     advances=("tendon.settle",),
     family="viscoelasticity",
+    law_std=ANY_SHAPE,
     order=210,
 )

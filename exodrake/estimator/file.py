@@ -4,7 +4,6 @@ The record names wires, joints, units, training logs and the robot. An estimator
 joints, and for a robot file of another signature.
 """
 
-import hashlib
 import io
 import json
 from pathlib import Path
@@ -18,17 +17,12 @@ from exodrake.data.formats.npz import read_arrays
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import Estimator
 from exodrake.estimator.kernels import sweep_kernel
-from exodrake.estimator.strokes import StrokeModel
+from exodrake.estimator.stroke_zeros import StrokeModel
 from exodrake.systems.gp_estimator import Weights
 
 FORMAT = "exodrake estimator 1"
 STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
 UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
-
-
-def signature(robot_file: str | Path) -> str:
-    """SHA-256 of a robot file, hexadecimal. InputError if it cannot be read."""
-    return hashlib.sha256(read_bytes(robot_file)).hexdigest()
 
 
 def save(estimator: Estimator, path: str | Path, notes: dict[str, Any] | None = None) -> None:

@@ -1,7 +1,7 @@
 """Gaussian process over sweeps: closed-form leave-one-sweep-out, and the flat arrays for prediction.
 
 `prior.learn` fits the covariance; `condition` conditions on the training rows and calibrates; `fit` does both, and
-learns the strokes that show the zeros of a session (`strokes`).
+learns the strokes that show the zeros of a session (`stroke_zeros`).
 
 The prediction of sweep B from the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section
 5.4.2, with a block in place of a point):
@@ -20,18 +20,18 @@ from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
 from exodrake.core.errors import InputError
+from exodrake.core.normal import NORMAL_95
 from exodrake.core.short_repr import short_repr
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts
 from exodrake.estimator.prior import JITTER, POINTS, Prior, learn
-from exodrake.estimator.strokes import StrokeModel, Zeros, learn_strokes
+from exodrake.estimator.stroke_zeros import StrokeModel, Zeros, learn_strokes
 from exodrake.systems.gp_estimator import Weights, predict_rows
 
 # Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
 OWN = 0.975
 # The hyperparameters were learnt with the held-out sweep included, so residuals are too small: measured on new sweeps
 ALLOWANCE = 1.1
-NORMAL_95 = 1.959964
 
 
 @short_repr

@@ -4,8 +4,8 @@
         + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
 
 It is a composition of scikit-learn's kernels and two more: a kernel on some columns, and an indicator of equal labels.
-Rows are (z (m columns), sweep label, time [s]); the label `NEW`, which no training row has, marks a new sweep. Without
-the middle terms the length scales absorb the correlated error of a sweep, and more data makes a new sweep worse.
+Rows are (z (m columns), sweep label, time [s]). Without the middle terms the length scales absorb the correlated error
+of a sweep, and more data makes a new sweep worse.
 """
 
 import numpy as np
@@ -19,8 +19,6 @@ from sklearn.gaussian_process.kernels import (
     Sum,
     WhiteKernel,
 )
-
-NEW = -1.0
 
 
 class OnColumns(Kernel):

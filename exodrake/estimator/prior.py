@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.kernels import NEW, sweep_kernel
+from exodrake.estimator.kernels import sweep_kernel
 
 POINTS = 500
 JITTER = 1e-10  # scikit-learn's default, added to the diagonal
@@ -51,12 +51,6 @@ def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
         warnings.simplefilter("ignore", ConvergenceWarning)  # a variance at its lower bound is an effect that is absent
         process.fit(prior.rows(chosen), prior.targets(chosen))
     return replace(prior, kernel=process.kernel_)
-
-
-def new_rows(prior: Prior, tension: np.ndarray, stroke: np.ndarray) -> np.ndarray:
-    """Kernel inputs (n, m + 2) of a new sweep with tensions (n, wires) [N] and strokes (n, wires) [m]."""
-    z = (np.hstack([tension, stroke]) - prior.center) @ prior.rotation.T
-    return np.column_stack([z, np.full(len(z), NEW), np.zeros(len(z))])
 
 
 def scaled(sweeps: Sweeps) -> Prior:

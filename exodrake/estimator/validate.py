@@ -11,12 +11,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from exodrake.core.errors import InputError
+from exodrake.core.normal import NORMAL_95
 from exodrake.data.log import Log
+from exodrake.estimator.baselines import Predictor, fit_nearest, fit_ridge
 from exodrake.estimator.dataset import Sweeps, session_of
-from exodrake.estimator.gp import NORMAL_95, Estimator, condition
+from exodrake.estimator.gp import Estimator, condition
 from exodrake.estimator.prior import POINTS, Prior
-from exodrake.estimator.ridge import Predictor, fit_nearest, fit_ridge
-from exodrake.estimator.strokes import Zeros
+from exodrake.estimator.stroke_zeros import Zeros
 
 FOLDS = 6
 RANDOM, HELD_OUT = "random rows", "held-out sweeps"

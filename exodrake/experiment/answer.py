@@ -45,8 +45,8 @@ class InPlay:
         """Why there is nothing to tell apart, in words; empty where there is something."""
         if len(self.rivals) > 1:
             return ""
-        told = "one explanation is left" if self.verdict == AMBIGUOUS else NOTHING.get(self.verdict, NONE_LEFT)
-        return f"{self.problem.case.name}: {self.verdict}, {told}: there is nothing to tell apart by an experiment"
+        reason = "one explanation is left" if self.verdict == AMBIGUOUS else NOTHING.get(self.verdict, NONE_LEFT)
+        return f"{self.problem.case.name}: {self.verdict}, {reason}: there is nothing for an experiment to distinguish"
 
 
 def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: StageProgress = no_progress) -> InPlay:
@@ -62,12 +62,12 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
     Raises:
         InputError: for a case or an answer that cannot be read, and an answer to other logs or of another robot.
     """
-    machine, asked = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
-    if folder is not None and not asked:
+    machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
+    if folder is not None and not is_answer:
         raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
-    case = read_case((folder or place.parent) if asked else place, required_of(machine), machine.frame)
+    case = read_case((folder or place.parent) if is_answer else place, required_of(machine), machine.frame)
     problem = make_problem(case, robot)
-    if asked:
+    if is_answer:
         answer = SCHEMA(read_json(place), str(place))
         if differs := difference(problem, answer):
             raise InputError(f"{place}: it was made from {differs}; diagnose again")

@@ -17,11 +17,11 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import power, richer_law
+from exodrake.diagnosis.comparison import contributions, power, richer_law
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.isolate import SHARE
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood, likelihood_of
-from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects, without_effect
+from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.projection import Projection, normal_matrix
@@ -33,7 +33,7 @@ SMALL = 1e-9  # above 0, for a division
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What the logs tell of the laws of explanations.
+    """What the logs show of the laws of explanations.
 
     Attributes:
         contributed: (explanations,) C, sum of squares of what the effects of each contribute and no other parameter
@@ -62,7 +62,7 @@ class Contest:
         likelihood: its closed-loop view alone, of the part of the logs that a diagnosis uses.
         explanations: fitted; their residuals and Jacobians are those of that part.
         spreads: (parameters, directions) V of each.
-        laws: what the logs tell of their laws.
+        laws: what the logs show of their laws.
     """
 
     problem: Problem
@@ -124,20 +124,19 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
 
 
 def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
-    """What the logs tell of the laws of fitted explanations."""
+    """What the logs show of the laws of fitted explanations."""
     machine, frames = likelihood.robot.machine, effective(likelihood)
     limits, rows = calibration_of(machine), []
     for e in found:
         nothing = Linearisation(e.parameters, e.x, e.residual, e.jacobian, np.zeros((0, len(e.residual))), ())
         project = Projection(likelihood.scaled_to(e.residual), e, nothing)
         changes = contributed(likelihood, e, e.residual)
-        axes = {effect: machine.effect(effect).parameters[0].axis for effect in e.effects}
-        owners = [effect for effect, axis in axes.items() for _ in machine.axes.of(axis)]
-        own = [float(np.sum(project.own(row, effect) ** 2)) for row, effect in zip(changes, owners, strict=True)]
+        own = [project.own(row, effect) for effect, rows in changes.items() for row in rows]
+        whole, size = (sum(float(power(np.asarray(rows)).sum()) for rows in some) for some in ([own], changes.values()))
         left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
         law = any(not machine.effect(effect).same_meaning for effect in e.effects)
         rho = limits.law_error if law else limits.same_meaning
-        rows.append((max(sum(own), SMALL) / frames, sum(own) / max(float(power(changes).sum()), SMALL), left, rho))
+        rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left, rho))
     whole, own, left, rho = np.array(rows).T
     error = np.sqrt(left / whole)
     richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
@@ -149,11 +148,9 @@ def effective(likelihood: Likelihood) -> float:
     return max(CORRELATION / likelihood.robot.machine.frame, 1.0)
 
 
-def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
-    """What each channel of each effect of an explanation contributes (channels, samples) [noise_std]."""
-    machine = likelihood.robot.machine
-    absent = [without_effect(machine, e.robot, machine.effect(identity)) for identity in e.effects]
-    return likelihood.residual(np.concatenate(absent)) - residual if absent else np.zeros((0, len(residual)))
+def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
+    """What each channel of each effect of an explanation contributes, effect -> (channels, samples) [noise_std]."""
+    return contributions(likelihood.robot.machine, e, likelihood.residual, residual)
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:

@@ -26,14 +26,14 @@ from exodrake.experiment.safety import Safety, safety_of
 from exodrake.experiment.stage import Stage, check_limits, stage_of
 from exodrake.simulation.references import protocol
 
-SHORTEST, LONGEST, USUAL = 20.0, 60.0, 30.0  # s of an experiment
-FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames take seconds: assumed
+SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 30.0  # s of an experiment
+FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
 RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
 LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
-ENOUGH = 0.5  # probability below which an experiment is not worth its time: assumed
+ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Design:
     """An experiment.
 
     Attributes:
-        reference: what the robot is to be asked to do.
+        reference: to be sent to the robot.
         information: what it tells.
         size: factor by which the whole was made smaller to be safe [-].
         safety: ranges that it keeps.
@@ -71,7 +71,7 @@ class Design:
 
     @property
     def enough(self) -> bool:
-        """Whether it is worth its time."""
+        """Whether it is recommended."""
         return self.information.probability >= ENOUGH
 
 
@@ -80,19 +80,19 @@ class Designer:
 
     Args:
         contest: explanations still in play.
-        seconds: length of the experiment [s].
+        duration: length of the experiment [s].
         seed: of all chance.
 
     Raises:
         InputError: for a length out of range, and for a machine whose references have no limits.
     """
 
-    def __init__(self, contest: Contest, seconds: float, seed: int) -> None:
+    def __init__(self, contest: Contest, duration: float, seed: int) -> None:
         self.contest, self.tried, self.pieces = contest, 0, PIECES[0]
         problem = contest.problem
         self.rng = np.random.default_rng(seed)
         self.stage: Stage = stage_of(problem.robot, problem.fit)
-        self.whole = frames_of(seconds, self.stage.frame)
+        self.whole = frames_of(duration, self.stage.frame)
         self.known = known = known_motions(contest)
         self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
         self.pilot = information(contest, known[-1].tension[:PILOT])
@@ -197,24 +197,24 @@ class Designer:
         )
 
 
-def check_length(robot: Robot, seconds: float | None) -> None:
+def check_length(robot: Robot, duration: float | None) -> None:
     """InputError for a length [s] out of range, and for a machine whose references have no limits."""
     check_limits(robot)
-    if seconds is not None:
-        frames_of(seconds, robot.machine.frame)
+    if duration is not None:
+        frames_of(duration, robot.machine.frame)
 
 
-def frames_of(seconds: float, frame: float) -> int:
+def frames_of(duration: float, frame: float) -> int:
     """Frames of an experiment; InputError for a length out of range."""
     low, high = max(SHORTEST, FEWEST * frame), max(LONGEST, MOST * frame)
-    if not low <= seconds <= high:
-        raise InputError(f"--seconds {seconds:g}: wanted {low:g} to {high:g} s for this machine")
-    return round(seconds / frame)
+    if not low <= duration <= high:
+        raise InputError(f"--duration {duration:g}: wanted {low:g} to {high:g} s for this machine")
+    return round(duration / frame)
 
 
-def usual_seconds(frame: float) -> float:
-    """Length [s] of an experiment that nobody asked to be longer or shorter."""
-    return max(USUAL, 2.0 * FEWEST * frame)
+def default_duration(frame: float) -> float:
+    """Default length [s] of an experiment."""
+    return max(DEFAULT, 2.0 * FEWEST * frame)
 
 
 def known_motions(contest: Contest) -> list[Reference]:
@@ -233,16 +233,16 @@ def total(pieces: list[Piece]) -> Information:
     return found
 
 
-def design(contest: Contest, seconds: float | None = None, seed: int = 0) -> Design:
+def design(contest: Contest, duration: float | None = None, seed: int = 0) -> Design:
     """The experiment that tells rivals apart best.
 
     Args:
         contest: explanations still in play.
-        seconds: its length [s]; half a minute, or as many frames as a slow machine needs, if None.
+        duration: its length [s]; half a minute, or as many frames as a slow machine needs, if None.
         seed: of the search.
 
     Raises:
         InputError: for a length out of range, a machine whose references have no limits, and where nothing is safe.
     """
-    length = usual_seconds(contest.problem.robot.machine.frame) if seconds is None else seconds
+    length = default_duration(contest.problem.robot.machine.frame) if duration is None else duration
     return Designer(contest, length, seed).designed()

@@ -1,4 +1,4 @@
-"""A figure of an experiment: what is asked, and by how much the two closest explanations then differ."""
+"""A figure of an experiment: its references, and by how much the two closest explanations then differ."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply
 from exodrake.experiment.contest import Contest
 from exodrake.experiment.design import Design
@@ -48,9 +48,8 @@ def difference_of(contest: Contest, design: Design) -> Difference:
     variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
     for one in (contest.explanations[true], e):
         (log,) = problem.predict(one.robot[None], trial)
-        for identity in one.effects:
-            absent = problem.predict(without_effect(machine, one.robot, machine.effect(identity)), trial)
-            variance += calibration_of(machine).same_meaning ** 2 * np.sum((absent - log) ** 2, axis=0)
+        for change in contributions(machine, one, lambda robots: problem.predict(robots, trial), log).values():
+            variance += calibration_of(machine).same_meaning ** 2 * np.sum(change**2, axis=0)
     return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
 
 
@@ -70,13 +69,11 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         draw_reference(rows[0, 0], contest, design)
         for axes, k in zip(rows[1:, 0], shown):
             draw_difference(axes, contest, replace_columns(difference, k), columns[k], size[k])
-        told = f"{difference.true} against {difference.rival} refitted"
-        rows[1, 0].set_title(f"difference: {told}", fontsize=9, loc="left")
+        title = f"{difference.true} against {difference.rival} refitted"
+        rows[1, 0].set_title(f"difference: {title}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
         name = contest.problem.case.name
-        figure.suptitle(
-            f"{name}: what the robot is to be asked to do", fontsize=11, fontweight="bold", x=0.01, ha="left"
-        )
+        figure.suptitle(f"{name}: references of the experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
         figure.align_ylabels(list(rows[:, 0]))
         return png_of(figure)
 
@@ -87,7 +84,7 @@ def replace_columns(difference: Difference, k: int) -> Difference:
 
 
 def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
-    """What the robot is to be asked to do, a line a channel."""
+    """The references, a line a channel."""
     machine = contest.problem.robot.machine
     column = machine.references[0]
     channels, display = machine.axes.of(machine.signal[column.signal].axis), display_of(column.kind, machine)

@@ -12,15 +12,14 @@ leave uncertain (`Contest.spreads`). W: one over the variance of a sample,
 d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap. What the law of i is wrong by, and so
 what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, with a_i as in the present logs.
 
-A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted, or where i
-takes up a share q of what j leaves above noise and, if i is a richer law of the same effects, j needs an error of its
-law that true laws do not need. So T must exceed
+A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
+i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, max(E_i q / (1 - q), (l rho_j)^2 C_j - E_i)))
+    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
 
-z: chance. The last term is for richer laws alone, l is `levels.LIKELY`. The probability of that is
-Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in a new motion. A richer law j of a
-true i leaves as little as i does and is dropped as needless where it takes up nothing: as probable as the reverse.
+z: chance. The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in
+a new motion. A richer law j of a true i leaves as little as i does and is dropped as needless where it takes up
+nothing: as probable as the reverse.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ from itertools import permutations
 
 import numpy as np
 
-from exodrake.diagnosis.levels import LIKELY
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, apply
 from exodrake.diagnosis.problem import Trial
@@ -93,23 +91,21 @@ class Information:
         """(true, rival) -> T."""
         return {key: pair.left for key, pair in self.pairs.items()}
 
-    def asked(self, true: int, rival: int) -> float:
+    def required(self, true: int, rival: int) -> float:
         """T* without the part of chance; not below 0."""
         laws = self.laws
         excess = float(laws.error[true] ** 2 * self.contributed[true])
         granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
-        beaten = excess * laws.share / (1.0 - laws.share)
-        if laws.richer[true, rival]:
-            beaten = max(beaten, LIKELY**2 * granted - excess)
+        beaten = np.inf if laws.richer[true, rival] else excess * laws.share / (1.0 - laws.share)
         return max(min(beaten, granted - excess), 0.0)
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
         if self.laws.richer[rival, true]:
             true, rival = rival, true
-        asked = np.sqrt(self.asked(true, rival))
-        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, asked)
-        return float(distance / np.hypot(1.0, UNSURE * asked))
+        required = np.sqrt(self.required(true, rival))
+        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, required)
+        return float(distance / np.hypot(1.0, UNSURE * required))
 
     @property
     def criterion(self) -> tuple[float, float]:
@@ -121,7 +117,7 @@ class Information:
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) that is told apart worst; of two laws of the same effects the richer one is true."""
+        """The (true, rival) that is distinguished worst; of two laws of the same effects the richer one is true."""
         true, rival = min(self.pairs, key=lambda key: self.beyond(*key))
         return (rival, true) if self.laws.richer[rival, true] else (true, rival)
 
@@ -159,7 +155,10 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     likelihood = likelihood_on(contest, reference)
     rows = likelihood.residual(contest.robots)
-    errors = [np.sum(contributed(likelihood, e, row) ** 2) for e, row in zip(contest.explanations, rows, strict=True)]
+    errors = [
+        sum(float(np.sum(part**2)) for part in contributed(likelihood, e, row).values())
+        for e, row in zip(contest.explanations, rows, strict=True)
+    ]
     columns = [
         derivatives(likelihood, e, spread, row)
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)

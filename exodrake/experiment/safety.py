@@ -53,14 +53,14 @@ class Safety:
             high, low = run.max(axis=0), run.min(axis=0)
             for k, label, unit in labels(machine):
                 if high[k] > self.high[k]:
-                    told = f"up to {in_words(high[k], unit)}, at most {in_words(self.high[k], unit)}"
+                    course = f"up to {in_words(high[k], unit)}, at most {in_words(self.high[k], unit)}"
                 elif low[k] < self.low[k]:
-                    told = f"down to {in_words(low[k], unit)}, at least {in_words(self.low[k], unit)}"
+                    course = f"down to {in_words(low[k], unit)}, at least {in_words(self.low[k], unit)}"
                 elif rates[k] > self.rate[k]:
-                    told = f"at {in_words(rates[k], unit + '/s')}, at most {in_words(self.rate[k], unit + '/s')}"
+                    course = f"at {in_words(rates[k], unit + '/s')}, at most {in_words(self.rate[k], unit + '/s')}"
                 else:
                     continue
-                found.append(f"{label} would go {told}, if the cause is {name}")
+                found.append(f"{label} would go {course}, if the cause is {name}")
         return found
 
 

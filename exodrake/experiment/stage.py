@@ -1,4 +1,4 @@
-"""The stage of an experiment: references within the limits of a robot, no faster than it has been asked to go."""
+"""The stage of an experiment: references within the limits of a robot, no faster than its references went."""
 
 from __future__ import annotations
 

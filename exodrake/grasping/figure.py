@@ -10,17 +10,16 @@ from exodrake.core.display import colour_of, display_of
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
-from exodrake.grasping.contact import joints
-from exodrake.grasping.inverse import parameters_of
+from exodrake.grasping.inverse_kinematics import joints
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
+from exodrake.systems.finger_statics import parameters_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SKIN, THUMB, OBJECT = "#e7c3b0", "#d8d2cc", "#a9c7e3"
 THUMB_BONE = complex(-0.030, 0.012)  # from the thumb's tip backwards, for the drawing only [m]
-SHOWN = ("#222222", "#0072b2", "#d55e00")  # planned, reached, estimated
 
 
 def grasp_figure(plan: Plan, log: Log, robot: Robot) -> Figure:
@@ -51,30 +50,22 @@ def draw_posture(axes: Any, plan: Plan, log: Log, robot: Robot) -> None:
     n = parameters_of(robot)
     thumb, centre = complex(*plan.hand.thumb), complex(*plan.centre)
     fill(axes, [thumb, thumb + THUMB_BONE], [plan.hand.thumb_radius], THUMB, 0.9)
-    axes.annotate(
-        "thumb (place assumed)",
-        mm(thumb + THUMB_BONE / 2 + 0.002j),
-        ha="center",
-        va="bottom",
-        fontsize=7.5,
-        color="#555",
-    )
+    where = mm(thumb + THUMB_BONE / 2 + 0.002j)
+    axes.annotate("thumb (place assumed)", where, ha="center", va="bottom", fontsize=7.5, color="#555")
     fill(axes, [centre, centre], [plan.size / 2.0], OBJECT, 0.75)
     axes.annotate(f"{1e3 * plan.size:g} mm", mm(centre), ha="center", va="center", color="#2b4d6e")
-    postures = {
-        "planned": np.array(plan.planned),
-        "reached": at_hold(log, "angle", plan.joints),
-        "estimated": at_hold(log, "angle_est", plan.joints),
-    }
-    fill(axes, list(joints(postures["planned"], n)), list(n.radius), SKIN, 0.55)
+    planned = np.array(plan.planned)
+    fill(axes, list(joints(planned, n)), list(n.radius), SKIN, 0.55)
     if not plan.feasible:
         x, y = mm(joints(np.array(plan.wanted), n))
         axes.plot(x, y, color="#999999", lw=1.2, ls=(0, (1, 1.2)), label="wanted")
-    for (name, angle), colour, dash, width in zip(
-        postures.items(), SHOWN, ("-", (0, (5, 2)), (0, (1, 1.5))), (3.2, 1.8, 1.8)
+    for name, angle, colour, dash, width, size in (
+        ("planned", planned, "#222222", "-", 3.2, 4),
+        ("reached", at_hold(log, "angle", plan.joints), "#0072b2", (0, (5, 2)), 1.8, 0),
+        ("estimated", at_hold(log, "angle_est", plan.joints), "#d55e00", (0, (1, 1.5)), 1.8, 0),
     ):
         x, y = mm(joints(angle, n))
-        axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=4 if dash == "-" else 0)
+        axes.plot(x, y, color=colour, ls=dash, lw=width, label=name, marker="o", ms=size)
     axes.plot(*mm(complex(*plan.target)), "x", color="#cc79a7", ms=8, mew=1.8, label="target")
     axes.set_aspect("equal")
     axes.invert_yaxis()
@@ -105,10 +96,8 @@ def fill(axes: Any, points: list[complex], radii: list[float], colour: str, alph
     """Rounded bones between points [m], one radius [m] each, as one filled shape."""
     import shapely
 
-    pairs = zip(points[:-1], points[1:], radii)
-    shapes = [
-        shapely.LineString([mm(a), mm(b)] if a != b else [mm(a), mm(b + 1e-9)]).buffer(1e3 * r) for a, b, r in pairs
-    ]
+    bones = zip(points[:-1], points[1:], radii)
+    shapes = [shapely.LineString([mm(a), mm(b + 1e-9 * (a == b))]).buffer(1e3 * r) for a, b, r in bones]
     x, y = np.array(shapely.union_all(shapes).exterior.coords).T  # pyright: ignore
     axes.fill(x, y, color=colour, alpha=alpha, lw=0)
 

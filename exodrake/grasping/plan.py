@@ -14,12 +14,13 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
-from exodrake.grasping.contact import Candidates, bounds, candidates, joints
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
-from exodrake.grasping.inverse import holdable, parameters_of, project, ramped, reachable
-from exodrake.grasping.trial import confirmed, nominal
+from exodrake.grasping.inverse_kinematics import Candidates, bounds, candidates, joints
+from exodrake.grasping.inverse_statics import holdable, project, ramped, reachable
+from exodrake.grasping.trial import confirmed
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import grasp
+from exodrake.systems.finger_statics import parameters_of
 from exodrake.systems.tendon_finger import Parameters
 
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
@@ -78,7 +79,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)
     allowed = np.flatnonzero(found.miss <= 0.0)
-    cost, confirm = cost_of(way, found, n), partial(confirmed, nominal(robot))
+    cost, confirm = cost_of(way, found, n), partial(confirmed, robot.without_effects())
     best = holdable(found.angles[allowed], cost[allowed], low, high, n, confirm) if len(allowed) else None
     if best is not None:
         place, tension = int(allowed[best[0]]), np.clip(best[1], low, high)

@@ -6,8 +6,6 @@ first of two equilibria.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from exodrake.core.robot import Robot
@@ -20,14 +18,8 @@ LAST = 0.5  # s at the end of the hold, over which a posture is read
 CLOSE = 0.03  # rad between plan and simulation
 
 
-def nominal(robot: Robot) -> Robot:
-    """The robot with its own parameters and without effects."""
-    null = [parameter.null for parameter in robot.machine.parameters]
-    return replace(robot, values=np.array([v if e is None else e for v, e in zip(robot.values, null)]))
-
-
 def at_hold(log: Log, kind: str, names: tuple[str, ...]) -> np.ndarray:
-    """Means (n,) of columns over the last half second of the hold of a grasp."""
+    """Means (n,) [SI] of columns over the last half second of the hold of a grasp."""
     during = (log.time >= REST + APPROACH + HOLD - LAST) & (log.time < REST + APPROACH + HOLD)
     return log.array(kind, names)[during].mean(axis=0)
 

@@ -13,7 +13,7 @@ GRAVITY = 9.81  # m/s2, as Drake has it
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
-POSTURES = 20  # at which efforts are looked at
+POSTURES = 20  # at which efforts are evaluated
 TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m", "inertia": "kg m2"}
 SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N", "inertia": "kg"}
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Column, Machine
+from exodrake.core.part import Part
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
@@ -18,10 +19,10 @@ FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  
 REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))
 BEND = Signal("bend", "rad", JOINTS)
 ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the sensor of the joints reads and writes
+COLUMN = Column("angle", "angle_read", label="Joint angle")
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
-REST = (
-    Signal("noise_angle", "-", JOINTS, NORMAL),
-    Signal("reading_arrival", "-", JOINTS, UNIFORM),
+DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
+COMPUTED = (
     Signal("command", "rad", JOINTS),
     Signal("origin", "rad", JOINTS),
     Signal("setting", "rad", JOINTS),
@@ -33,7 +34,7 @@ REST = (
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Noise standard deviation of an angle [rad]."""
-    return {"angle": parameter("reading.floor")}
+    return {"angle": parameter("reading.repeatability")}
 
 
 def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -45,6 +46,13 @@ def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Ef
     return in_order(effect for effect in generic if effect.family not in known)
 
 
+def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[Signal, ...]) -> tuple[Part, ...]:
+    """What moves the joints, their commands, and the sensor that reads them."""
+    command = joint_command.SET_PART if settings else joint_command.PART
+    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
+    return replace(joint.PART, name=part), command, reading
+
+
 def joint_machine(
     name: str,
     part: str,
@@ -52,7 +60,7 @@ def joint_machine(
     library: tuple[Effect, ...],
     frame: float,
     max_effects: int,
-    bent: bool = False,
+    settings: tuple[Signal, ...] = (),
 ) -> Machine:
     """A machine of position servos.
 
@@ -63,17 +71,16 @@ def joint_machine(
         library: its effects; the generic ones of its sensors join those whose family is not among them.
         frame: frame period [s].
         max_effects: effects that a diagnosis may name together.
-        bent: whether logs state the bend of each joint's sheath.
+        settings: `BEND` if logs state the bend of each joint's sheath.
     """
-    references, taken = ((*REFERENCES, BEND), joint_command.SET_PART) if bent else (REFERENCES, joint_command.PART)
-    reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
+    *_, reading = parts = parts_of(part, joints, frame, settings)
     return Machine(
         name=name,
         axes=Axes((), joints),
-        signals=(*references, *REST),
-        parts=(parts := (replace(joint.PART, name=part), taken, reading)),
-        inputs=(*(s.name for s in references), "noise_angle", "reading_arrival"),
-        columns=(*(Column(s.name, s.name) for s in references), Column("angle", "angle_read", label="Joint angle")),
+        signals=(*REFERENCES, *settings, *DRAWN, *COMPUTED),
+        parts=parts,
+        inputs=tuple(s.name for s in (*REFERENCES, *settings, *DRAWN)),
+        columns=(*(Column(s.name, s.name) for s in (*REFERENCES, *settings)), COLUMN),
         effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),
         frame=frame,
         slots=4,

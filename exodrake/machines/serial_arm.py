@@ -76,12 +76,12 @@ def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """By how much the efforts of equal motions differ [N m]; the noise of each joint comes from simulated runs."""
-    return {"effort": parameter("torque.floor")}
+    return {"effort": parameter("torque.repeatability")}
 
 
 def both_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """The same, and that of positions [rad]."""
-    return {"position": parameter("encoder.floor"), **noise_std(parameter)}
+    return {"position": parameter("encoder.repeatability"), **noise_std(parameter)}
 
 
 def signals(unit: Mapping[str, str], *names: str) -> tuple[Signal, ...]:

@@ -1,4 +1,4 @@
-"""The alarm: a gap over the last seconds above the limit that healthy robots stay below (`monitor.calibrate`)."""
+"""The alarm: a gap over a moving window above the limit that healthy robots stay below (`monitor.calibrate`)."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Alarm:
     """What exceeds its limit.
 
     Attributes:
-        second: seconds since the start.
+        second: time since the start [s].
         channel: the replayed channel furthest above its limit; one of the closed loop only if no replay is above.
         gap: its gap [noise standard deviations].
         limit: its limit [noise standard deviations].
         above: number of channels above their limits.
-        rose: seconds between which its gap rose (90 % set); None if it was there in all seconds before.
+        rose: times [s] between which its gap rose (90 % set); None if it was there throughout.
     """
 
     second: int

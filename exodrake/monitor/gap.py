@@ -1,4 +1,4 @@
-"""The gap as it grows: RMS of each channel in noise standard deviations, over the last seconds and since the start.
+"""The gap as it grows: RMS of each channel in noise standard deviations, over a moving window and since the start.
 
 Squares are summed second by second, counted from the log's start, so that the gap does not depend on how the log
 arrives.
@@ -55,8 +55,8 @@ class Reading:
     """The gap at the end of a second.
 
     Attributes:
-        second: seconds since the start, those skipped included.
-        recent: (channels,) RMS of the last `WINDOW` seconds [noise standard deviations], NaN if too few samples.
+        second: time since the start, skipped parts included [s].
+        recent: (channels,) RMS of the last window [noise standard deviations], NaN if too few samples.
         overall: (channels,) RMS since the start [noise standard deviations].
         full: whether a whole window has passed.
         power: (channels,) mean square of the second alone [noise variances], NaN if nothing was measured.
@@ -79,7 +79,7 @@ class Gap:
         self.power, self.count, self.done = np.zeros(len(noise)), np.zeros(len(noise)), 0
 
     def push(self, residuals: np.ndarray) -> list[Reading]:
-        """Takes residuals (n, channels) [SI]; returns the readings of the seconds that they complete."""
+        """Takes residuals (n, channels) [SI]; returns the readings that they complete."""
         self.rest = np.concatenate([self.rest, residuals])
         found = []
         while len(self.rest) >= self.second:

@@ -1,4 +1,4 @@
-"""When a gap rose: the change point (`diagnosis.change_point`) of a channel's power in the seconds before an alarm.
+"""When a gap rose: the change point (`diagnosis.change_point`) of a channel's power before an alarm.
 
 The alarm itself stays that of limits which healthy robots keep, so its rate of false alarms is theirs. The scan says
 whether the gap was there from the begin on, or when it came.
@@ -8,27 +8,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.change_point import LEAST, LEVEL, ChangePoint
+from exodrake.core.confidence import ALPHA
+from exodrake.diagnosis.change_point import LEAST, ChangePoint
 
-SPAN = 60  # s before an alarm that are looked at
+SPAN = 60  # s before an alarm that are searched
 TINY = 1e-6  # standard deviation of a logarithm of power: below its scatter, which is then estimated alone
-QUIET = 1e-6  # noise variances: no logarithm of less
+SMALLEST = 1e-6  # noise variances: no logarithm of less
 
 
 def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
-    """Seconds of the log between which a gap rose (90 % set); None if the seconds show no rise.
+    """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
     Args:
-        powers: (seconds,) mean square of each of the last seconds [noise variances], NaN if nothing was measured.
+        powers: (n,) mean square of each of the last n s [noise variances], NaN if nothing was measured.
         second: end of the last one [s].
     """
     known = np.isfinite(powers)
     if known.sum() < LEAST:
         return None
     times = (second - len(powers) + np.arange(len(powers)) + 0.5)[known]
-    logs = np.log(np.maximum(powers[known], QUIET))
+    logs = np.log(np.maximum(powers[known], SMALLEST))
     scan = ChangePoint(times, TINY**2 * np.eye(len(times)), grid=1)
-    if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= LEVEL:
+    if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= ALPHA:
         return None
     change = scan(logs, np.random.default_rng(second))
     return (change.began[1], change.began[2]) if change.after[0] > change.before[0] else None

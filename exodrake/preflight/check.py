@@ -27,7 +27,7 @@ class Preflight:
         clocks: of its logs as recorded.
         channels: of the compared columns.
         excitations: of the references.
-        told: which effects it could show and tell apart.
+        identifiability: which effects it could show and distinguish.
         problems: sentences; none for a good case.
     """
 
@@ -35,7 +35,7 @@ class Preflight:
     clocks: tuple[Clock, ...]
     channels: tuple[Channel, ...]
     excitations: tuple[Excitation, ...]
-    told: Identifiability
+    identifiability: Identifiability
     problems: tuple[str, ...]
 
 

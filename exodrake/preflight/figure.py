@@ -10,33 +10,33 @@ from exodrake.preflight.identifiability import SEEN, Direction, Identifiability
 
 LISTED = 2  # rivals that are named
 CEILING = 1000.0  # standard deviations; what stands out further is as clear as can be
-COLOURS = ("#009e73", "#e69f00", "#b0b7bf")  # told apart, could be mistaken, not seen
+COLOURS = ("#009e73", "#e69f00", "#b0b7bf")  # distinguished, could be mistaken, not seen
 
 
 def figure_of(found: Preflight) -> bytes:
     """The figure as PNG."""
     import matplotlib
 
-    effects = list(dict.fromkeys(d.effect for d in found.told.directions))
+    effects = list(dict.fromkeys(d.effect for d in found.identifiability.directions))
     with matplotlib.rc_context(STYLE):
         figure = new_figure(10.0, 1.9 + 0.2 * max(len(effects), 8))
         left, right = figure.subplots(1, 2, width_ratios=(1.0, 0.9), sharey=True)
-        bars(left, found.told, effects)
-        rivals(right, found.told, effects)
+        bars(left, found.identifiability, effects)
+        rivals(right, found.identifiability, effects)
         figure.suptitle(f"{found.case.name}: what it could tell", fontsize=11, fontweight="bold", x=0.01, ha="left")
         return png_of(figure)
 
 
 def state(direction: Direction) -> int:
-    """0 told apart, 1 could be mistaken, 2 not seen: index of its colour."""
+    """0 distinguished, 1 could be mistaken, 2 not seen: index of its colour."""
     return 2 if direction.seen < SEEN else 1 if direction.taken_for else 0
 
 
-def bars(axes: Any, told: Identifiability, effects: list[str]) -> None:
+def bars(axes: Any, found: Identifiability, effects: list[str]) -> None:
     """How far an effect of typical size changes the logs, a mark for each channel."""
-    words = ("told apart", "could be mistaken", "not seen")
+    words = ("distinguished", "could be mistaken", "not seen")
     for kind, (colour, word) in enumerate(zip(COLOURS, words, strict=True)):
-        own = [d for d in told.directions if state(d) == kind]
+        own = [d for d in found.directions if state(d) == kind]
         seen = [min(max(d.seen, 0.1), CEILING) for d in own]
         axes.plot(seen, [effects.index(d.effect) for d in own], "o", color=colour, ms=5, label=word, alpha=0.85)
     axes.axvline(SEEN, color="#555", lw=0.9, ls=(0, (4, 2)))
@@ -48,13 +48,13 @@ def bars(axes: Any, told: Identifiability, effects: list[str]) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, handletextpad=0.2, columnspacing=1.0)
 
 
-def rivals(axes: Any, told: Identifiability, effects: list[str]) -> None:
+def rivals(axes: Any, found: Identifiability, effects: list[str]) -> None:
     """What could be taken for each effect, and the share of its change that this would leave."""
     axes.set_axis_off()
     axes.set_title("could be taken for (share of the change left)", fontsize=9, loc="left")
     for row, effect in enumerate(effects):
         left: dict[str, float] = {}
-        for direction in (d for d in told.directions if d.effect == effect):
+        for direction in (d for d in found.directions if d.effect == effect):
             for other, share in direction.taken_for.items():
                 left[other] = min(share, left.get(other, 1.0))
         words = [f"{other} ({share:.0%})" for other, share in sorted(left.items(), key=lambda item: item[1])]

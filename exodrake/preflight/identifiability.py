@@ -73,10 +73,10 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class Fewer:
-    """What would be left of it with some kinds of columns alone: `lost` holds the effects told apart no longer."""
+    """What would be left of it with some kinds of columns alone: `lost` holds the effects no longer distinguished."""
 
     kinds: tuple[str, ...]
-    told: Identifiability
+    left: Identifiability
     lost: tuple[str, ...]
 
 
@@ -96,7 +96,7 @@ class Identifiability:
 
     @property
     def clear(self) -> tuple[Direction, ...]:
-        """Directions that the logs would show and tell apart from other effects."""
+        """Directions that the logs would show and distinguish from other effects."""
         return tuple(d for d in self.directions if d.seen >= SEEN and not d.taken_for)
 
     @property
@@ -152,9 +152,9 @@ def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple
 def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kinds: tuple[str, ...]) -> Fewer:
     """What would be left with some kinds of columns alone."""
     mask = mask_of(problem, np.isin(problem.kinds, kinds))
-    told = Identifiability(directions(lin, problem.robot.machine, mask))
-    left = {d.effect for d in told.clear}
-    return Fewer(kinds, told, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in left)))
+    left = Identifiability(directions(lin, problem.robot.machine, mask))
+    clear = {d.effect for d in left.clear}
+    return Fewer(kinds, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear)))
 
 
 def directions(lin: Linearisation, machine: Machine, samples: np.ndarray) -> tuple[Direction, ...]:

@@ -22,7 +22,7 @@ HELD = 3  # samples in a row at the end of a range that count as saturated
 SATURATED, BEYOND = 0.05, 3.0  # share of samples, and times the nominal robot's: assumed
 POWER = 0.95  # of the motion's variance, below the frequency that is stated
 SMALL = 0.1  # of the span between the limits: less motion shows little
-QUIET = 5.0  # motion over noise below which a channel says little: assumed
+LEAST_MOTION = 5.0  # motion over noise below which a channel says little: assumed
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Channel:
         if self.saturated > max(SATURATED, BEYOND * self.nominal_saturated):
             share = f"{self.saturated:.0%} of the samples"
             found.append(f"{self.column} stays at an end of its range in {share}: saturated?")
-        if 0.0 < self.motion < QUIET * self.noise:
+        if 0.0 < self.motion < LEAST_MOTION * self.noise:
             found.append(f"{self.column} moves by only {self.motion / self.noise:.1f} times its noise")
         return found
 

@@ -10,7 +10,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.levels import decision_numbers
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n, wording as w
-from exodrake.report.page import Table
+from exodrake.report.blocks import Table
 from exodrake.report.simulated_logs import ROBOTS, SimulatedLogs
 
 DIGITS = 12  # of a file's hash that are shown; the JSON has them all

@@ -1,7 +1,7 @@
 """Curves of measured and simulated signals as compact data for `templates/curves.js`, which draws them with uPlot.
 
 A sample takes two bytes: its level between the least and the largest value of its curve, in base 64. Logs that are too
-long for the page are given by their envelope, so that no peak is lost.
+long for the report are given by their envelope, so that no peak is lost.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from exodrake.data.envelope import envelope, stretch_of
 from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
 
 LEVELS = 65534  # of a curve; the next one marks a missing sample
-SIZE = 900_000  # characters that all curves of a page may take
+SIZE = 900_000  # characters that all curves of a report may take
 CHARACTERS = 8 / 3  # that a sample takes
 LEAST, MOST = (
     600,
@@ -27,7 +27,7 @@ BAND = 2.0  # noise standard deviations to either side of no error
 
 
 def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
-    """All that the page draws over time: for each judged log what was measured, and each robot with its error.
+    """All that the report draws over time: for each judged log what was measured, and each robot with its error.
 
     Returns:
         Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns).

@@ -1,4 +1,4 @@
-"""The page of a fleet: which robots, which causes, since when.
+"""The report of a fleet: which robots, which causes, since when.
 
 rows = read_answers("answers")
 write_text("fleet.html", fleet_html(rows, "answers"))
@@ -22,8 +22,8 @@ from exodrake.diagnosis.fleet_change import Trend, trends
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.diagnosis.sessions import DAY
 from exodrake.report import number_format as n
-from exodrake.report.diagnosis_page import COLOURS
-from exodrake.report.page import Bars, Table, render
+from exodrake.report.blocks import Bars, Table, render
+from exodrake.report.diagnosis_html import COLOURS
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN, FAILURE)
 WORST_FIRST = (UNKNOWN, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
@@ -66,7 +66,7 @@ def members(rows: Sequence[Row]) -> list[Member]:
 
 
 def fleet_html(rows: Sequence[Row], source: str) -> str:
-    """The page of the rows of a table; source: folder or file that they come from."""
+    """The report of the rows of a table; source: folder or file that they come from."""
     robots = members(rows)
     drawn = [t for m in robots for t in m.changed][:DRAWN]
     return render(
@@ -79,16 +79,16 @@ def fleet_html(rows: Sequence[Row], source: str) -> str:
 
 
 def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]]:
-    """Counts for the head of the page."""
+    """Counts for the head of the report."""
     ill = [m for m in robots if m.last.verdict in (NAMED, AMBIGUOUS, UNKNOWN)]
-    seconds = [row.seconds for row in rows if np.isfinite(row.seconds)]
+    times = [row.run_time for row in rows if np.isfinite(row.run_time)]
     return [
         (str(len(robots)), "robots"),
         (f"{len(rows):,}", "cases"),
         (str(len(ill)), "robots with a gap in their last case"),
         (str(sum(bool(m.changed) for m in robots)), "robots with a dated change"),
         (str(sum(row.verdict == FAILURE for row in rows)), "cases without an answer"),
-        (f"{np.median(seconds):.1f} s" if seconds else "–", "a case, median"),
+        (f"{np.median(times):.1f} s" if times else "–", "a case, median"),
     ]
 
 

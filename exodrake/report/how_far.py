@@ -9,8 +9,8 @@ import numpy as np
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.result import Diagnosis, SignalGap
 from exodrake.report import number_format as n, wording as w
+from exodrake.report.blocks import Drawing, Table
 from exodrake.report.curves import curves
-from exodrake.report.page import Drawing, Table
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, SimulatedLogs
 from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
 
@@ -57,9 +57,9 @@ def gap_table(diagnosis: Diagnosis) -> Table:
 def gap_row(title: str, gap: SignalGap, unit: str, robots: list[str]) -> tuple[str, ...]:
     """Cells of a row of the gap table."""
     gaps = [getattr(gap, name) for name in robots]
-    closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor and np.isfinite(gap.closure) else "–"
-    cells = [n.quantity(x, gap.unit, unit) for x in (*gaps, gap.floor)]
-    return (title, *cells, f"{gaps[-1] / gap.floor:.2f}", *([closed] if len(robots) > 1 else []))
+    closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
+    cells = [n.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
+    return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
 
 
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n
-from exodrake.report.page import Drawing, Table
+from exodrake.report.blocks import Drawing, Table
 from exodrake.report.svg import RULE, SOFT, house_style, new_figure, svg_of
 
 RELAXES = "relaxation"  # a law over time since a change
@@ -39,7 +39,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def law_lines(law: MissingLaw | None) -> list[str]:
-    """What a discovery found, in sentences; nothing where none was asked for."""
+    """What a discovery found, in sentences; nothing without one."""
     if law is None:
         return []
     if not law.found:
@@ -54,14 +54,14 @@ def law_lines(law: MissingLaw | None) -> list[str]:
         if curve.formula:
             lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
     if law.runner_up is not None:
-        apart = "rejected" if law.told_apart else "not told apart by these logs"
+        apart = "rejected" if law.distinguished else "not distinguished by these logs"
         other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
         lines.append(f"        runner-up {other}: {apart} (the law takes up {n.percent(law.lead)} of what it leaves)")
     return lines
 
 
 def sentence(line: str) -> str:
-    """A line of the terminal as a sentence of the page."""
+    """A line of the terminal as a sentence of the report."""
     text = line.strip()
     return text[:1].upper() + text[1:] + "."
 

@@ -6,17 +6,18 @@ from collections.abc import Sequence
 from datetime import timedelta
 from typing import Any
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
-from exodrake.diagnosis.change_point import LEVEL, STEP, Change
+from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
 from exodrake.diagnosis.session_series import RESIDUAL, Series
 from exodrake.diagnosis.since import Since
 from exodrake.report import number_format as n
-from exodrake.report.page import Table
+from exodrake.report.blocks import Table
 
 SHOWN = 6  # series that are drawn
-STEADY = f"no quantity changes over the {{}} (tests at p < {LEVEL:g})"
+STEADY = f"no quantity changes over the {{}} (tests at p < {ALPHA:g})"
 
 
 def since(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -52,11 +53,11 @@ def words(diagnosis: Diagnosis) -> list[str]:
 
 def sentence(found: Since, one: Series, change: Change) -> str:
     """A change: what, when, and how much."""
-    begun = f"began {when(found, change)}"
+    began = f"began {when(found, change)}"
     before, after = (n.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
     sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
     rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
-    return f"the change of {title(one)} {begun}: {sizes}{rate} ({' or '.join(change.shapes)})"
+    return f"the change of {title(one)} {began}: {sizes}{rate} ({' or '.join(change.shapes)})"
 
 
 def when(found: Since, change: Change) -> str:
@@ -87,15 +88,15 @@ def timeline(found: Since, one: Series) -> dict[str, Any]:
     name, factor = shown_unit(one.unit)
     rows = {key: [factor * v for v in getattr(one, key)] for key in ("values", "low", "high")}
     head = {"title": title(one), "unit": SYMBOLS.get(name, name), "dates": found.unit == "d"}
-    times = seconds(found, found.times)
+    times = posix_times(found, found.times)
     if one.change is None:
         return {**head, **rows, "times": times}
-    path = [[*seconds(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
-    return {**head, **rows, "times": times, "began": seconds(found, one.change.began), "path": path}
+    path = [[*posix_times(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
+    return {**head, **rows, "times": times, "began": posix_times(found, one.change.began), "path": path}
 
 
-def seconds(found: Since, times: Sequence[float]) -> list[float]:
-    """Times [unit of `found`] in seconds since 1970, or in those of the log."""
+def posix_times(found: Since, times: Sequence[float]) -> list[float]:
+    """Times [unit of `found`] as POSIX times [s], or as times of the log [s]."""
     if found.unit == "s":
         return list(times)
     first = date_of(found.sessions[0])
@@ -107,10 +108,10 @@ def changes(found: Since) -> Table | None:
     rows = []
     for one in found.series:
         change = one.change
-        told = ("–",) * 4
+        cells = ("–",) * 4
         if change is not None:
             before, after = (n.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
-            told = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
-        rows.append((title(one), *told[:1], f"{one.p:.2g}", *told[1:]))
+            cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
+        rows.append((title(one), *cells[:1], f"{one.p:.2g}", *cells[1:]))
     header = ("Quantity", "Change began", "p", "Before", "Last", "Rate")
     return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None

@@ -1,4 +1,4 @@
-"""Matplotlib figures as inline SVG: the fonts of the page, no ids that clash, no reference to the outside."""
+"""Matplotlib figures as inline SVG: the fonts of the report, no ids that clash, no reference to the outside."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 INK, SOFT, RULE, LINE, BAND = "#1c2430", "#667085", "#e4e7ec", "#98a2b3", "#dfe5ec"
 MEASURED, BEFORE, AFTER = "#30363f", "#d9691e", "#1d5fd1"
-# colours that are variables of the page's style sheet, so that figures follow a dark page
+# colours that are variables of the report's style sheet, so that figures follow a dark scheme
 VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "axes.linewidth": 0.6,
@@ -33,7 +33,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def house_style() -> Any:
-    """Context manager under which figures of a page are drawn."""
+    """Context manager under which figures of a report are drawn."""
     import matplotlib
 
     return matplotlib.rc_context(STYLE)
@@ -44,7 +44,7 @@ def svg_of(figure: Figure, name: str, label: str) -> str:
 
     Args:
         figure: drawn under `house_style`.
-        name: unique on the page; its ids are derived from it.
+        name: unique in the report; its ids are derived from it.
         label: what the figure shows, for screen readers.
     """
     import matplotlib
@@ -56,7 +56,7 @@ def svg_of(figure: Figure, name: str, label: str) -> str:
 
 
 def inline(svg: str, label: str) -> str:
-    """An SVG file as an element of a page: without prologue, metadata, name spaces and unused ids."""
+    """An SVG file as an element of HTML: without prologue, metadata, name spaces and unused ids."""
     from html import escape
 
     svg = svg[svg.index("<svg") :]

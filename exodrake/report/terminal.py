@@ -1,4 +1,4 @@
-"""Tables in a terminal, and a diagnosis that is read there in ten seconds."""
+"""Tables in a terminal, and a diagnosis that is read there at a glance."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def gap_table(diagnosis: Diagnosis) -> Table:
     rows, closes = [], diagnosis.verdict != NO_GAP
     for found in w.kind_gaps(diagnosis):
         gap = found.gap
-        gaps = (gap.before, gap.after, gap.floor) if closes else (gap.before, gap.floor)
+        gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
         cells = [n.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.floor else "-"
+        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
         rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
     return table(("gap (RMS)", *titles), rows)
@@ -138,10 +138,10 @@ def ranking(diagnosis: Diagnosis) -> Table:
 
 
 def print_profile(diagnosis: Diagnosis, console: Console | None = None) -> None:
-    """Prints where the simulated seconds of a diagnosis went; to standard output without a console."""
+    """Prints which stages of a diagnosis took the simulated time; to standard output without a console."""
     from rich.console import Console
 
-    total = diagnosis.simulated_seconds
+    total = diagnosis.simulated_time
     rows = [(stage, f"{s:,.0f} s", n.percent(s / total)) for stage, s in diagnosis.simulated.items()]
-    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.seconds:.1f} s"))
+    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.run_time:.1f} s"))
     (console or Console(highlight=False)).print(table(("stage", ">simulated", ">share"), rows))

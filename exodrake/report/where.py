@@ -11,7 +11,7 @@ from exodrake.core.display import SYMBOLS
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n, wording as w
-from exodrake.report.page import Bars, Drawing, shares
+from exodrake.report.blocks import Bars, Drawing, shares
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, RETUNED, SimulatedLogs
 from exodrake.report.svg import AFTER, BAND, BEFORE, SOFT, house_style, new_figure, svg_of
 

@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.diagnosis.level_table import LevelTest
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.result import Candidate, Diagnosis, LevelTest, NamedEffect
+from exodrake.diagnosis.result import Candidate, Diagnosis, NamedEffect
 from exodrake.report import number_format as n, wording as w
-from exodrake.report.page import Bars, Block, Table
+from exodrake.report.blocks import Bars, Block, Table
 from exodrake.report.simulated_logs import IMPROVED, SimulatedLogs
 
 MOST = 10  # candidates that are drawn
 SURE = 0.999  # no weight is printed as larger
-SMALLEST_P = 1e-4  # p-values below it are not told apart
+SMALLEST_P = 1e-4  # p-values below it are not distinguished
 CLOSE = 0.02  # candidates whose closure is this close to the best are named as close
 SHOWN = 12  # retuned parameters that are shown at once
 LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed

@@ -148,7 +148,7 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
         by_kind.setdefault(split_column(name, machine)[0], []).append(gap)
     found = []
     for kind, gaps in by_kind.items():
-        rows = np.array([[s.before, s.retuned, s.after, s.floor] for s in gaps])
+        rows = np.array([[s.before, s.retuned, s.after, s.noise_std] for s in gaps])
         excess = np.mean((rows[:, :3] / rows[:, 3:]) ** 2, axis=0) - 1.0
         closed = 1.0 - max(excess[2], 0.0) / excess[0] if excess[0] > 0.0 else math.nan
         before, retuned, after, noise_std = np.sqrt(np.mean(rows**2, axis=0)).tolist()

@@ -1,8 +1,8 @@
-"""Protocols: what the robot is asked to do, as tension references (frames, wires) [N] of one row per frame.
+"""Protocols: tension references (frames, wires) [N] of one row per frame.
 
     exo.simulate(robot, exo.grasp("caging"))        exo.sweeps()        exo.protocol("chirp:high=1.5", robot)
 
-Levels are shares of each wire's `F_max`; no reference ever falls below its anti-slack floor `F_min` (both in the
+Levels are shares of each wire's `F_max`; no reference ever falls below its anti-slack limit `F_min` (both in the
 robot's limits). All are reproducible: those with chance in them take a seed.
 """
 
@@ -17,7 +17,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.simulation.tensions import above_floor, check_range, clock, generator, smooth
+from exodrake.simulation.tensions import above_minimum, check_range, clock, generator, smooth
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
 MOST_CROSSED = 4  # channels: 256 sweeps, 21 min; assumed to be as long as anybody waits
@@ -58,19 +58,19 @@ def grasp(
         release: duration [s].
     """
     robot = robot or load_robot()
-    peak, floor = targets_of(mode, robot, targets), robot.reference_limits()[0]
+    peak, lowest = targets_of(mode, robot, targets), robot.reference_limits()[0]
     time = clock(robot, rest=rest, approach=approach, hold=hold, release=release, rest_after=rest)
     frame = robot.machine.frame
     up = smooth((time - rest) / max(approach, frame))
     down = smooth((time - rest - approach - hold) / max(release, frame))
-    return above_floor(robot, floor + np.outer(up - down, peak - floor), mode)
+    return above_minimum(robot, lowest + np.outer(up - down, peak - lowest), mode)
 
 
 def one_sweep(robot: Robot, wire: int, levels: Sequence[float], period: float) -> np.ndarray:
     """One wire 0-100-0 % of F_max in `period` [s], all others at `levels` (wires,) of F_max; (frames, wires) [N]."""
-    time, ceiling = clock(robot, period=period), robot.reference_limits()[1]
-    tension = np.tile(np.asarray(levels) * ceiling, (len(time), 1))
-    tension[:, wire] = ceiling[wire] * (1.0 - np.abs(2.0 * time / period - 1.0))
+    time, highest = clock(robot, period=period), robot.reference_limits()[1]
+    tension = np.tile(np.asarray(levels) * highest, (len(time), 1))
+    tension[:, wire] = highest[wire] * (1.0 - np.abs(2.0 * time / period - 1.0))
     return tension
 
 
@@ -89,7 +89,7 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
         for wire in range(wires)
         for levels in product(LEVELS, repeat=wires - 1)
     ]
-    return above_floor(robot, np.concatenate(crossed), "sweeps")
+    return above_minimum(robot, np.concatenate(crossed), "sweeps")
 
 
 def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
@@ -105,7 +105,7 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
         if wires > 1:
             levels[1 if wire == 0 else 0] = level
         chosen.append(one_sweep(robot, wire, list(levels), period))
-    return above_floor(robot, np.concatenate(chosen), "short-sweeps")
+    return above_minimum(robot, np.concatenate(chosen), "short-sweeps")
 
 
 def chirp(
@@ -127,26 +127,26 @@ def chirp(
     check_range("high", high, low * (1.0 + 1e-6), nyquist, "Hz")
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.1, 1.0, "of F_max")
-    time, ceiling = clock(robot, span=span), robot.reference_limits()[1]
+    time, highest = clock(robot, span=span), robot.reference_limits()[1]
     growth = np.log(high / low) / span
     phase = 2.0 * np.pi * low * np.expm1(growth * time) / growth
     bottom = 0.1
     swing = bottom + (top - bottom) * (1.0 - np.cos(phase)) / 2.0
     parts = []
-    for wire in range(len(ceiling)):
-        part = np.tile(base * ceiling, (len(time), 1))
-        part[:, wire] = swing * ceiling[wire]
+    for wire in range(len(highest)):
+        part = np.tile(base * highest, (len(time), 1))
+        part[:, wire] = swing * highest[wire]
         parts.append(part)
-    return above_floor(robot, np.concatenate(parts), "chirp")
+    return above_minimum(robot, np.concatenate(parts), "chirp")
 
 
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
     """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
     robot = robot or load_robot()
     check_range("count", count, 1, 1000, "holds")
-    ceiling = robot.reference_limits()[1]
-    levels = generator(seed).uniform(0.1, 0.9, (int(count), len(ceiling))) * ceiling
-    return above_floor(robot, np.repeat(levels, len(clock(robot, dwell=dwell)), axis=0), "holds")
+    highest = robot.reference_limits()[1]
+    levels = generator(seed).uniform(0.1, 0.9, (int(count), len(highest))) * highest
+    return above_minimum(robot, np.repeat(levels, len(clock(robot, dwell=dwell)), axis=0), "holds")
 
 
 def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dwell: float = 2.0) -> Reference:
@@ -154,14 +154,14 @@ def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dw
     robot = robot or load_robot()
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
-    ceiling = robot.reference_limits()[1]
-    low = np.tile(base * ceiling, (len(clock(robot, dwell=dwell)), 1))
+    highest = robot.reference_limits()[1]
+    low = np.tile(base * highest, (len(clock(robot, dwell=dwell)), 1))
     parts = [low]
-    for wire in range(len(ceiling)):
+    for wire in range(len(highest)):
         high = low.copy()
-        high[:, wire] = top * ceiling[wire]
+        high[:, wire] = top * highest[wire]
         parts += [high, low]
-    return above_floor(robot, np.concatenate(parts), "steps")
+    return above_minimum(robot, np.concatenate(parts), "steps")
 
 
 def multisine(
@@ -179,35 +179,35 @@ def multisine(
     which 0.2 F_max are swung.
     """
     robot = robot or load_robot()
-    time, ceiling, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
-    check_range("high", high, len(ceiling) / period, 0.5 / robot.machine.frame, "Hz")
+    time, highest, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
+    check_range("high", high, len(highest) / period, 0.5 / robot.machine.frame, "Hz")
     check_range("base", base, 0.0, 0.8, "of F_max")
     check_range("repeats", repeats, 1, 1000, "periods")
-    tension, wires, swing = np.empty((len(time), len(ceiling))), len(ceiling), 0.2
+    tension, wires, swing = np.empty((len(time), len(highest))), len(highest), 0.2
     for wire in range(wires):
         harmonics = np.arange(wire + 1, int(high * period) + 1, wires)
         turns = 2.0 * np.pi * (np.outer(time, harmonics) / period + rng.random(len(harmonics)))
         course = np.cos(turns).sum(axis=1)
-        tension[:, wire] = ceiling[wire] * (base + swing * course / np.abs(course).max())
-    return above_floor(robot, np.tile(tension, (int(repeats), 1)), "multisine")
+        tension[:, wire] = highest[wire] * (base + swing * course / np.abs(course).max())
+    return above_minimum(robot, np.tile(tension, (int(repeats), 1)), "multisine")
 
 
 def random_motion(
     robot: Robot | None = None, *, seed: int = 0, duration: float = 40.0, fastest: float = 0.8
 ) -> Reference:
-    """Smooth random motion of all wires at once between floor and 90 % of F_max, resembling no other protocol.
+    """Smooth random motion of all wires at once between F_min and 90 % of F_max, resembling no other protocol.
 
     Args: duration [s]; fastest: highest frequency in it [Hz].
     """
     robot = robot or load_robot()
     check_range("fastest", fastest, 0.01, 5.0, "Hz")
     time, rng = clock(robot, duration=duration), generator(seed)
-    floor, ceiling = robot.reference_limits()
-    tension, sines, share = np.empty((len(time), len(ceiling))), 7, 0.9
-    for wire in range(len(ceiling)):
+    lowest, highest = robot.reference_limits()
+    tension, sines, share = np.empty((len(time), len(highest))), 7, 0.9
+    for wire in range(len(highest)):
         frequency = rng.uniform(0.03 * fastest, fastest, sines)
         weight = rng.standard_normal(sines) / (frequency + 0.3 * fastest)
         turns = 2.0 * np.pi * (np.outer(time, frequency) + rng.random(sines))
         course = np.sin(turns) @ weight / np.linalg.norm(weight)
-        tension[:, wire] = floor[wire] + (share * ceiling[wire] - floor[wire]) / (1.0 + np.exp(-2.0 * course))
-    return above_floor(robot, tension, "random-motion")
+        tension[:, wire] = lowest[wire] + (share * highest[wire] - lowest[wire]) / (1.0 + np.exp(-2.0 * course))
+    return above_minimum(robot, tension, "random-motion")

@@ -120,7 +120,7 @@ def smooth(rows: np.ndarray, frame: float) -> np.ndarray:
 
 
 def reference_rows(machine: Machine, log: Log) -> np.ndarray:
-    """What a log's machine was asked to do (n, references) [SI], in the order of `machine.references`."""
+    """References of a log (n, references) [SI], in the order of `machine.references`."""
     return np.column_stack(
         [log.array(c.kind, machine.axes.of(machine.signal[c.signal].axis)) for c in machine.references]
     )

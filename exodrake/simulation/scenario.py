@@ -51,7 +51,7 @@ SCHEMA = mapping(
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is asked (`protocol`, or `reference`: a log's file), of which robot, with which noise, by which engine."""
+    """Which references (`protocol`, or `reference`: a log's file), which robot, with which noise, by which engine."""
 
     protocol: str = ""
     reference: str = ""
@@ -89,7 +89,7 @@ class Scenario:
         return robot
 
     def build_reference(self, robot: Robot) -> Reference:
-        """What the robot is asked to do."""
+        """References of the robot."""
         return from_log(self.reference, robot) if self.reference else protocol(self.protocol, robot)
 
     def run(self) -> tuple[Robot, Log]:
@@ -110,12 +110,12 @@ class Scenario:
 
 
 def channels_of(given: Mapping[str, Any]) -> list[str]:
-    """Lanes named by an effect's per-channel numbers, in order."""
+    """Channels named by an effect's per-channel numbers, in order."""
     return list(dict.fromkeys(channel for value in given.values() if isinstance(value, Mapping) for channel in value))
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """A scenario from its file; InputError naming file and key. Files it names are looked up beside it."""
+    """A scenario from its file; InputError naming file and key. Files it names lie beside it."""
     name = Path(path).name
     content = SCHEMA(parse_yaml(read_bytes(path), name), name)
     content.pop("exodrake", None)

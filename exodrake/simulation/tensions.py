@@ -1,4 +1,4 @@
-"""What all protocols share: the wires' limits, the clock of frames, the floor, checked numbers and seeded chance."""
+"""What all protocols share: the wires' limits, the clock of frames, checked numbers and seeded chance."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def check_range(name: str, value: float, low: float, high: float, unit: str) -> 
         raise InputError(f"{name} is {value} {unit}, wanted {low:g} to {high:g}")
 
 
-def above_floor(robot: Robot, tension: np.ndarray, name: str) -> Reference:
-    """The reference of these tensions (frames, wires) [N], raised to the floor where they are below."""
+def above_minimum(robot: Robot, tension: np.ndarray, name: str) -> Reference:
+    """The reference of these tensions (frames, wires) [N], raised to the lower limit where they are below."""
     return Reference(np.maximum(tension, robot.reference_limits()[0]), name)
 
 

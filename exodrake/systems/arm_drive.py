@@ -38,7 +38,7 @@ def weigh(x, n, count, position):
 
 
 def output(x, z, n, e, effort_ref):
-    """Efforts asked of the motors [N m]."""
+    """Reference efforts of the motors [N m]."""
     count = effort_ref.shape[0]
     for j in range(count):
         effort_ref[j] = x[WIDTH * count + j]

@@ -9,6 +9,10 @@ distal to it. Passive torque (`model.md`, Finger):
 
 from math import exp
 
+from exodrake.systems.triples import quotient
+
+NUDGE = 1e-6  # of difference quotients [rad]
+
 
 def passive(e, z, i, torque, bend, rate, elastic, clock):
     """Point: passive torque [N m] at joint i, against flexion; bend: q - q0 [rad]; elastic: kappa (q - q0) [N m]."""
@@ -83,3 +87,22 @@ def passive_torque(e, z, i, angle, rate, clock, n):
     elastic = n.kappa[i] * bend
     torque = elastic + end_stop(angle, n.q_f[i], n.q_e[i], n.beta[i], n.A[i])
     return passive(e, z, i, torque, bend, rate, elastic, clock)
+
+
+def passive_with_slope(e, z, i, n, angle, rate, clock, lag):
+    """Passive torque [N m] at joint i and its slope [N m/rad] along angle' = lag rate', as a tick moves both."""
+    torque = passive_torque(e, z, i, angle, rate, clock, n)
+    return torque, (passive_torque(e, z, i, angle + NUDGE, rate + NUDGE / lag, clock, n) - torque) / NUDGE
+
+
+def external_with_slope(e, z, n, angle, rate, moments, clock, lag):
+    """External torques [N m] and columns of their slope by angle [N m/rad], the rates moving along with the angles."""
+    nothing, bones, quick = (0.0, 0.0, 0.0), (n.length, moments), NUDGE / lag
+    (q0, q1, q2), (w0, w1, w2) = angle, rate
+    here = external(e, z, nothing, angle, rate, bones, clock)
+    if here == nothing:
+        return here, (nothing, nothing, nothing)
+    c0 = external(e, z, nothing, (q0 + NUDGE, q1, q2), (w0 + quick, w1, w2), bones, clock)
+    c1 = external(e, z, nothing, (q0, q1 + NUDGE, q2), (w0, w1 + quick, w2), bones, clock)
+    c2 = external(e, z, nothing, (q0, q1, q2 + NUDGE), (w0, w1, w2 + quick), bones, clock)
+    return here, (quotient(here, c0, NUDGE), quotient(here, c1, NUDGE), quotient(here, c2, NUDGE))

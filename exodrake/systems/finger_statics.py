@@ -8,10 +8,13 @@ Parameters are those of `systems.tendon_finger` (same functions, compiled here):
 """
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numba import njit
 
+from exodrake.core.part import fields_of
+from exodrake.core.robot import Robot
 from exodrake.systems import finger, routers
 from exodrake.systems.routers import EXTENSOR, FLEXOR
 from exodrake.systems.tendon_finger import Parameters
@@ -23,6 +26,13 @@ MF_JOINTS = 1  # the MCP flexor passes the first joint only
 # Not cached on disk, since numba would not notice a change of the other modules.
 compiled = njit(error_model="numpy")
 path, end_stop = compiled(routers.path), compiled(finger.end_stop)
+
+
+def parameters_of(robot: Robot) -> Parameters:
+    """Parameters of a robot's finger, without effects."""
+    found = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
+    plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
+    return Parameters(*plain)
 
 
 def posture(tension: np.ndarray, n: Parameters) -> np.ndarray:

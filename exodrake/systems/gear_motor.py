@@ -1,4 +1,4 @@
-"""Motors behind gears with current loops: the effort asked for becomes a current within its limit, then an effort.
+"""Motors behind gears with current loops: the reference effort becomes a current within its limit, then an effort.
 
     i_ref = min(max(tau_ref / (k_t N), -i_max), i_max)       time_constant i' = i_ref - i       tau = k_t N i
 

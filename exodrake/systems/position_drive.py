@@ -15,13 +15,13 @@ from exodrake.core.signal import SCALAR
 
 
 class Parameters(NamedTuple):
-    """Gains of the two loops, force per volt, frame; floor: standard deviation of the force between equal runs."""
+    """Gains of the two loops, force per volt, frame; standard deviation of the force between runs."""
 
     kp: Annotated[float, Unit("1/s")]
     kv: Annotated[float, Unit("V s/m")]
     gain: Annotated[float, Unit("N/V")]
     period: Annotated[float, Unit("s")]
-    floor: Annotated[float, Unit("N")]
+    repeatability: Annotated[float, Unit("N")]
 
 
 FORCE, BEFORE, EARLIER, STARTED = 0, 1, 2, 3

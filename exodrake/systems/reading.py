@@ -82,7 +82,7 @@ def sensor(
         channels: how many the signal has; crosstalk takes two.
     """
     quantity = Annotated[tuple, Unit(unit, JOINTS)]
-    fields = [("sigma", quantity), ("step", quantity), ("floor", Annotated[float, Unit(unit)])]
+    fields = [("sigma", quantity), ("step", quantity), ("repeatability", Annotated[float, Unit(unit)])]
     points = (Point("mixed", JOINTS, standard="signal.mixed" if channels > 1 else ""),)
     points += tuple(Point(p, JOINTS, standard=f"signal.{p}") for p in ("shown", "delivered"))
     return Part(

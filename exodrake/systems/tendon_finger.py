@@ -14,10 +14,10 @@ from typing import Annotated, NamedTuple
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 from exodrake.systems import finger, tendon, wire_paths
-from exodrake.systems.finger import coriolis, external, inertia, mass_matrix, passive_torque, relax
+from exodrake.systems.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
 from exodrake.systems.finger_newton import behind, newton_row, onward, torque
 from exodrake.systems.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.systems.triples import along, dot, quotient, solve
+from exodrake.systems.triples import along, dot, solve
 from exodrake.systems.wire_paths import heights, levers, moved, paths
 
 
@@ -49,15 +49,15 @@ class Parameters(NamedTuple):
 Q, RATE, Q_BEFORE, RATE_BEFORE, TAKEN, SLIDE, PULL, CLOCK = 0, 3, 6, 9, 12, 15, 18, 21
 STEPS, CLOSE = 6, 1e-5  # Newton steps at most; last step [rad]: they converge quadratically, to 1e-9 after it
 RESTING = 0.02  # length of a tick before the log begins [s]
-NUDGE, NUDGE_WIRE = 1e-6, 1e-7  # of difference quotients [rad], [m]
+NUDGE = 1e-7  # of difference quotients [m]
 
 
 def wire(e, z, j, n, x, stroke, taken, dt):
     """Tension at the finger [N] and its fall with wire taken in, -dT_d/dl [N/m], for wire j at the end of a tick."""
     travel = taken - x[TAKEN + j]
     tension = pulled(e, z, j, n, x, stroke - taken, travel, dt)
-    beyond = pulled(e, z, j, n, x, stroke - taken - NUDGE_WIRE, travel + NUDGE_WIRE, dt)
-    return tension, (tension - beyond) / NUDGE_WIRE
+    beyond = pulled(e, z, j, n, x, stroke - taken - NUDGE, travel + NUDGE, dt)
+    return tension, (tension - beyond) / NUDGE
 
 
 def pulled(e, z, j, n, x, extension, travel, dt):
@@ -65,25 +65,6 @@ def pulled(e, z, j, n, x, extension, travel, dt):
     stretched = stretched_by(e, z, j, extension, x[PULL + j])
     tension = cell_tension(e, z, j, stretched, travel, n.k[j])
     return finger_tension(e, z, j, tension, stretched, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
-
-
-def joint(e, z, i, n, angle, rate, clock, lag):
-    """Passive torque [N m] at joint i and its slope [N m/rad] along angle' = lag rate', as a tick moves both."""
-    torque = passive_torque(e, z, i, angle, rate, clock, n)
-    return torque, (passive_torque(e, z, i, angle + NUDGE, rate + NUDGE / lag, clock, n) - torque) / NUDGE
-
-
-def outside(e, z, n, angle, rate, moments, clock, lag):
-    """External torques [N m] and columns of their slope by angle [N m/rad], the rate moving along as in `joint`."""
-    nothing, bones, quick = (0.0, 0.0, 0.0), (n.length, moments), NUDGE / lag
-    (q0, q1, q2), (w0, w1, w2) = angle, rate
-    here = external(e, z, nothing, angle, rate, bones, clock)
-    if here == nothing:
-        return here, (nothing, nothing, nothing)
-    c0 = external(e, z, nothing, (q0 + NUDGE, q1, q2), (w0 + quick, w1, w2), bones, clock)
-    c1 = external(e, z, nothing, (q0, q1 + NUDGE, q2), (w0, w1 + quick, w2), bones, clock)
-    c2 = external(e, z, nothing, (q0, q1, q2 + NUDGE), (w0, w1, w2 + quick), bones, clock)
-    return here, (quotient(here, c0, NUDGE), quotient(here, c1, NUDGE), quotient(here, c2, NUDGE))
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
@@ -104,10 +85,10 @@ def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, l
     t2, g2 = wire(e, z, 2, n, x, ends[2], taken[2], dt)
     pull, falls = (t0, t1, t2), (g0, g1, g2)
     now = x[CLOCK] + dt
-    p0, k0 = joint(e, z, 0, n, angle[0], rate[0], now, lag)
-    p1, k1 = joint(e, z, 1, n, angle[1], rate[1], now, lag)
-    p2, k2 = joint(e, z, 2, n, angle[2], rate[2], now, lag)
-    push, push_slope = outside(e, z, n, angle, rate, moments, now, lag)
+    p0, k0 = passive_with_slope(e, z, 0, n, angle[0], rate[0], now, lag)
+    p1, k1 = passive_with_slope(e, z, 1, n, angle[1], rate[1], now, lag)
+    p2, k2 = passive_with_slope(e, z, 2, n, angle[2], rate[2], now, lag)
+    push, push_slope = external_with_slope(e, z, n, angle, rate, moments, now, lag)
     m11, m12, m13, m22, m23, m33 = mass_matrix(diagonal, coupling, cosines[1], cosines[2], cos_12)
     spin = coriolis(coupling, sines[1], sines[2], sin_12, rate)
     speed_up = ((rate[0] - rate_from[0]) / lag, (rate[1] - rate_from[1]) / lag, (rate[2] - rate_from[2]) / lag)
@@ -179,10 +160,16 @@ def tick(x, z, n, e, dt, stroke, wire_speed):
     arrive(x, z, n, e, ends, worn, dt)
 
 
-def arrive(x, z, n, e, ends, high, dt):
-    """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
+def taken_in(x, n, high):
+    """Wire that each tendon's path takes in [m] at the joint angles of the state; router heights `high` [m]."""
     cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
     taken, _, _ = paths(n, cosines, sines, high)
+    return taken
+
+
+def arrive(x, z, n, e, ends, high, dt):
+    """A tick ends: states of wires and clock follow the joints; strokes `ends` [m], router heights `high` [m]."""
+    taken = taken_in(x, n, high)
     for j in range(3):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
@@ -212,8 +199,7 @@ def hold(x, z, n, e, angle):
     """Puts the finger at rest into a posture [rad]."""
     for i in range(3):
         x[Q + i], x[RATE + i] = angle[i], 0.0
-    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(n, cosines, sines, heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2])))
+    taken = taken_in(x, n, heights(e, z, n, (x[PULL], x[PULL + 1], x[PULL + 2])))
     for j in range(3):
         x[TAKEN + j] = taken[j]
 
@@ -223,8 +209,7 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
     for i in range(3):
         x[Q + i] = x[Q_BEFORE + i] = n.q0[i]
-    cosines, sines = (cos(x[Q]), cos(x[Q + 1]), cos(x[Q + 2])), (sin(x[Q]), sin(x[Q + 1]), sin(x[Q + 2]))
-    taken, _, _ = paths(n, cosines, sines, heights(e, z, n, (0.0, 0.0, 0.0)))
+    taken = taken_in(x, n, heights(e, z, n, (0.0, 0.0, 0.0)))
     for j in range(3):
         x[TAKEN + j] = start_stroke[j] = taken[j]
 

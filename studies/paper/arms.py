@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.report.page import Drawing, Table
+from exodrake.report.blocks import Drawing, Table
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.identification.kinematics.identify import Kinematics, identify
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
-from exodrake.report.page import Drawing, Heading, Table
+from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 
 NOISE, SLIDING, RATE = 3e-4, 2e-3, 50.0  # m RMS per axis, m/rad of skin, Hz

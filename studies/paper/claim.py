@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from exodrake.report.page import Block
+from exodrake.report.blocks import Block
 
 AGREES, DOES_NOT, UNKNOWN = "agrees", "does not follow", "cannot be checked"
 VERDICTS = (AGREES, DOES_NOT, UNKNOWN)

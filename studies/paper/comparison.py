@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.estimator.baselines import fit_ridge
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import fit
 from exodrake.estimator.prior import POINTS
-from exodrake.estimator.ridge import fit_ridge
 from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
 from exodrake.systems.finger_statics import follow, posture
 from exodrake.systems.tendon_finger import Parameters

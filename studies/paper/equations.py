@@ -2,8 +2,14 @@
 
 import numpy as np
 
-from exodrake.report.page import Drawing, Heading, Table
+from exodrake.identification.kinematics.axis import Axis, chain_pose
+from exodrake.report.blocks import Drawing, Heading, Table
+from exodrake.systems.finger_statics import parameters_of, posture
+from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
+from studies.paper.joint_compliance import compliance, router_arms, tension_map
+from studies.paper.printed_equations import g_inverse_as_printed, tension_map_as_printed
+from studies.paper.screw_theory import g_inverse, g_matrix, newton_step
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried
 CENTRE = np.array([0.035, 0.005, 0.0])  # m, a joint centre in the proximal frame
@@ -16,9 +22,6 @@ DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 def chapter(robot) -> Chapter:
     """Equations that are wrong as printed."""
-    from exodrake.grasping.inverse import parameters_of
-    from studies.paper import loop_sign
-
     rows = [
         (f"{degrees}°", f"{residue(degrees, False):.0e}", f"{residue(degrees, True):.2f}",
          f"{1e3 * centre_error(degrees):.0f} mm")
@@ -41,10 +44,8 @@ def chapter(robot) -> Chapter:
 
 def control(robot) -> tuple[Claim, ...]:
     """Eq. 3 on a simple loop and on the whole robot."""
-    from studies.paper.loop_sign import overshoot, robot_overshoot
-
-    printed, ours = (100.0 * overshoot(sign) for sign in (1.0, -1.0))
-    whole = [100.0 * robot_overshoot(one) for one in (robot.with_part("controller_as_printed"), robot)]
+    printed, ours = (100.0 * loop_sign.overshoot(sign) for sign in (1.0, -1.0))
+    whole = [100.0 * loop_sign.robot_overshoot(one) for one in (robot.with_part("controller_as_printed"), robot)]
     why = (
         "Neither gains nor drive are printed, and with a negative kd the printed form is right. On a simple loop with"
         f" lag (all numbers assumed) the printed sign takes damping away, {printed:.0f} % overshoot against"
@@ -59,9 +60,6 @@ def control(robot) -> tuple[Claim, ...]:
 
 def residue(degrees: float, printed: bool) -> float:
     """‖G G⁻¹ − I‖ (Frobenius) about z at an angle [deg]."""
-    from studies.paper.printed_equations import g_inverse_as_printed
-    from studies.paper.screw_theory import g_inverse, g_matrix
-
     axis, angle = np.array([0.0, 0.0, 1.0]), float(np.deg2rad(degrees))
     undo = g_inverse_as_printed if printed else g_inverse
     return float(np.linalg.norm(g_matrix(axis, angle) @ undo(axis, angle) - np.eye(3)))
@@ -69,9 +67,6 @@ def residue(degrees: float, printed: bool) -> float:
 
 def centre_error(degrees: float) -> float:
     """How far off [m] Eq. 9 as printed puts a joint centre after a turn [deg] about z."""
-    from studies.paper.printed_equations import g_inverse_as_printed
-    from studies.paper.screw_theory import g_matrix
-
     axis, angle = np.array([0.0, 0.0, -1.0]), float(np.deg2rad(degrees))
     shift = g_matrix(axis, angle) @ -np.cross(axis, CENTRE)
     return float(np.linalg.norm(np.cross(axis, g_inverse_as_printed(axis, angle) @ shift) - CENTRE))
@@ -79,9 +74,6 @@ def centre_error(degrees: float) -> float:
 
 def newton_left() -> float:
     """Largest error [rad] of the two MCP angles found by Eq. 16 as printed, on a synthetic joint."""
-    from exodrake.identification.kinematics.axis import Axis, chain_pose
-    from studies.paper.screw_theory import newton_step
-
     still = np.zeros(3)
     axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
     wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
@@ -116,15 +108,11 @@ def screws() -> tuple[Claim, ...]:
 
 def statics(parameters, limits) -> tuple[Claim, ...]:
     """Eq. 21, 22 and the sign rules of the text. limits: largest tension per wire [N]."""
-    from exodrake.identification import stiffness
-    from studies.paper import printed_equations
-
     kappa, bent = np.array(parameters.kappa), np.array([0.0, PIP_ONLY, 0.0])
-    arms = stiffness.router_arms(bent, parameters)
-    inverse = stiffness.compliance(arms, kappa)
+    arms = router_arms(bent, parameters)
+    inverse = compliance(arms, kappa)
     off = [
-        float(np.linalg.norm(inverse @ made(arms, kappa) - np.eye(3)))
-        for made in (printed_equations.tension_map_as_printed, stiffness.tension_map)
+        float(np.linalg.norm(inverse @ made(arms, kappa) - np.eye(3))) for made in (tension_map_as_printed, tension_map)
     ]
     return (
         Claim(
@@ -138,15 +126,13 @@ def statics(parameters, limits) -> tuple[Claim, ...]:
             "The printed entry has another unit than its neighbours.",
         ),
         dip_alone(kappa),
-        pip_alone(stiffness.tension_map(arms, kappa) @ bent, parameters, limits),
+        pip_alone(tension_map(arms, kappa) @ bent, parameters, limits),
         alone(parameters),
     )  # fmt: skip
 
 
 def dip_alone(kappa: np.ndarray) -> Claim:
     """The text's second condition for a bent DIP alone, on random routers."""
-    from exodrake.identification.stiffness import tension_map
-
     rng = np.random.default_rng(0)
     able = negative = 0
     for _ in range(DRAWS):
@@ -164,8 +150,6 @@ def dip_alone(kappa: np.ndarray) -> Claim:
 
 def pip_alone(tension: np.ndarray, parameters, limits) -> Claim:
     """Wide pinch: the tensions that bend the PIP alone, from a rest posture of zero as in the paper, and from ours."""
-    from exodrake.identification.stiffness import router_arms, tension_map
-
     bent, rest = np.array([0.0, PIP_ONLY, 0.0]), np.array(parameters.q0)
     ours = (tension_map(router_arms(rest + bent, parameters), np.array(parameters.kappa)) @ bent)[1]
     why = (
@@ -184,8 +168,6 @@ def pip_alone(tension: np.ndarray, parameters, limits) -> Claim:
 
 def alone(parameters) -> Claim:
     """Narrow pinch: the MCP flexor by itself."""
-    from exodrake.systems.finger_statics import posture
-
     moved = posture(np.array([[0.0, 4.0, 0.0]]), parameters)[0] - np.array(parameters.q0)
     good = abs(moved[1]) < LIKELY and abs(moved[2]) < LIKELY < moved[0]
     ours = "MCP {:+.2f}, PIP {:+.2f}, DIP {:+.2f} rad at 4 N".format(*(moved + 0.0).round(9))

@@ -1,7 +1,7 @@
 """Fig. 10 and 11: joint angles estimated from tension and stroke, and the estimate against a model."""
 
 from exodrake.estimator.validate import HELD_OUT, RANDOM
-from exodrake.report.page import Drawing, Heading, Table
+from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.study import CREEP_STIFFNESS, CREEP_TIME, DATA, MODEL, MU_PHI, Study
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.report.page import Drawing, Heading, Table
+from exodrake.report.blocks import Drawing, Heading, Table
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 CELL, CELL_NONLINEARITY = 0.002, 0.1  # N, load cell as printed

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from exodrake import __version__
 from exodrake.estimator.validate import HELD_OUT, RANDOM
-from exodrake.report.page import render
+from exodrake.report.blocks import render
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Claim, count
 from studies.paper.estimation import methods_table
 from studies.paper.reproduce import Reproduction

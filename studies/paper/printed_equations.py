@@ -1,22 +1,15 @@
-"""Equations 9, 21 and 22 as our copy of the paper prints them, for comparison with the corrected ones only."""
+"""Equations 9 and 22 as our copy of the paper prints them, for comparison with the corrected ones only."""
 
 import numpy as np
 
 from exodrake.identification.kinematics.rigid import hat
-from exodrake.identification.stiffness import ROUTER_SIGNS, mf_at_first_joint, tension_map_with
+from studies.paper.joint_compliance import tension_map_with
 
 
 def g_inverse_as_printed(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
     """G^{-1}(theta) (..., 3, 3) of Eq. 9 as printed, right at 2 rad only; axis (..., 3), angle (...) [rad]."""
     w, theta = hat(axis), np.asarray(angle, dtype=float)[..., None, None]
     return np.eye(3) / theta - w / 2 + (1 - 1 / np.tan(theta / 2)) / theta * (w @ w)
-
-
-def compliance_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:
-    """J (3, 3) [rad/N] of Eq. 21 as printed: column AF is divided by kappa_1 in every row."""
-    divisor = np.tile(np.asarray(kappa, dtype=float)[:, None], 3)
-    divisor[:, 0] = kappa[0]
-    return ROUTER_SIGNS * mf_at_first_joint(r) / divisor
 
 
 def tension_map_as_printed(r: np.ndarray, kappa: np.ndarray) -> np.ndarray:

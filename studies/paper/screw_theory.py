@@ -79,24 +79,6 @@ def adjoint(pose: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def screw_angle_and_centre(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Axis, angle and centre of a motion (Eq. 10-12), all NaN where nothing turns.
-
-    The position of Q along the axis cannot be observed. A slide along the axis does not change Q; it changes Eq. 13.
-
-    Args:
-        pose: (..., 4, 4) rigid motions [m].
-
-    Returns:
-        Unit axis w (..., 3), angle (...) [rad] and Q = w x v (..., 3) [m], the point of the axis nearest the origin.
-    """
-    vector = logarithm(pose)
-    angle = np.linalg.norm(vector[..., :3], axis=-1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit = vector / angle[..., None]
-    return unit[..., :3], angle, np.cross(unit[..., :3], unit[..., 3:])
-
-
 def velocity(axis: Axis, angle: np.ndarray) -> np.ndarray:
     """Spatial velocity per rad (..., 6) of an axis at angles (...) [rad]: (w, -w x Q + (I - R) G) for a moving one."""
     slide = axis.slope - rotation(axis.direction, angle) @ axis.slope

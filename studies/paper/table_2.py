@@ -1,29 +1,18 @@
 """Comparison with the paper's Table 2: what follows from other printed values (`physics.md` section 2)."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from exodrake.identification.workspace.area import reach
 from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, Ranges
+from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Claim
 
 ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.
-AREAS = {"K.M.": 8712.30, "S.M.": 5884.10, "A.M.": 3770.80}  # mm2, Table 2
+AREAS = {"K.M.": 8712.30, "S.M.": 5884.10, "A.M.": 3770.80}  # mm², Table 2
 SHARE = 64.08  # %, A.M. of S.M., text
-FOLLOWS, DOES_NOT, UNKNOWN = "follows", "does not follow", "cannot be checked"
+WHERE = "Table 2"
 
 
-class Claim(NamedTuple):
-    """One printed value: name, as printed, ours, verdict and reason."""
-
-    what: str
-    printed: str
-    ours: str
-    verdict: str
-    reason: str
-
-
-def table_2(assisted=None) -> list[Claim]:
+def table_2(assisted=None) -> tuple[Claim, ...]:
     """List the rows of Table 2; `assisted` is an `Assisted` of the simulated robot, or None for empty cells."""
     areas = {what: 1e6 * reach(LENGTHS, SPONTANEOUS, what).area for what in (FINGERTIP, DISTAL)}
     both = f"{areas[FINGERTIP]:.0f} fingertip, {areas[DISTAL]:.0f} distal phalanx"
@@ -34,12 +23,12 @@ def table_2(assisted=None) -> list[Claim]:
         f"The printed area is {low:.2f} times all that its own ranges let the distal phalanx sweep, and measured motion"
         " lies inside. Our figure is that bound; the motion itself is not printed."
     )
-    return [
-        Claim("K.M. area [mm2]", f"{AREAS['K.M.']:.2f}", both, DOES_NOT, km),
-        Claim("S.M. area [mm2]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
+    return (
+        Claim(WHERE, "K.M. area [mm²]", f"{AREAS['K.M.']:.2f}", both, DOES_NOT, km),
+        Claim(WHERE, "S.M. area [mm²]", f"{AREAS['S.M.']:.2f}", f"at most {both}", DOES_NOT, sm),
         *_assisted_rows(assisted, areas),
         _share(),
-    ]
+    )
 
 
 def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
@@ -56,11 +45,11 @@ def _assisted_rows(assisted, areas: dict[str, float]) -> list[Claim]:
         f" coupled by the wires; the full ranges give {areas[FINGERTIP]:.0f} (fingertip)."
     )
     return [
-        Claim("A.M. range [rad]", printed, ranges, DOES_NOT, why),
-        Claim("A.M. area [mm2]", f"{AREAS['A.M.']:.2f}", ours, UNKNOWN, area),
+        Claim(WHERE, "A.M. range [rad]", printed, ranges, DOES_NOT, why),
+        Claim(WHERE, "A.M. area [mm²]", f"{AREAS['A.M.']:.2f}", ours, UNKNOWN, area),
     ]
 
 
 def _share() -> Claim:
     ratio = 100 * AREAS["A.M."] / AREAS["S.M."]
-    return Claim("A.M. / S.M. [%]", f"{SHARE:.2f}", f"{ratio:.2f}", FOLLOWS, "Quotient of the two printed areas.")
+    return Claim(WHERE, "A.M. / S.M. [%]", f"{SHARE:.2f}", f"{ratio:.2f}", AGREES, "Quotient of the two printed areas.")

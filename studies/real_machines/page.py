@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from exodrake.core.markdown import markdown_table
 from exodrake.diagnosis.result import Diagnosis, Interval
 from studies.real_machines.study import Result
 
@@ -19,7 +20,7 @@ def page(results: list[Result], texts: Texts) -> str:
     for result in results:
         text = texts[result.name]
         parts += [f"## {text['title']}\n\n{text['published'].strip()}\n", verdict(result.diagnosis)]
-        parts += [f"{title}:\n\n{table(rows)}\n" for title, rows in result.tables.items()]
+        parts += [f"{title}:\n\n{markdown_table(rows[0], rows[1:])}\n" for title, rows in result.tables.items()]
         parts += [f"![{result.name}](real/{name})\n" for name in result.figures]
         parts.append(text.get("remark", "").strip() + "\n")
     parts.append(texts["page"]["shortcomings"])
@@ -34,7 +35,7 @@ def verdict(found: Diagnosis) -> str:
     lines = [
         f"**{found.verdict}**, in the *{found.where.block}*" + (f" ({place})" if place else "") + ".",
         f"Closure on held-out logs {overall.value:.4f} ({overall.low:.4f} to {overall.high:.4f}), "
-        f"{found.seconds:.0f} s.",
+        f"{found.run_time:.0f} s.",
     ]
     lines += [f"Shares of the segments between measured signals: {shares}."] if shares else []
     lines += [f"Why: {reason}." for reason in found.reasons]
@@ -43,16 +44,10 @@ def verdict(found: Diagnosis) -> str:
         for name, item in effect.parameters.items():
             channels = effect.channels.get(name, {}) or {"": item}
             rows += [(effect.id, name, channel, *cells(one)) for channel, one in channels.items()]
-    return "\n".join([*lines, "", table(rows) if len(rows) > 1 else "", ""])
+    return "\n".join([*lines, "", markdown_table(rows[0], rows[1:]) if len(rows) > 1 else "", ""])
 
 
 def cells(item: Interval) -> tuple[str, str]:
     """Value with unit, and interval."""
     unit = "" if item.unit == "-" else f" {item.unit}"
     return f"{item.value:.4g}{unit}", f"{item.low:.4g} to {item.high:.4g}"
-
-
-def table(rows: list[tuple[str, ...]]) -> str:
-    """A table in Markdown, the first row its header."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])

@@ -116,7 +116,7 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
     course = np.abs(correlate(late, here, mode="valid", method="fft")) / spread
     at = int(course.argmax())
     if course[at] < LEAST:
-        raise InputError(f"{where}: correlation {course[at]:.2f} at best, so no lag can be told")
+        raise InputError(f"{where}: correlation {course[at]:.2f} at best, so the lag is unknown")
     return (at + vertex(course, at) - reach) * step, float(course[at])
 
 

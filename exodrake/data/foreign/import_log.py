@@ -26,7 +26,7 @@ from exodrake.data.log import Log, check_clock
 from exodrake.data.log_file import read_log
 
 PERIOD = 0.02  # s, frames of a bag whose mapping states none
-ROUNDED = 1e-3  # of a frame: stamps since 1970 in seconds are rounded to a quarter of a microsecond
+ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def import_all(
                 where = f"{path}, {name}"
                 found[name] = imported(_one_clock(columns, mapped, where), mapped, where)
         if not found:
-            raise InputError(f"{path}: none of the episodes asked for")
+            raise InputError(f"{path}: none of the episodes of --episodes")
         return found
     if unit or chosen:
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")

@@ -74,10 +74,10 @@ def default_mapping(path: str | Path) -> Mapped:
     for topic, (kind, _, fields) in topics_of(path).items():
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
             continue
-        asked = any(word in topic.lower() for word in COMMANDS)
+        commanded = any(word in topic.lower() for word in COMMANDS)
         for field in fields:
             what, _, joint = field.rstrip("]").partition("[")
-            ours = f"{KINDS[what]}{'_ref' if asked and what != 'velocity' else ''}_{joint_name(joint)}"
+            ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             columns.setdefault(ours, Column(f"{topic}:{field}", ours, UNITS[what]))
     if not columns:
         raise InputError(

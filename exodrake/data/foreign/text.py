@@ -111,12 +111,12 @@ def guessed(data: bytes) -> Mapped:
             found = [line]
         return [cell.strip() for cell in found]
 
-    def worth(marks: tuple[str, str]) -> int:
+    def fit(marks: tuple[str, str]) -> int:
         first, *rows = [cells(line, marks[0]) for line in lines] or [[]]
         whole = [len(row) == len(first) and _is_number(cell, marks[1]) for row in rows or [first] for cell in row]
         return 2 * sum(whole) - len(whole)
 
-    separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=worth)
+    separator, decimal = max(((s, d) for d in ".," for s in SEPARATORS if s != d), key=fit)
     heading = not all(_is_number(cell, decimal) for line in lines[:1] for cell in cells(line, separator))
     return Mapped((), separator=separator, decimal=decimal, heading=heading)
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.command_paths import LAGS, SHOWN, best_path, error_std, path_errors
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
-from exodrake.diagnosis.intervals import CONFIDENCE
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.result import Interval, NamedEffect
 

@@ -3,6 +3,10 @@
 A narrow band that stands out from its neighbourhood, alike in every log, whatever the reference does, is one. Other
 causes are then sought without its band. The power that each joint's torque would leave in each signal, by simulation,
 tells the joint and the torque.
+
+Its phase phi walks at random, so that its line is Lorentzian: what lies beyond the band is noise to all other causes.
+
+    E exp(i (phi(t + tau) - phi(t))) = exp(-rate tau / 2)          rate of the phase's variance [rad^2/s]
 """
 
 from __future__ import annotations
@@ -13,14 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from exodrake.core.effect import Effect
+from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.detection import Detection
-from exodrake.diagnosis.filters import Bands
+from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.result import Interval, NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem
+    from exodrake.diagnosis.trial import Trial
 
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
@@ -30,7 +36,9 @@ ALIKE = 0.5  # of the mean over logs that the weakest log's line must reach
 NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: the leakage of a phase that wanders
 SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
-LAW, MINOR = 0.2, 0.12  # relative standard deviation of a torque whose waveform is not known; of the strongest joint's
+LAG = 0.5  # s, over which the phase is seen to wander: longer than the band's filter remembers
+LEAST = 0.05  # of a phase that is not lost after that
+LAW = 0.2  # relative standard deviation of a torque whose waveform is not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +80,59 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     """
     from exodrake.diagnosis.problem import by_trial
 
-    left = problem.residual(values[None], problem.fit)[0]
-    peak = find(problem, by_trial(left, problem.fit))
+    left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
+    peak = find(problem, left)
     problem = replace(problem, tried=problem.tried - {effect.id})
     if not peak.certain:
         return problem
-    detection = detection_of(problem, effect, values, peak)
-    notched = problem.without(peak.bands(0.5 / problem.robot.machine.frame))
-    return replace(notched, detected=(*problem.detected, detection))
+    bands = peak.bands(0.5 / problem.robot.machine.frame)
+    found = detection_of(problem, effect, values, peak)
+    torques = tuple(name for name in found.values if name.startswith(f"{effect.id}.{effect.parameters[0].name}"))
+    found = replace(found, noise=WanderingPhase(torques, bands, phase_rate(problem, left, peak)))
+    return replace(problem.without(bands), detected=(*problem.detected, found))
+
+
+@dataclass(frozen=True)
+class WanderingPhase:
+    """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency.
+
+    Attributes:
+        torques: names of its amplitudes.
+        bands: that it holds [Hz].
+        rate: of the variance of its phase [rad^2/s].
+    """
+
+    torques: tuple[str, ...]
+    bands: Bands
+    rate: float
+
+    def __call__(self, problem: Problem, values: np.ndarray, trial: Trial, rng: np.random.Generator) -> np.ndarray:
+        """The tremor of a robot (parameters,) with a phase that walks, less that without: (n, columns) [SI]."""
+        from scipy.signal import hilbert
+
+        machine, still = problem.robot.machine, values.copy()
+        still[[machine.index[name] for name in self.torques]] = 0.0
+        shaken, calm = problem.predict(np.array([values, still]), trial)
+        line = shaken - calm - outside(self.bands, shaken - calm, machine.frame)
+        steps = rng.normal(0.0, np.sqrt(self.rate * machine.frame), len(line))
+        phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
+        return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
+
+
+def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
+    """Rate of the variance of a line's phase [rad^2/s], from the strongest column of logs (n, columns)."""
+    from scipy.signal import hilbert
+
+    period, column = problem.robot.machine.frame, int(np.argmax(peak.power))
+    band = ((max(peak.frequency - ASIDE, SLOWEST), peak.frequency + ASIDE),)
+    lag, turns = round(LAG / period), []
+    for log in logs:
+        signal = log[:, [column]]
+        line = np.asarray(hilbert((signal - outside(band, signal, period))[:, 0]))
+        unit = line / np.maximum(np.abs(line), 1e-12)
+        turns.append(unit[lag:] * np.conj(unit[:-lag]))
+    kept = abs(np.mean(np.concatenate(turns)))
+    return -2.0 * float(np.log(max(kept, LEAST))) / LAG
 
 
 def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
@@ -140,7 +193,8 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
-    torques = {parameters[i].channels[0]: torque(x[i]) for i in joints if x[i] > MINOR * x[joints].max()}
+    moved = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
+    torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in moved}
     half = 0.5 / WINDOW
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     mean = torque(float(np.mean([item.value for item in torques.values()])))

@@ -14,12 +14,10 @@ from exodrake.diagnosis.likelihood import Likelihood
 
 def gains(model: Eliminated, laws: Sequence[Screened], rows: np.ndarray) -> np.ndarray:
     """Largest sum of squares (n,) that one of the laws takes up of weighted rows (n, samples), scales as found."""
-    pull, best = (model.jacobian @ rows.T).astype(float), np.zeros(len(rows))
+    best = np.zeros(len(rows))
     for s in laws:
         prior = np.maximum(s.weighed.scales, 1.0)[s.channel]
-        slope = model.slope(s.columns.weighted, s.columns.cross, rows.T, pull)
-        normal = s.columns.gram + s.weighed.variance * np.diag(prior**-2.0)
-        best = np.maximum(best, np.einsum("in,in->n", slope, np.linalg.solve(normal, slope)))
+        best = np.maximum(best, model.taken_up(s.columns, prior, s.weighed.variance, rows))
     return best
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from exodrake.core.confidence import ALPHA
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.calibration import calibration_of
@@ -19,7 +20,7 @@ from exodrake.diagnosis.discovery.candidate import Candidate, candidates
 from exodrake.diagnosis.discovery.compare import lead, level_of_noise
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
-from exodrake.diagnosis.discovery.fit import Fit, Screened, begun, nuisance_jacobian, refined, screened
+from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened, started
 from exodrake.diagnosis.discovery.formula import Formula, formula
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
@@ -27,13 +28,13 @@ from exodrake.diagnosis.discovery.watch import watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
 from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.levels import ALPHA, PROMISING
+from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 
-BEGUN, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
+STARTED, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
 PER_POINT = 2  # of these at one point, at most
 FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
 
@@ -82,23 +83,18 @@ def fit_best(
     chosen: list[Screened] = []
     for s in screen:
         here = [c for c in chosen if c.candidate.law is s.candidate.law]
-        if s.active and len(here) < PER_POINT and len(chosen) < BEGUN:
+        if s.active and len(here) < PER_POINT and len(chosen) < STARTED:
             chosen.append(s)
-    starts = [begun(likelihood, base, model, s) for s in chosen]
-    starts.sort(key=lambda f: left(likelihood, f))
+    starts = [started(likelihood, base, model, s) for s in chosen]
+    starts.sort(key=lambda f: likelihood.mean_log(f.residual))
     fits = []
     for start in starts[:FITTED]:
         progress(Stage.FIT, start.candidate.name)
         fits.append(refined(likelihood, base, start, jacobian, FIRST))
-    fits.sort(key=lambda f: left(likelihood, f))
+    fits.sort(key=lambda f: likelihood.mean_log(f.residual))
     likelihood = likelihood.scaled_to(fits[0].residual)
     fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in of_two_points(fits)]
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
-
-
-def left(likelihood: Likelihood, fit: Fit) -> float:
-    """Sum over the views of the logarithms of what a fit leaves, reduced chi-squares above the noise."""
-    return float(np.sum(np.log(np.maximum(likelihood.chi2(fit.residual), 1.0))))
 
 
 def of_two_points(fits: Sequence[Fit]) -> list[Fit]:
@@ -156,7 +152,7 @@ def answer(
         p_noise=p,
         runner_up=None if rival is None else others[rival],
         lead=ahead,
-        told_apart=ahead > calibration_of(problem.robot.machine).taken,
+        distinguished=ahead > calibration_of(problem.robot.machine).taken,
         others=others,
         curves=curves,
         closure=closure,

@@ -11,14 +11,14 @@ SIZE = 8  # knots of a curve, or elements of a memory
 BINS = 12  # in which a watch counts
 KNOTS = tuple(f"k{i + 1}" for i in range(SIZE))
 WEIGHTS = tuple(f"w{i + 1}" for i in range(SIZE))
-ELEMENTS = (*(f"s{i + 1}" for i in range(SIZE)), "last", "begun")
+ELEMENTS = (*(f"s{i + 1}" for i in range(SIZE)), "last", "started")
 COUNTS = tuple(f"c{i + 1}" for i in range(BINS))
-SEEN = ("low_seen", "high_seen", *COUNTS, "place", "last", "begun")
+SEEN = ("low_seen", "high_seen", *COUNTS, "place", "last", "started")
 HEADER = '''"""{summary}"""
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.effects.law_table import curve, dragged, faded, inside, slope, stopped
+from exodrake.effects.law_table import curve, dragged, faded, inside, slope, stop_operator
 '''
 
 
@@ -78,16 +78,16 @@ def value_source(law: LawPoint, extra: Sequence[str], switch: str) -> str:
 
 def moved(form: Form, dt: str = "dt") -> list[str]:
     """Lines that advance the elements of a law by the move of its variable."""
-    change = form.variable if form.moves else f"{form.variable} - last if begun > 0.0 else 0.0"
+    change = form.variable if form.moves else f"{form.variable} - last if started > 0.0 else 0.0"
     lines, elements = [f"change = {change}"], ELEMENTS[:SIZE]
     for s, k in zip(elements, KNOTS, strict=True):
         step = {
             PLACE: f"{s} + change",
-            HYSTERESIS: f"stopped({s}, change, {k})",
+            HYSTERESIS: f"stop_operator({s}, change, {k})",
             RELAXATION: f"faded({s}, change, {dt}, {k})",
         }[form.kind]
         lines.append(f"{s} = {step}")
-    return [*lines, f"last, begun = {'0.0' if form.moves else form.variable}, 1.0"]
+    return [*lines, f"last, started = {'0.0' if form.moves else form.variable}, 1.0"]
 
 
 def advance_source(law: LawPoint, name: str, extra: Sequence[str], switch: str) -> str:
@@ -114,7 +114,7 @@ def watch_source(law: LawPoint) -> str:
     """Functions of a watch: range and counts of the variable of form `form`; of the law's scale for one number more."""
     extra = ("form", "low", "high", *SEEN)
     count = [f"{c} + inside(u, low, high, {i}.0, {BINS}.0)" for i, c in enumerate(COUNTS)]
-    seen = f"u if begun == 0.0 else min(low_seen, u), u if begun == 0.0 else max(high_seen, u), {listed(count)}"
+    seen = f"u if started == 0.0 else min(low_seen, u), u if started == 0.0 else max(high_seen, u), {listed(count)}"
     value, pieces = law.arguments[0], []
     own = [(k, f.variable) for k, f in enumerate(law.forms, 1) if not f.advances] + [(len(law.forms) + 1, law.scale)]
     lines = [f"def {function_name(law, 'watch')}({listed((*law.arguments, *extra))}):", '    """Counts."""']

@@ -9,6 +9,7 @@ x is eliminated (Schur complement). The scale s of each channel and the variance
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ PASSES, ROUNDS = 2, 4  # over the channels; of the residual's variance
 
 
 def weights_of(likelihood: Likelihood) -> np.ndarray:
-    """Weight of each sample (samples,): each view in units of what it leaves, `SAMPLE` seconds as one sample."""
+    """Weight of each sample (samples,): each view in units of what it leaves, a time of `SAMPLE` as one sample."""
     frame = likelihood.robot.machine.frame
     return likelihood.weights * np.float32(np.sqrt(max(CORRELATION / frame, 1.0) / max(SAMPLE / frame, 1.0)))
 
@@ -42,7 +43,7 @@ class Eliminated:
         self.inverse = np.linalg.inv(normal_matrix(self.jacobian, prior_std**-2.0))
         self.offset = (offset * self.weights).astype(np.float32)
         self.samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
-        self.floor = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
+        self.least = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
         self.pull = (self.jacobian @ self.offset).astype(float)
         self.left = float(self.offset.astype(float) @ self.offset - self.pull @ self.inverse @ self.pull)
 
@@ -56,6 +57,24 @@ class Eliminated:
     def slope(self, weighted: np.ndarray, cross: np.ndarray, row: np.ndarray, pull: np.ndarray) -> np.ndarray:
         """Products (n,) or (n, rows) of weighted directions with rows, nuisance parameters eliminated."""
         return (weighted @ row).astype(float) - cross.T @ (self.inverse @ pull)
+
+    def products(self, rows: np.ndarray) -> np.ndarray:
+        """Products (nuisance, n) of J with weighted rows (n, samples)."""
+        return (self.jacobian @ rows.T).astype(float)
+
+    def squares(self, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (n,) of weighted rows (n, samples), nuisance parameters eliminated."""
+        pull = self.products(rows)
+        return np.einsum("ij,ij->i", rows, rows, dtype=float) - np.einsum("in,in->n", pull, self.inverse @ pull)
+
+    def taken_up(self, columns: Columns, prior: np.ndarray, variance: float, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (n,) that a law with prior standard deviations (directions,) takes up of weighted rows."""
+        slope = self.slope(columns.weighted, columns.cross, rows.T, self.products(rows))
+        return np.einsum("in,in->n", slope, np.linalg.solve(columns.gram + variance * np.diag(prior**-2.0), slope))
+
+    def log_evidence(self, variance: Any, penalised: Any, information: float) -> Any:
+        """Log evidence from the variance of a sample, squares over it with the use of the priors, and information."""
+        return -0.5 * (self.samples * np.log(variance) + penalised + information)
 
     def nuisance(self, columns: Columns, modes: np.ndarray) -> np.ndarray:
         """Coordinates x (nuisance,) beside coordinates (n,) of the law."""
@@ -97,23 +116,27 @@ class Weighed:
     left: float
 
 
+def information(gram: np.ndarray, prior: np.ndarray, variance: float) -> float:
+    """Log of the prior's volume over the posterior's, twice: Gram matrix (n, n) and prior standard deviations (n,)."""
+    return float(np.linalg.slogdet(np.eye(len(prior)) + gram * np.outer(prior, prior) / variance)[1])
+
+
 def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.ndarray) -> Weighed:
     """A law with given prior scales; channel (n,): of each direction."""
     prior = scales[channel]
     on = np.flatnonzero(prior > 0.0)
     gram, slope, prior = columns.gram[np.ix_(on, on)], columns.slope[on], prior[on]
-    variance, best = max(model.left / model.samples, model.floor), None
+    variance, best = max(model.left / model.samples, model.least), None
     for _ in range(ROUNDS):
         inverse = np.linalg.inv(gram / variance + np.diag(prior**-2.0))
         modes = -inverse @ slope / variance
         left = model.left + 2.0 * slope @ modes + modes @ gram @ modes
         penalised = left / variance + np.sum((modes / prior) ** 2)
-        information = np.linalg.slogdet(np.eye(len(on)) + gram * np.outer(prior, prior) / variance)[1]
-        value = -0.5 * (model.samples * np.log(variance) + penalised + information)
+        value = model.log_evidence(variance, penalised, information(gram, prior, variance))
         full, covariance = np.zeros(len(channel)), np.zeros((len(channel),) * 2)
         full[on], covariance[np.ix_(on, on)] = modes, inverse
         best = Weighed(float(value), scales, full, covariance, variance, float(left))
-        variance = max(float(left) / model.samples, model.floor)
+        variance = max(float(left) / model.samples, model.least)
     assert best is not None
     return best
 

@@ -90,7 +90,7 @@ def screened(
     return sorted(out, key=lambda s: -s.weighed.log_evidence)
 
 
-def begun(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Screened) -> Fit:
+def started(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Screened) -> Fit:
     """A screened candidate simulated with as much of its predicted weights as fits best."""
     count = len(s.candidate.channels)
     modes = np.zeros((count, SIZE))

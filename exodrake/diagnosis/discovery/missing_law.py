@@ -55,7 +55,7 @@ class MissingLaw:
         p_noise: p-value of that were there noise alone.
         runner_up: the best law at another point.
         lead: share of what the runner-up leaves above noise that the law takes up.
-        told_apart: whether it is more than a law at a wrong point takes up (`taken` of the calibration).
+        distinguished: whether it is more than a law at a wrong point takes up (`taken` of the calibration).
         others: laws that were fitted to the end, by evidence, best first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
@@ -73,7 +73,7 @@ class MissingLaw:
     p_noise: float = float("nan")
     runner_up: Runner | None = None
     lead: float = float("nan")
-    told_apart: bool = False
+    distinguished: bool = False
     others: tuple[Runner, ...] = ()
     curves: dict[str, Curve] = field(default_factory=dict)
     closure: Interval | None = None

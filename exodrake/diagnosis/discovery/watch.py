@@ -45,11 +45,9 @@ def state_places(machine: Machine, identity: str) -> dict[str, np.ndarray]:
     raise KeyError(identity)
 
 
-def places(machine: Machine, identity: str, name: str) -> np.ndarray:
+def places(machine: Machine, identity: str, name: str) -> list[int]:
     """Indices (channels,) of a parameter of an effect in the flat parameter vector."""
-    effect = machine.effect(identity)
-    channels = machine.axes.of(effect.axis)
-    return np.array([machine.index[".".join(p for p in (identity, name, c) if p)] for c in channels])
+    return list(machine.effect_indices(identity, name).values())
 
 
 def end_state(problem: Problem, values: np.ndarray, trial: Trial) -> np.ndarray:

@@ -23,7 +23,7 @@ from exodrake.diagnosis.discovery.law_machine import Moved, module_of
 from exodrake.machines.robot_file import robot_text
 
 SWITCH = "present"
-USED = ("curve", "dragged", "faded", "inside", "slope", "stopped")
+USED = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")
 NOTE = (
     "A free law that `exodrake diagnose` found: present = 1 puts it in, 0 is the robot without it. The values here are "
     "those of the strongest channel; those of each one are in the robot file beside this folder."

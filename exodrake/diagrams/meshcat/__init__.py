@@ -2,7 +2,7 @@
 
     html = recording_html(log, robot)
 
-Tendons are coloured by their load; the page has play, pause, speed and a slider over time. `#t=1.5` in the address
+Tendons are coloured by their load; the recording has play, pause, speed and a slider over time. `#t=1.5` in the address
 stops it at that time.
 """
 
@@ -11,24 +11,49 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from exodrake.core.display import display_of
+from exodrake.core.display import Display, display_of
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.data.log import Log
 from exodrake.diagrams.meshcat.arm import Arm
-from exodrake.diagrams.meshcat.page import colours, with_readings
+from exodrake.diagrams.meshcat.readings import colours, with_readings
 from exodrake.diagrams.meshcat.scene import GHOST, Finger, Thing
 from exodrake.diagrams.meshcat.shapes import skeleton
 
 __all__ = ["Thing", "beside", "frames_of", "recording_html"]
 
-FRAMES = 500  # at most, so that the page stays below 5 MB
+FRAMES = 500  # at most, so that the file stays below 5 MB
 RATE = 25.0  # frames per second of a short recording
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a recording shows.
+
+    Attributes:
+        time: (k,) of the frames [s].
+        angle: (k, joints) [rad], or [m] of a sliding joint.
+        load: (k, tendons) [SI].
+        top: (tendons,) load at the end of the colour scale [SI].
+        ghost: (k, joints) angles of the second robot, or None.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    load: np.ndarray
+    top: np.ndarray
+    ghost: np.ndarray | None
+
+    @property
+    def step(self) -> float:
+        """Time between frames [s]."""
+        return float(self.time[1] - self.time[0]) if len(self.time) > 1 else 1.0 / RATE
 
 
 def recording_html(
@@ -41,12 +66,12 @@ def recording_html(
     names: tuple[str, str] = ("this run", "nominal"),
     details: Sequence[str] = (),
 ) -> str:
-    """A page with the moving robot.
+    """HTML with the moving robot.
 
     Args:
         log: with angles and loads of the tendons.
         robot: whose geometry is drawn.
-        title: of the page; the log's label by default.
+        title: of the recording; the log's label by default.
         thing: an object at the robot.
         angles: kind of the columns drawn, such as `angle_est`; the measured ones by default.
         other: a second log, drawn as a grey ghost.
@@ -60,27 +85,37 @@ def recording_html(
     kind = angles or bones.angle
     time, angle, load = frames_of(log, bones, kind)
     ghost = None if other is None else beside(time, *frames_of(other, bones, kind)[:2])
-    top = full_load(robot, bones, load)
-    step = float(time[1] - time[0]) if len(time) > 1 else 1.0 / RATE
+    motion = Motion(time, angle, load, full_load(robot, bones, load), ghost)
+    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
+    readings = {**readings_of(motion, bones, display), "names": names}
+    label = f"{coloured}: its {display.label.lower()}"
+    return with_readings(animated(motion, bones, thing), title or log.label, readings, details, label)
+
+
+def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> str:
+    """A motion as Meshcat's own HTML."""
     with silent_meshcat() as meshcat:
         drawn = Arm(meshcat, bones) if isinstance(bones, Shape) else Finger(meshcat, bones, thing)
-        drawn.begin(angle[0], ghost is not None)
-        meshcat.StartRecording(frames_per_second=1.0 / step, set_visualizations_while_recording=False)
-        for k in range(len(time)):
-            drawn.frame(k * step, angle[k], colours(np.abs(load[k]) / top))
-            if ghost is not None:
-                drawn.turn(GHOST, k * step, ghost[k])
+        drawn.begin(motion.angle[0], motion.ghost is not None)
+        meshcat.StartRecording(frames_per_second=1.0 / motion.step, set_visualizations_while_recording=False)
+        for k, (angle, load) in enumerate(zip(motion.angle, motion.load)):
+            drawn.frame(k * motion.step, angle, colours(np.abs(load) / motion.top))
+            if motion.ghost is not None:
+                drawn.turn(GHOST, k * motion.step, motion.ghost[k])
         meshcat.StopRecording()
         repeat(meshcat)
-        html = meshcat.StaticHtml()
-    coloured, display = "joint" if isinstance(bones, Shape) else "tendon", display_of(bones.load, robot.machine)
-    readings = {
-        "time": time.round(4).tolist(), "step": step, "tendons": bones.tendons, "joints": bones.joints,
-        "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": angle.round(4).tolist(),
-        "load": (display.factor * load).round(2).tolist(), "unit": display.unit, "top": (display.factor * top).tolist(),
-        "ghost": [] if ghost is None else ghost.round(4).tolist(), "names": names,
+        return meshcat.StaticHtml()
+
+
+def readings_of(motion: Motion, bones: Skeleton | Shape, display: Display) -> dict[str, Any]:
+    """A motion as plain data for the live readings, loads in the unit of their display."""
+    return {
+        "time": motion.time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
+        "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": motion.angle.round(4).tolist(),
+        "load": (display.factor * motion.load).round(2).tolist(), "unit": display.unit,
+        "top": (display.factor * motion.top).tolist(),
+        "ghost": [] if motion.ghost is None else motion.ghost.round(4).tolist(),
     }  # fmt: skip
-    return with_readings(html, title or log.label, readings, details, f"{coloured}: its {display.label.lower()}")
 
 
 def frames_of(log: Log, bones: Skeleton | Shape, angles: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ q as seen = q + slip sin(2 q)
 
 from math import sin
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.signal import JOINTS
 
 
@@ -22,6 +22,7 @@ EFFECT = Effect(
     at={"mocap.seen": seen},
     parameters=(EffectParameter("slip", "rad", null=0.0, low=-0.1, high=0.1, axis=JOINTS, default=0.03),),
     family="nonlinearity",
+    law_std=ANY_SHAPE,
     not_tried="another law of mocap.gain, which is tried",
     order=710,
 )

@@ -17,7 +17,7 @@ def current_limit(nominal, limit):
 EFFECT = Effect(
     id="motor.current_limit",
     summary="current clips lower than nominal",
-    signature="tension levels off and speed falls short where load is high or acceleration is asked for",
+    signature="tension levels off and speed falls short where load or acceleration is high",
     source="physics.md 4.A; 0.11 A holds 12 N at the wire, above 0.12 A nothing clips",
     at={"motor.current_limit": current_limit},
     parameters=(

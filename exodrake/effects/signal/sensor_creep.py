@@ -3,7 +3,7 @@
 F = T + y          time_constant y' = fraction T - y
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.relaxation import relaxed
@@ -34,6 +34,7 @@ EFFECT = Effect(
     states=(State("crept", TENDONS, unit="N"),),
     advances=("sensor.settle",),
     family="viscoelasticity",
+    law_std=ANY_SHAPE,
     not_tried="another law of a slow zero error; sensor.drift is tried",
     order=320,
 )

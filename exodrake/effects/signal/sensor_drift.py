@@ -3,7 +3,7 @@
 F = T + rate t          t from the start of the log
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.signal import TENDONS
 
 
@@ -20,5 +20,6 @@ EFFECT = Effect(
     at={"sensor.reading": reading},
     parameters=(EffectParameter("rate", "N/s", null=0.0, low=-0.03, high=0.03, axis=TENDONS, default=0.005),),
     family="drift",
+    law_std=ANY_SHAPE,
     order=345,
 )

@@ -3,7 +3,7 @@
 F = T + error T (T_s - T) / (T_s / 2)^2          T_s = 20 N full scale of tension
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 from exodrake.core.signal import TENDONS
 
 FULL_SCALE = 20.0  # tension at which the cell is full [N]; effects.md
@@ -23,5 +23,6 @@ EFFECT = Effect(
     at={"sensor.reading": reading},
     parameters=(EffectParameter("error", "N", null=0.0, low=-1.0, high=1.0, axis=TENDONS, default=0.2),),
     family="nonlinearity",
+    law_std=ANY_SHAPE,
     order=330,
 )

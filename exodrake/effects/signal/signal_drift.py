@@ -3,7 +3,7 @@
 shown = value + rate t          t from the first sample
 """
 
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import ANY_SHAPE, Effect, EffectParameter
 
 
 def shown(value, clock, period, rate):
@@ -19,5 +19,6 @@ EFFECT = Effect(
     at={"signal.shown": shown},
     parameters=(EffectParameter("rate", "value/s", null=0.0, low=-0.05, high=0.05, default=0.01),),
     family="drift",
+    law_std=ANY_SHAPE,
     order=744,
 )

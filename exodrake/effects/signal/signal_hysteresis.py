@@ -18,7 +18,7 @@ EFFECT = Effect(
     id="signal.hysteresis",
     summary="the sensor remembers the way its value has come",
     signature="reading differs between rising and falling values by an amount independent of rate",
-    source="strain gauges and magnetic sensors, 0.05-1 % of full scale; range assumed",
+    source="load cells and magnetic sensors, 0.05-1 % of full scale; range assumed",
     at={"signal.shown": shown},
     parameters=(
         EffectParameter("error", "value", null=0.0, low=-0.1, high=0.1, default=0.03),

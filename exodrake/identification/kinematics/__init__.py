@@ -2,5 +2,5 @@
 
 `marker_file.read_markers` reads a recording, `identify.identify` estimates the finger's kinematics, `report` writes
 table, robot file and figure, and `synthetic.synthesise` makes recordings with known truth. The theory is in `screws`,
-`finger`, `start`, `adjust` and `measures`.
+`finger`, `first_guess`, `adjust` and `measures`.
 """

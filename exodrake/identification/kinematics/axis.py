@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.rigid import motion, rotation
+from exodrake.identification.kinematics.rigid import apply, inverse, motion, rotation
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,13 @@ class Axis:
         turn = rotation(self.direction, angle)
         centre = self.centre(angle)
         return motion(turn, centre - np.einsum("...ij,...j->...i", turn, centre))
+
+    def seen_from(self, pose: np.ndarray) -> "Axis":
+        """The axis in the frame of a pose (4, 4) [m], centre and slope normal to it."""
+        into = inverse(pose)
+        turn = into[:3, :3]
+        w = turn @ self.direction
+        return Axis(w, across(apply(into, self.point[None])[0], w), across(turn @ self.slope, w))
 
 
 def chain_pose(axes: Sequence[Axis], angles: np.ndarray) -> np.ndarray:

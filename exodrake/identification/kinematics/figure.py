@@ -1,9 +1,8 @@
 """Figure of joint centres over joint angle with regression line and 95 % band (paper Fig. 9 b-d)."""
 
-import io
-
 import numpy as np
 
+from exodrake.data.plot import new_figure, png_of
 from exodrake.identification.kinematics.identify import Joint, Kinematics
 
 PROXIMAL = ("back of the hand", "proximal phalanx", "middle phalanx")
@@ -12,11 +11,7 @@ COLOURS = {"X": "#1f6fb4", "Y": "#d1592b", "Z": "#3a8f4f"}
 
 def centre_figure(found: Kinematics) -> bytes:
     """Draw the figure as PNG: a column per joint, a row per axis of the proximal frame, equal heights in mm."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(11.0, 8.0)
     panels = figure.subplots(3, len(found.joints), sharex="col")
     height = max(_height(joint) for joint in found.joints)
     for column, (joint, frame) in enumerate(zip(found.joints, PROXIMAL, strict=True)):
@@ -29,9 +24,7 @@ def centre_figure(found: Kinematics) -> bytes:
         panels[2, column].set_xlabel(f"{joint.name} flexion [rad]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, markerscale=5)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130)
-    return stream.getvalue()
+    return png_of(figure, dpi=130)
 
 
 def _height(joint: Joint) -> float:

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.identification.kinematics.axis import Axis, across
-from exodrake.identification.kinematics.frames import corners
 from exodrake.identification.kinematics.rigid import hat, rotation, turned_by
+from exodrake.identification.kinematics.triads import corners
 
 SEGMENTS, TRIAD = 4, 3
 COUNT = 3 * TRIAD * SEGMENTS  # coordinates of markers

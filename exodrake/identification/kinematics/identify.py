@@ -9,21 +9,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.normal import NORMAL_95
 from exodrake.identification.kinematics.adjust import adjust, fit_frames
 from exodrake.identification.kinematics.axis import Axis, across
+from exodrake.identification.kinematics.centre_line import CentreLine
 from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.frames import place, placed, triad_pose
+from exodrake.identification.kinematics.first_guess import first_guess
 from exodrake.identification.kinematics.hinge import centres
 from exodrake.identification.kinematics.labels import check_labels, refuse_swaps
 from exodrake.identification.kinematics.layout import JOINTS, Layout
-from exodrake.identification.kinematics.line import NORMAL_95, CentreLine
 from exodrake.identification.kinematics.markers import Recording
 from exodrake.identification.kinematics.measures import measured
 from exodrake.identification.kinematics.rigid import apply, inverse
 from exodrake.identification.kinematics.smooth import smooth
-from exodrake.identification.kinematics.start import first_guess
+from exodrake.identification.kinematics.triads import place, placed, triad_pose
 
-FRAMES = 4000  # of the adjustment, equispaced beside the rest: minutes of recording within seconds
+FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
 
 
 @dataclass(frozen=True)
@@ -155,18 +156,13 @@ def _joint(
     angle[~seen] = side[~seen] = np.nan
     if k == 0:
         turns = inverse(finger.axes[0].pose(side)) @ turns
-    to_triad = inverse(triad_pose(finger.markers[k]))
-    turned = to_triad[:3, :3]
+    pose = triad_pose(finger.markers[k])
+    own = axis.seen_from(pose)
     centre = centres(turns, axis.direction, angle, finger.markers[k + 1].mean(axis=0))
-    centre = across(apply(to_triad, centre), turned @ axis.direction)
+    centre = across(apply(inverse(pose), centre), own.direction)
     gradient, intercept = values[:3], values[3:]
     used = np.abs(np.nan_to_num(angle)) >= settings.smallest_angle
     error = centre[used] - intercept - gradient * angle[used, None]
     line = CentreLine(gradient, intercept, covariance, np.sqrt(np.mean(error**2, axis=0)), len(error))
-    own = Axis(turned @ axis.direction, intercept, gradient)
-    if k:
-        return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle)
-    abduction = finger.axes[0]
-    point = apply(to_triad, abduction.point[None])[0]
-    first = Axis(turned @ abduction.direction, across(point, turned @ abduction.direction), np.zeros(3))
-    return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle, first, side)
+    abduction_axis, abduction = (None, None) if k else (finger.axes[0].seen_from(pose), side)
+    return Joint(JOINTS[k], own, angle, centre, line, settings.smallest_angle, abduction_axis, abduction)

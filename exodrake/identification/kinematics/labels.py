@@ -11,10 +11,11 @@ from itertools import combinations
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.frames import Triad, kabsch, triad_of
 from exodrake.identification.kinematics.layout import SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
+from exodrake.identification.kinematics.triads import Triad, placed, triad_of
 
+PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
 OUTLIER = 4.0  # times the median residual
 EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
 SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
@@ -43,9 +44,7 @@ class LabelCheck:
 def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
     """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
     points = recording.of(layout.finger)
-    triads = tuple(
-        triad_of(points[:, 3 * k : 3 * k + 3], names, recording.source) for k, names in enumerate(layout.segments)
-    )
+    triads = _triads(points, layout, recording.source)
     residual = _residuals(triads, points)
     median = np.nanmedian(residual, axis=1)
     _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
@@ -86,13 +85,19 @@ def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
 
 def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
     """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
-    residual = np.full((len(triads), len(points)), np.nan)
-    for k, triad in enumerate(triads):
-        three = points[:, 3 * k : 3 * k + 3]
-        whole = np.isfinite(three).all(axis=(1, 2))
-        if whole.any():
-            residual[k, whole] = kabsch(triad.shape, three[whole])[1]
-    return residual
+    return np.stack([placed(triad.shape, points[:, 3 * k : 3 * k + 3])[1] for k, triad in enumerate(triads)])
+
+
+def _triads(points: np.ndarray, layout: Layout, source: str) -> tuple[Triad, ...]:
+    """Shapes of the four triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
+    return tuple(triad_of(points[:, 3 * k : 3 * k + 3], names, source) for k, names in enumerate(layout.segments))
+
+
+def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
+    """Points (frames, 12, 3) [m] with a pair of markers exchanged."""
+    swapped = points.copy()
+    swapped[:, pair] = points[:, pair[::-1]]
+    return swapped
 
 
 def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, limit: np.ndarray) -> np.ndarray:
@@ -100,12 +105,10 @@ def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, l
     best, answer = np.full(len(points), np.inf), np.full(len(points), -1)
     if not len(points):
         return answer
-    for number, (a, b) in enumerate(combinations(range(points.shape[1]), 2)):
+    for number, (a, b) in enumerate(PAIRS):
         if not bad[[a // 3, b // 3]].any():
             continue
-        swapped = points.copy()
-        swapped[:, [a, b]] = points[:, [b, a]]
-        residual = np.nan_to_num(_residuals(triads, swapped) / limit)
+        residual = np.nan_to_num(_residuals(triads, _exchanged(points, (a, b))) / limit)
         touched = bad[a // 3] | bad[b // 3]
         worst = np.where(touched, residual.max(axis=0), np.inf)
         better = (worst < 1 / 2) & (worst < best)
@@ -117,10 +120,8 @@ def _extended(
     triads: tuple[Triad, ...], points: np.ndarray, residual: np.ndarray, pairs: np.ndarray, pair: int
 ) -> np.ndarray:
     """Extend a swap to neighbouring frames whose residual is smaller with the exchange: noise hides single frames."""
-    swapped = points.copy()
-    a, b = list(combinations(range(points.shape[1]), 2))[pair]
-    swapped[:, [a, b]] = points[:, [b, a]]
-    better = np.nansum(_residuals(triads, swapped), axis=0) < np.nansum(residual, axis=0)
+    swapped = _residuals(triads, _exchanged(points, PAIRS[pair]))
+    better = np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)
     better |= pairs == pair
     bounds = np.flatnonzero(np.diff(np.r_[False, better, False]))
     for first, stop in bounds.reshape(-1, 2):
@@ -131,12 +132,13 @@ def _extended(
 
 def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tuple[Swap, ...]:
     """Join consecutive frames with the same exchange into swaps."""
-    couples, swaps = list(combinations(names, 2)), []
+    swaps: list[Swap] = []
     for frame, pair in zip(frames.tolist(), pairs.tolist(), strict=True):
-        if swaps and swaps[-1].names == couples[pair] and swaps[-1].last == frame - 1:
+        a, b = (names[marker] for marker in PAIRS[pair])
+        if swaps and swaps[-1].names == (a, b) and swaps[-1].last == frame - 1:
             swaps[-1] = replace(swaps[-1], last=frame)
         else:
-            swaps.append(Swap(couples[pair], frame, frame))
+            swaps.append(Swap((a, b), frame, frame))
     return tuple(swaps)
 
 
@@ -149,12 +151,10 @@ def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, resi
     change = f"by {1e3 * residual[k]:.1f} mm or more in a tenth of the frames"
     loose = f"{recording.source}: {names} change their shape, {change}"
     some = points[:: max(1, len(points) // 200)]
-    for a, b in combinations(range(12), 2):
+    for a, b in PAIRS:
         if a // 3 == b // 3 or k not in (a // 3, b // 3):
             continue
-        other = some.copy()
-        other[:, [a, b]] = some[:, [b, a]]
-        if _worst_change(other, layout) < residual[k] / 2:
+        if _worst_change(_exchanged(some, (a, b)), layout) < residual[k] / 2:
             raise InputError(
                 f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
             )
@@ -165,7 +165,7 @@ def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, resi
 def _worst_change(points: np.ndarray, layout: Layout) -> float:
     """Residual that the worst triad exceeds in a tenth of the frames [m]; infinite for a collinear triad."""
     try:
-        triads = tuple(triad_of(points[:, 3 * k : 3 * k + 3], names) for k, names in enumerate(layout.segments))
+        triads = _triads(points, layout, "recording")
     except InputError:
         return np.inf
     return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())

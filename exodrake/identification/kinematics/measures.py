@@ -5,8 +5,7 @@ import numpy as np
 from exodrake.identification.kinematics.adjust import Adjusted
 from exodrake.identification.kinematics.axis import across, joint_points
 from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.frames import triad_pose
-from exodrake.identification.kinematics.rigid import apply, inverse
+from exodrake.identification.kinematics.triads import triad_pose
 
 STEP = 1e-6  # m, rad, m/rad; of the difference quotient
 
@@ -23,9 +22,8 @@ def measures(finger: Finger, tip: int) -> np.ndarray:
     """
     values = [phalanx_lengths(finger, tip)]
     for triad, axis in zip(finger.markers, finger.axes[1:]):
-        seen = inverse(triad_pose(triad))
-        w = seen[:3, :3] @ axis.direction
-        values += [seen[:3, :3] @ axis.slope, across(apply(seen, axis.point[None])[0], w)]
+        seen = axis.seen_from(triad_pose(triad))
+        values += [seen.slope, seen.point]
     return np.concatenate(values)
 
 

@@ -1,4 +1,4 @@
-"""Results of the identification: a table like the paper's Table 1 (CSV, Markdown, terminal), robot file and figure."""
+"""Results of the identification: a table like the paper's Table 1 (CSV, Markdown), robot file and figure."""
 
 import csv
 import io
@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.files import write_folder
-from exodrake.identification.kinematics.identify import Joint, Kinematics
+from exodrake.core.markdown import markdown_table
+from exodrake.identification.kinematics.figure import centre_figure
+from exodrake.identification.kinematics.identify import Kinematics
 from exodrake.identification.kinematics.layout import SEGMENTS
 
 HEAD = (
@@ -49,19 +51,18 @@ def table_csv(found: Kinematics) -> str:
 
 def table_markdown(found: Kinematics) -> str:
     """Format the table as Markdown, followed by lengths, ranges, quality and remarks."""
-    lines = [f"# Kinematic identification of {Path(found.source).name}", "", _row(HEAD), _row(["---"] * len(HEAD))]
-    lines += [_row(row) for row in table_rows(found)]
-    lines += [
-        "",
-        "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
-        "",
+    joints = [
+        (name, "{:.3f} .. {:.3f}".format(*joint.range), joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", *rest)
+        for joint, (name, *rest) in zip(found.joints, length_rows(found), strict=True)
     ]
-    lines += [_row(JOINT_HEAD), _row(["---"] * len(JOINT_HEAD))]
-    for joint, (_, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
-        span = "{:.3f} .. {:.3f}".format(*joint.range)
-        lines.append(_row((joint.name, span, joint.line.frames, f"{1e3 * joint.line.rmse_3d:.2f}", bone, length, half)))
-    lines += ["", *(f"* {note}" for note in notes(found))]
-    return "\n".join(lines) + "\n"
+    parts = [
+        f"# Kinematic identification of {Path(found.source).name}",
+        markdown_table(HEAD, table_rows(found)),
+        "Centre = gradient x angle + intercept, normal to the joint's axis, in the frame of the proximal segment.",
+        markdown_table(JOINT_HEAD, joints),
+        "\n".join(f"* {note}" for note in notes(found)),
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
 def notes(found: Kinematics) -> list[str]:
@@ -86,19 +87,13 @@ def robot_yaml(found: Kinematics) -> str:
     for joint, length, half in zip(found.joints, found.lengths, found.intervals, strict=True):
         lines.append(f"  finger.length.{joint.name}: {length:.5f}  # +- {half:.5f} m, source: markers, {name}")
     for joint in found.joints:
-        low, high = joint.range
-        lines.append(f"# seen: {joint.name} {low:.3f} .. {high:.3f} rad, centre moves {1e3 * _speed(joint):.2f} mm/rad")
+        (low, high), speed = joint.range, 1e3 * np.linalg.norm(joint.line.gradient)
+        lines.append(f"# seen: {joint.name} {low:.3f} .. {high:.3f} rad, centre moves {speed:.2f} mm/rad")
     return "\n".join(lines) + "\n"
-
-
-def _speed(joint: Joint) -> float:
-    return float(np.linalg.norm(joint.line.gradient))
 
 
 def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
     """Write kinematics.csv, .md, .png and robot.yaml into a folder and return the files. InputError if it cannot."""
-    from exodrake.identification.kinematics.figure import centre_figure
-
     contents = {
         "kinematics.csv": table_csv(found).encode(),
         "kinematics.md": table_markdown(found).encode(),
@@ -106,31 +101,3 @@ def write_report(found: Kinematics, folder: str | Path) -> list[Path]:
         "kinematics.png": centre_figure(found),
     }
     return write_folder(folder, contents)
-
-
-def print_table(found: Kinematics) -> None:
-    """Print both tables on the terminal."""
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    table = Table(title=f"Joint centres of {Path(found.source).name}: centre = gradient x angle + intercept")
-    for column in ("joint", "axis", "gradient [mm/rad]", "intercept [mm]", "RMSE [mm]"):
-        table.add_column(column, justify="left" if column in HEAD[:2] else "right")
-    for joint, axis, gradient, half_gradient, intercept, half_intercept, rmse in table_rows(found):
-        shown = (
-            f"{float(gradient):.2f} ± {float(half_gradient):.2f}",
-            f"{float(intercept):.2f} ± {float(half_intercept):.2f}",
-        )
-        table.add_row(joint if axis == "X" else "", axis, *shown, f"{float(rmse):.2f}", end_section=axis == "Z")
-    console.print(table)
-    lengths = Table(title="Phalanx lengths and range of motion")
-    for column in ("joint", "flexion [rad]", "phalanx", "length [mm]"):
-        lengths.add_column(column)
-    for joint, (name, bone, length, half) in zip(found.joints, length_rows(found), strict=True):
-        lengths.add_row(name, "{:.2f} .. {:.2f}".format(*joint.range), bone, f"{length} ± {half}")
-    console.print(lengths)
-
-
-def _row(cells) -> str:
-    return "| " + " | ".join(str(cell) for cell in cells) + " |"

@@ -6,17 +6,19 @@ and DIP gradients are the paper's; that of the MCP is smaller than the printed o
 (`physics.md`, Table 1). Nothing here was measured.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, across, chain_pose
-from exodrake.identification.kinematics.frames import triad_pose
+from exodrake.identification.kinematics.axis import Axis, chain_pose
 from exodrake.identification.kinematics.labels import Swap
-from exodrake.identification.kinematics.layout import SEGMENTS, Layout
+from exodrake.identification.kinematics.layout import JOINTS, SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
-from exodrake.identification.kinematics.rigid import apply, inverse, motion, rotation
+from exodrake.identification.kinematics.rigid import apply, motion, rotation
+from exodrake.identification.kinematics.triads import triad_pose
+from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
+from exodrake.simulation.tensions import smooth
 
 MM = 1e-3
 PLACES = {  # mm from the joint before the segment, at rest
@@ -35,17 +37,17 @@ class Hand:
     Attributes:
         lengths: (3,) phalanx lengths [m].
         slopes: (3, 3) slopes of the MCP, PIP, DIP centres along x, y, z at rest [m/rad].
-        flexion: (3, 2) ranges of motion [rad] (paper Table 2, S.M.).
+        flexion: (3, 2) ranges of motion [rad].
         abduction: (2,) range of motion [rad].
     """
 
-    lengths: tuple[float, float, float] = (0.04264, 0.02014, 0.01872)
+    lengths: tuple[float, float, float] = LENGTHS
     slopes: tuple[tuple[float, float, float], ...] = (
         (-1.0e-3, -1.5e-3, 0),
         (-2.72e-3, 1.91e-3, 0),
         (-0.71e-3, 0.26e-3, 0),
     )
-    flexion: tuple[tuple[float, float], ...] = ((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))
+    flexion: tuple[tuple[float, float], ...] = SPONTANEOUS
     abduction: tuple[float, float] = (-0.26, 0.26)
 
 
@@ -65,7 +67,7 @@ class Faults:
     artefact: float = 0.0
     dropouts: float = 0.0
     gap: float = 0.05
-    swaps: tuple[Swap, ...] = field(default=())
+    swaps: tuple[Swap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,23 +85,23 @@ class Truth:
     lengths: tuple[float, float, float]
 
 
-def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: int) -> tuple[Recording, Truth]:
+def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: int) -> tuple[Recording, Truth]:
     """Synthesise a recording and its truth; the finger rests for the first second, then moves over its ranges.
 
     Args:
         hand: True parameters.
         faults: Faults of the recording.
-        seconds: Duration [s].
+        duration: Its length [s].
         rate: Frame rate [Hz].
         seed: Of the random numbers.
 
     Raises:
         InputError: For fewer than 3 s or 5 Hz.
     """
-    if seconds < 3 or rate < 5:
-        raise InputError(f"synthesise: {seconds:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
+    if duration < 3 or rate < 5:
+        raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
     rng = np.random.default_rng(seed)
-    time = np.arange(round(seconds * rate)) / rate
+    time = np.arange(round(duration * rate)) / rate
     angles = wanted_angles(time, hand)
     rest, layout = rest_markers(hand), Layout()
     axes = _axes_at_rest(hand)
@@ -112,13 +114,13 @@ def synthesise(hand: Hand, faults: Faults, seconds: float, rate: float, seed: in
     positions = apply(_hand_motion(time), np.concatenate(places, axis=1))
     names = (*layout.finger, *layout.thumb)
     recording = Recording(names, time, _faulty(positions, names, time, faults, rng), f"synthetic, seed {seed}")
-    return recording, Truth(angles, _in_triads(axes, rest), hand.lengths)
+    seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", "base", "proximal", "middle"), strict=True)]
+    return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
 
 def wanted_angles(time: np.ndarray, hand: Hand) -> np.ndarray:
     """Abduction, MCP, PIP, DIP (frames, 4) [rad] at times (frames,) [s]: rest, then sines."""
-    start = np.clip((time - 1.0) / 1.5, 0, 1)
-    rise = start**3 * (10 - 15 * start + 6 * start**2)
+    rise = smooth((time - 1.0) / 1.5)
     columns = []
     for number, (low, high) in enumerate((hand.abduction, *hand.flexion)):
         update = 2 * np.pi * (0.19 + 0.06 * number) * time + 0.7 * number
@@ -142,16 +144,6 @@ def _axes_at_rest(hand: Hand) -> tuple[Axis, Axis, Axis, Axis]:
         for x, g in zip(centres, hand.slopes, strict=True)
     ]
     return Axis(dorsal, np.zeros(3), np.zeros(3)), *bends  # type: ignore[return-value]
-
-
-def _in_triads(axes: tuple[Axis, ...], rest: dict[str, np.ndarray]) -> tuple[Axis, Axis, Axis, Axis]:
-    """Express each axis in the frame of the proximal triad, with the centre normal to it."""
-    seen = []
-    for axis, name in zip(axes, ("base", "base", "proximal", "middle"), strict=True):
-        pose = inverse(triad_pose(rest[name]))
-        w = pose[:3, :3] @ axis.direction
-        seen.append(Axis(w, across(apply(pose, axis.point[None])[0], w), across(pose[:3, :3] @ axis.slope, w)))
-    return tuple(seen)  # type: ignore[return-value]
 
 
 def _skin_motion(markers: int, angle: np.ndarray, artefact: float, rng: np.random.Generator) -> np.ndarray:
@@ -190,15 +182,8 @@ def _faulty(
 def truth_yaml(truth: Truth) -> str:
     """Encode the truth as YAML: lengths [m], gradient [mm/rad] and intercept [mm] of each centre."""
     lines = ["# truth of a synthetic recording"]
-    lines += [
-        f"finger.length.{joint}: {length:.5f}"
-        for joint, length in zip(("MCP", "PIP", "DIP"), truth.lengths, strict=True)
-    ]
-    for joint, axis in zip(("MCP", "PIP", "DIP"), truth.axes[1:], strict=True):
-        for word, vector in (
-            ("gradient_mm_rad", axis.slope),
-            ("intercept_mm", axis.point),
-            ("axis", axis.direction / 1e3),
-        ):
-            lines.append(f"{joint}.{word}: [{', '.join(f'{1e3 * value:.4f}' for value in vector)}]")
+    lines += [f"finger.length.{joint}: {length:.5f}" for joint, length in zip(JOINTS, truth.lengths, strict=True)]
+    for joint, axis in zip(JOINTS, truth.axes[1:], strict=True):
+        parts = {"gradient_mm_rad": 1e3 * axis.slope, "intercept_mm": 1e3 * axis.point, "axis": axis.direction}
+        lines += [f"{joint}.{name}: [{', '.join(f'{v:.4f}' for v in vector)}]" for name, vector in parts.items()]
     return "\n".join(lines) + "\n"

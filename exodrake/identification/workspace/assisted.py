@@ -4,7 +4,7 @@ Friction is left out: the tension at the finger equals that of the wire. The wir
 the image of the box of tensions, and smaller than the ranges of the joints alone would give.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,19 +41,15 @@ def assisted(robot, steps: int = 25) -> Assisted:
     Raises:
         InputError: For fewer than 3 steps, or naming a tension without equilibrium.
     """
-    from exodrake.core.part import fields_of
-    from exodrake.systems.finger_statics import posture
-    from exodrake.systems.tendon_finger import Parameters
+    from exodrake.systems.finger_statics import parameters_of, posture
 
     if steps < 3:
         raise InputError(f"workspace: {steps} tensions per wire are too few; at least 3")
-    values = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
-    parameters = Parameters(*[_plain(v) for v in values])
     wires = [
         np.linspace(robot.limits["F_min"][wire], robot.limits["F_max"][wire], steps) for wire in ("AF", "MF", "AE")
     ]
     grid = np.stack(np.meshgrid(*wires, indexing="ij"), axis=-1)
-    angles = posture(grid.reshape(-1, 3), parameters).reshape(grid.shape)
+    angles = posture(grid.reshape(-1, 3), parameters_of(robot)).reshape(grid.shape)
     if np.isnan(angles).any():
         where = np.argwhere(np.isnan(angles).any(axis=-1))[0]
         af, mf, ae = grid[tuple(where)]
@@ -61,11 +57,6 @@ def assisted(robot, steps: int = 25) -> Assisted:
             f"{robot.source}: no equilibrium with AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
         )
     return Assisted(grid, angles)
-
-
-def _plain(values: np.ndarray) -> Any:
-    """Convert to a float, or to a tuple for several channels, as the compiled functions take them."""
-    return tuple(values.tolist()) if len(values) > 1 else float(values[0])
 
 
 def _cells(points: np.ndarray) -> np.ndarray:

@@ -1,20 +1,15 @@
 """Figure of the workspaces (paper Fig. 13): full range of motion and assisted range."""
 
-import io
-
 import numpy as np
 
+from exodrake.data.plot import new_figure, png_of
 from exodrake.identification.workspace.area import reach
 from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, Ranges, tip
 
 
 def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
     """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 5.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(10.5, 5.6)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
         whole = reach(lengths, ranges, what)
@@ -31,9 +26,7 @@ def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
         panel.set_axisbelow(True)
     panels[0].set_ylabel("y, palmar [mm]")
     panels[0].set_ylim(90, -55)  # palmar down, as the hand lies
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=130)
-    return stream.getvalue()
+    return png_of(figure, dpi=130)
 
 
 def _fill(panel, region, colour: str, alpha: float, label: str) -> None:

@@ -57,7 +57,7 @@ LOOP = Loop(
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     """Repeatability of position [m] and force [N]."""
-    return {"position": parameter("scale.floor"), "force": parameter("drive.floor")}
+    return {"position": parameter("scale.repeatability"), "force": parameter("drive.repeatability")}
 
 
 @cache

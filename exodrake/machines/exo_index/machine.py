@@ -81,7 +81,7 @@ def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
 STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a second
 SLACK = 0.15  # N: half the anti-slack reference of 0.3 N
 COLOURS = {
-    **{"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"},  # Okabe and Ito: told apart by all eyes
+    **{"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"},  # Okabe and Ito: distinct to all eyes
     **{"MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933"},  # Tol's muted scheme
 }
 TWELFTH = 1.0 / 12.0  # variance of a rounding error in units of its step squared

@@ -6,7 +6,7 @@ from functools import cache
 
 from exodrake.core.machine import Machine
 from exodrake.effects import for_machine
-from exodrake.machines.position_servos import joint_machine
+from exodrake.machines.position_servos import BEND, joint_machine
 
 EFFECTS = (
     for_machine("joint.bend_loss", "sheath.bend_loss"),
@@ -21,4 +21,4 @@ EFFECTS = (
 @cache
 def machine() -> Machine:
     """A rigid transmission: the joint angle is the commanded one at any bend of the sheath."""
-    return joint_machine("tendon_sheath", "sheath", ("bending",), EFFECTS, frame=0.025, max_effects=4, bent=True)
+    return joint_machine("tendon_sheath", "sheath", ("bending",), EFFECTS, frame=0.025, max_effects=4, settings=(BEND,))

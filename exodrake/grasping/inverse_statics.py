@@ -1,9 +1,9 @@
 """Inverse statics: postures to tensions, which are one-sided and bounded, with joints that may snap.
 
 Given a posture the statics are linear in the tensions, P(q)^T T = tau_p(q): the paper's Eq. 22 corrected, with rest
-posture and end stops (`stiffness.tension_map` is this with constant stiffness). Whether the finger then stands there is
-another question: T must lie in F_min .. F_max, the equilibrium must be stable (arms grow with the angle, so tension
-softens joints, and under strong co-contraction the DIP has two stable postures), and the ramp must lead to it.
+posture and end stops. Whether the finger then stands there is another question: T must lie in F_min .. F_max, the
+equilibrium must be stable (arms grow with the angle, so tension softens joints, and under strong co-contraction the DIP
+has two stable postures), and the ramp must lead to it.
 
 Where no tensions hold a posture, `project` finds those whose posture is nearest: least squares within the bounds,
 through the nonlinear statics along the ramp.
@@ -12,12 +12,9 @@ through the nonlinear statics along the ramp.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from exodrake.core.part import fields_of
-from exodrake.core.robot import Robot
 from exodrake.simulation.tensions import smooth
 from exodrake.systems.finger import end_stop
 from exodrake.systems.finger_statics import arms, follow, posture
@@ -35,13 +32,6 @@ NUDGE = 1e-5  # rad, of difference quotients
 SINGULAR = 1e-12  # m3, |det P| below which tensions do not exist (`physics.md` 1.21: q2 = q3 with equal routers)
 APART = 0.01  # rad between postures tried one after the other
 STEPS, STARTS = 13, 4  # tensions per tendon tried, and starts of the least squares
-
-
-def parameters_of(robot: Robot) -> Parameters:
-    """Parameters of a robot's finger, without effects."""
-    found = [robot.channels(f"{field.group}.{field.name}") for field in fields_of(Parameters, "finger")]
-    plain: list[Any] = [tuple(v.tolist()) if len(v) > 1 else float(v[0]) for v in found]
-    return Parameters(*plain)
 
 
 def passive(angles: np.ndarray, n: Parameters) -> np.ndarray:

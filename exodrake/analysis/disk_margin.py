@@ -15,12 +15,12 @@ TIGHT = 1e-6  # of the search for scalings
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
-    """Balanced disk margin (f,) at each frequency, for all channels at once.
+    """Balanced disk margin (f,) [-] at each frequency, for all channels at once.
 
     Its minimum is exact; elsewhere it may be a little pessimistic.
 
     Args:
-        sensitivity: S (f, channels, channels) of the commands.
+        sensitivity: S (f, channels, channels) of the commands [-].
     """
     balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
     bound, scale = structured_bound(balanced)
@@ -33,7 +33,7 @@ def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
 
 
 def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest singular value (f,) of matrices (f, k, k) under balancing scalings (f, k)."""
+    """Largest singular value (f,) [-] of matrices (f, k, k) [-] under balancing scalings (f, k) [-], and these."""
     k = m.shape[-1]
     size, scale = np.abs(m) ** 2, np.ones(m.shape[:2])
     for _ in range(30 if k > 1 else 0):
@@ -46,7 +46,7 @@ def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def refined(m: np.ndarray, start: np.ndarray) -> float:
-    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k), searched from scalings (k,)."""
+    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k) [-], searched from scalings (k,) [-]."""
     from scipy.optimize import minimize
 
     def size(logs: np.ndarray) -> float:
@@ -54,19 +54,9 @@ def refined(m: np.ndarray, start: np.ndarray) -> float:
         return float(np.linalg.norm(scale[:, None] * m / scale, 2))
 
     logs, found = np.log(start[1:] / start[0]), np.inf
-    for _ in range(3):  # the largest singular value has kinks: start again where the simplex stopped
+    for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
         result = minimize(size, logs, method="Nelder-Mead", options={"xatol": TIGHT, "fatol": TIGHT})
         logs, before, found = result.x, found, min(found, float(result.fun))
         if found > before * (1.0 - 10.0 * TIGHT):
             break
     return found
-
-
-def gain_range(alpha: float) -> float:
-    """Factor to which, and whose inverse to which, all gains may go at a disk margin."""
-    return (2.0 + alpha) / (2.0 - alpha) if alpha < 2.0 else float("inf")
-
-
-def phase_range(alpha: float) -> float:
-    """Phase [rad] by which all commands may err at a disk margin."""
-    return 2.0 * float(np.arctan(0.5 * alpha))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.drawing import styled
-from exodrake.analysis.stability import LatencySweep
+from exodrake.analysis.figure_style import styled
+from exodrake.analysis.stability_map import LatencySweep
 from exodrake.core.display import shown_unit
 from exodrake.core.robot import Robot
 from exodrake.data.plot import new_figure

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.delays import DelayBudget
-from exodrake.analysis.frequency import FrequencyResponse
+from exodrake.analysis.delay_budget import DelayBudget
+from exodrake.analysis.frequency_response import FrequencyResponse
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.linear import Pole
+from exodrake.analysis.linear_model import Pole
 from exodrake.analysis.margins import Margins
-from exodrake.analysis.robust import Band
-from exodrake.analysis.steps import StepResponse
+from exodrake.analysis.robustness import Band
+from exodrake.analysis.step_response import StepResponse
 from exodrake.core.plain import plain
 
 
@@ -40,7 +40,7 @@ def closed_loop_numbers(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()
             | {
                 "frames": point.frames,
                 "residual [excursion/frame]": point.residual,
-                "settled_by_own_gains": point.steady,
+                "steady_by_own_gains": point.steady,
             },
             "poles": [pole_numbers(p) for p in model.poles()],
             "linear_model": model_numbers(result),
@@ -78,42 +78,35 @@ def model_numbers(result: ClosedLoop) -> dict[str, Any]:
     return names | {"A": m.A, "B": m.B, "C": m.C, "D": m.D} | quality
 
 
+def renamed(result: Any, names: dict[str, str], without: tuple[str, ...]) -> dict[str, Any]:
+    """Fields of a result, units in their names, some left out."""
+    fields: dict[str, Any] = vars(result)
+    return {names.get(k, k): v for k, v in fields.items() if k not in without}
+
+
 def pole_numbers(pole: Pole) -> dict[str, Any]:
     """One pole."""
-    named = {"z": pole.z, "modulus": abs(pole.z), "frequency [Hz]": pole.frequency}
-    return named | {"damping": pole.damping, "time_constant [s]": pole.time_constant, "state": pole.state}
+    names = {"frequency": "frequency [Hz]", "time_constant": "time_constant [s]"}
+    return {"z": pole.z, "modulus": abs(pole.z)} | renamed(pole, names, ())
 
 
 def step_numbers(step: StepResponse) -> dict[str, Any]:
     """Characteristics of a step response."""
-    return {
-        "size": step.size,
-        "rise_time [s]": step.rise,
-        "overshoot": step.overshoot,
-        "settling_time [s]": step.settling,
-        "steady_error": step.steady_error,
-        "crosstalk": step.crosstalk,
-    }
+    names = {"rise": "rise_time [s]", "settling": "settling_time [s]"}
+    return renamed(step, names, ("channel", "time", "output"))
 
 
 def response_numbers(response: FrequencyResponse) -> dict[str, Any]:
     """Measured and linear frequency response."""
-    return {
-        "bandwidth [Hz]": response.bandwidth,
-        "bandwidth_measured [Hz]": response.bandwidth_measured,
-        "frequency [Hz]": response.frequency,
-        "measured": response.measured,
-        "spread": response.spread,
-        "coherence": response.coherence,
-        "linear": response.linear,
-    }
+    names = {k: f"{k} [Hz]" for k in ("frequency", "bandwidth", "bandwidth_measured")}
+    return renamed(response, names, ("channel",))
 
 
 def margin_numbers(m: Margins) -> dict[str, Any]:
     """Margins of one channel."""
     names = {"phase_margin": "phase_margin [rad]", "crossover": "crossover [Hz]"}
     names |= {"delay_margin": "delay_margin [s]", "delay_limit": "delay_limit [s]"}
-    return {names.get(k, k): v for k, v in vars(m).items() if k not in ("channel", "frequency", "loop")}
+    return renamed(m, names, ("channel", "frequency", "loop"))
 
 
 def delay_numbers(d: DelayBudget) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.analysis.drawing import DARK, FAINT, GREY, draw_damping_grid, styled
+from exodrake.analysis.figure_style import DARK, FAINT, GREY, draw_damping_grid, styled
 from exodrake.core.display import colour_of, shown_unit
 from exodrake.data.plot import new_figure
 
@@ -32,9 +32,8 @@ def plot_nyquist(result: ClosedLoop) -> Figure:
         axes = figure.add_subplot(1, count, j + 1)
         for k, band in enumerate(result.bands):
             for member in band.members:
-                axes.plot(
-                    np.real(member.loops[:, j]), np.imag(member.loops[:, j]), color=BAND_COLOURS[k], lw=0.4, alpha=0.5
-                )
+                loop = member.loops[:, j]
+                axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
         draw_nyquist(axes, m, colour_of(m.channel, j, result.robot.machine))
         if j == 0:
             axes.set_ylabel("Im L")
@@ -75,9 +74,9 @@ def plot_robust(result: ClosedLoop) -> Figure:
         for k, band in enumerate(result.bands):
             stable = [getattr(m, name) for m in band.members if m.stable]
             if stable:
-                low, high = np.min(stable, axis=0), np.max(stable, axis=0)
-                shown = result.robust.frequency if len(low) else []
-                axes.fill_between(shown, low, high, color=BAND_COLOURS[k], alpha=0.25, lw=0, label=band.name)
+                ends = np.min(stable, axis=0), np.max(stable, axis=0)
+                look = {"color": BAND_COLOURS[k], "alpha": 0.25, "lw": 0, "label": band.name}
+                axes.fill_between(result.robust.frequency, *ends, **look)
         axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
         axes.set(ylabel=label, yscale="log", xscale="log")
     if len(result.opened.channels) > 1:
@@ -130,9 +129,7 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     dots = axes.scatter(np.real(z[shown]), np.imag(z[shown]), c=tint[shown], s=3, cmap="viridis", lw=0, zorder=3)
     for matrix, mark, label in ((result.opened.A, "o", "open loop"), (result.opened.closed(), "x", "this robot")):
         poles = np.linalg.eigvals(matrix)
-        axes.plot(
-            np.real(poles), np.imag(poles), mark, mfc="none", mec="black", ms=5, mew=1.0, ls="", label=label, zorder=4
-        )
+        axes.plot(np.real(poles), np.imag(poles), mark, mfc="none", mec="black", ms=5, mew=1.0, label=label, zorder=4)
     radius = np.array([np.abs(r).max() for r in roots])
     over = np.flatnonzero((radius > 1.0 + 1e-6) & (factors > 1.0))
     if result.robust.stable and len(over):
@@ -142,10 +139,9 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     axes.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal", xlabel="Re z", ylabel="Im z")
     axes.grid(False)
     axes.legend(loc="lower left", fontsize=7.5, frameon=True, framealpha=0.9, edgecolor="none")
-    bar = figure.colorbar(
-        dots, ax=axes, label="Factor on the loop gain", ticks=np.log10([0.02, 0.1, 0.3, 1, 3, 10, 20])
-    )
-    bar.ax.set_yticklabels(["0.02", "0.1", "0.3", "1", "3", "10", "20"])
+    ticks = (0.02, 0.1, 0.3, 1, 3, 10, 20)
+    bar = figure.colorbar(dots, ax=axes, label="Factor on the loop gain", ticks=np.log10(ticks))
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
     return figure
 
 
@@ -154,8 +150,10 @@ def plot_delays(result: ClosedLoop) -> Figure:
     """Delay of each channel, from its reading through its slots to the middle of the held command, and what is left."""
     figure = new_figure(7.0, 1.1 + 0.5 * len(result.delays))
     axes = figure.subplots()
-    parts = (("to_control", "reading to law", "#1f6f8b"), ("to_write", "law to plant", "#68a6b9"))
-    parts = (*parts, ("hold", "half a held frame", "#c8e0e5"), ("margin", "margin left", "#e3e6ea"))
+    parts = (
+        ("to_control", "reading to law", "#1f6f8b"), ("to_write", "law to plant", "#68a6b9"),
+        ("hold", "half a held frame", "#c8e0e5"), ("margin", "margin left", "#e3e6ea"),
+    )  # fmt: skip
     longest = 0.0
     for i, d in enumerate(result.delays):
         left = 0.0
@@ -184,20 +182,13 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     for axes, c in zip(panels, cycles):
         factor = shown_unit(c.unit)[1]
         axes.plot(c.factor, factor * c.amplitude, "-", color="#0072b2", label="describing function")
-        moving, lost = (c.swing > 0.0) & np.isfinite(c.swing), np.isinf(c.swing)
-        axes.plot(c.factors[moving], factor * c.swing[moving], "o", ms=4, color="#d55e00", label="simulated")
-        lowest = 0.6 * factor * c.amplitude[0]
-        axes.plot(
-            c.factors[c.swing == 0.0],
-            np.full((c.swing == 0.0).sum(), lowest),
-            "o",
-            ms=4,
-            mfc="none",
-            mec="#d55e00",
-            label="simulated, at rest",
-        )
-        top = factor * max(c.amplitude[-1], c.swing[moving].max(initial=0.0))
-        axes.plot(c.factors[lost], np.full(lost.sum(), top), "^", ms=4, color="#d55e00", label="simulated, grows")
+        still, lost = c.swing == 0.0, np.isinf(c.swing)
+        moving = ~still & ~lost
+        lowest, top = 0.6 * factor * c.amplitude[0], factor * max(c.amplitude[-1], c.swing[moving].max(initial=0.0))
+        dots = {"ms": 4, "color": "#d55e00"}
+        axes.plot(c.factors[moving], factor * c.swing[moving], "o", label="simulated", **dots)
+        axes.plot(c.factors[still], np.full(still.sum(), lowest), "o", mfc="none", label="simulated, at rest", **dots)
+        axes.plot(c.factors[lost], np.full(lost.sum(), top), "^", label="simulated, grows", **dots)
         axes.axvline(c.limit, color=GREY, lw=0.8, ls=(0, (4, 2)), label="linear limit")
         axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
         axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))

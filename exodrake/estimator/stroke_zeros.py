@@ -24,6 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import f as fisher
 from threadpoolctl import threadpool_limits
 
+from exodrake.core.normal import NORMAL_95
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.prior import JITTER, Prior, learn, scaled
 
@@ -55,7 +56,7 @@ class Zeros:
     @property
     def half_widths(self) -> np.ndarray:
         """95 % half widths (wires,) [m]."""
-        return 1.959964 * np.sqrt(np.diag(self.covariance))
+        return NORMAL_95 * np.sqrt(np.diag(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FRACTION, differences, excursions, spectral_radius, used
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.linear_model import FRACTION, differences, excursions, spectral_radius, used
+from exodrake.analysis.operating_point import OperatingPoint
 
 GAINS = 31  # points along each gain
 LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
@@ -41,20 +42,14 @@ class LatencySweep:
     limit: float
 
 
-def first_crossing(x: np.ndarray, radius: np.ndarray) -> float:
-    """Where the radius first passes 1 upwards, by a straight line; 0 if never below 1, nan if never above."""
+def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
+    """Where the radius (n,) first passes 1 upwards along x (n,) [-]; 0 if never below 1, NaN if never above."""
     below = np.flatnonzero(radius < 1.0)
-    if not len(below):
-        return 0.0
-    above = np.flatnonzero((radius >= 1.0) & (np.arange(len(x)) > below[0]))
-    if not len(above):
-        return float("nan")
-    k = above[0]
-    return float(x[k - 1] + (x[k] - x[k - 1]) * (1.0 - radius[k - 1]) / (radius[k] - radius[k - 1]))
+    return first_crossing(x[below[0] :], radius[below[0] :], 1.0) if len(below) else 0.0
 
 
 def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
-    """Spectral radius of the frame map at an operating point, from the states `keep`; size: excursions (states,)."""
+    """Spectral radius of the frame map where it rests, from the states `keep`; size: excursions (states,) [SI]."""
     central = differences(loop, point.state, point.references, size, FRACTION, keep).central
     return spectral_radius(central[np.ix_(keep, keep)])
 
@@ -82,12 +77,12 @@ def stability_map(
         [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
     )
     return StabilityMap(
-        names, x, y, radius, (nominal[0], nominal[1]), np.array([first_crossing(x, row) for row in radius])
+        names, x, y, radius, (nominal[0], nominal[1]), np.array([stability_limit(x, row) for row in radius])
     )
 
 
 def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
-    """Spectral radius over command latency added on all channels [frames]; None where the loop names no such effect."""
+    """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
     name = loop.loop.latency
     if not name:
         return None
@@ -96,4 +91,4 @@ def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LA
     late = [loop.with_values({name: own + f}) for f in frames]
     keeps = [used(one, point.state, point.references, size) for one in late]
     radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
-    return LatencySweep(np.asarray(frames, dtype=float), radius, first_crossing(frames, radius))
+    return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.analysis.disk import structured_bound
+from exodrake.analysis.disk_margin import structured_bound
 from exodrake.analysis.frame_map import FrameMap, state_names
-from exodrake.analysis.linear import FrameModel, excursions, linearise, matters, spectral_radius, stationary
+from exodrake.analysis.linear_model import FrameModel, excursions, matters, output_noise, spectral_radius
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
-from exodrake.analysis.steps import BAND
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.step_response import BAND
 from exodrake.core.robot import Robot
 
 FREQUENCIES, FRAMES = 120, 300  # of the disk margin; of a step
@@ -53,9 +53,7 @@ class Plant:
 
 def plant_of(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
     """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
-    loop = FrameMap.of(robot)
-    point = operating_point(loop, at)
-    model = linearise(loop, point.state, point.references)
+    loop, point, model = linearised(robot, at)
     whole = opened(loop, model)
     frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.period
     rest = ~whole.controller
@@ -70,7 +68,7 @@ def plant_of(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant
 
 
 def reading_states(loop: FrameMap, point: OperatingPoint, whole: OpenLoop) -> tuple[np.ndarray, np.ndarray]:
-    """For each channel the place of the plant's state that moves its reading most, and by how much to move it."""
+    """Indices (channels,) of the states that move a reading most each, and how far to move them (channels,) [SI]."""
     names = [name.name for name in state_names(loop.robot.machine)]
     size = excursions(loop, point.state, point.references)
     places = np.array([names.index(name) for name in whole.states])
@@ -153,13 +151,13 @@ def performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
 
 
 def closed(plant: Plant, law: Law) -> tuple[np.ndarray, np.ndarray]:
-    """A and B of the loop closed by a law, the plant's states first."""
+    """A (n, n) and B (n, channels) [SI] of the loop closed by a law, the plant's states first."""
     a = np.block([[plant.A + plant.B @ law.L @ plant.Y, plant.B @ law.K], [law.G @ plant.Y, law.F]])
     return a, np.vstack([plant.B @ law.M, law.H])
 
 
 def step_performance(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """Settling [s] and overshoot, each the worst over steps of one reference at a time."""
+    """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
     n, m = plant.A.shape[0], b.shape[1]
     x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
     for k in range(FRAMES):
@@ -184,6 +182,4 @@ def disk_of(plant: Plant, law: Law) -> float:
 def noise_of(plant: Plant, law: Law, a: np.ndarray) -> np.ndarray:
     """Standard deviation (channels,) of the commands [SI] under the sensors' noise."""
     drive = np.vstack([plant.N + plant.B @ law.L @ plant.E, law.G @ plant.E])
-    covariance = stationary(a, drive)
-    rows, direct = np.hstack([law.L @ plant.Y, law.K]), law.L @ plant.E
-    return np.sqrt(np.diag(rows @ covariance @ rows.T + direct @ direct.T))
+    return output_noise(a, drive, np.hstack([law.L @ plant.Y, law.K]), law.L @ plant.E)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NORMAL_95 = 1.959963984540054  # normal quantile of 0.975
+from exodrake.core.normal import NORMAL_95
 
 
 @dataclass(frozen=True)

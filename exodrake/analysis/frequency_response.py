@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FrameModel
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.linear_model import FrameModel
+from exodrake.analysis.operating_point import OperatingPoint
 from exodrake.compiled.inputs import prepared
 
 PERIOD = 500  # frames
+LINES = np.arange(1, (PERIOD + 1) // 2, 2)  # odd harmonics below the Nyquist frequency
 DRAWS = 4
 RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
@@ -48,16 +50,11 @@ class FrequencyResponse:
 
 
 def multisine(rms: float, lines: np.ndarray, period: int, rng: np.random.Generator) -> np.ndarray:
-    """One period (period,) with equal power on the given harmonics, random phases and this rms."""
+    """One period (period,) [SI] with equal power on the harmonics `lines` (n,) [-], random phases and this rms [SI]."""
     spectrum = np.zeros(period // 2 + 1, complex)
     spectrum[lines] = np.exp(2j * np.pi * rng.random(len(lines)))
     signal = np.fft.irfft(spectrum, period)
     return signal * rms / np.sqrt(np.mean(signal**2))
-
-
-def odd_lines(period: int) -> np.ndarray:
-    """Odd harmonics below the Nyquist frequency."""
-    return np.arange(1, (period + 1) // 2, 2)
 
 
 def frequency_response(
@@ -73,7 +70,7 @@ def frequency_response(
         seed: of the sensors' noise, then readings are rounded too; None measures without.
     """
     machine = loop.robot.machine
-    lines, rng = odd_lines(PERIOD), np.random.default_rng(PHASES)
+    lines, rng = LINES, np.random.default_rng(PHASES)
     if seed is not None:
         loop = replace(loop, parameters=prepared(loop.robot))
     sent, read = np.zeros((DRAWS, len(lines)), complex), np.zeros((DRAWS, len(lines)), complex)
@@ -98,7 +95,7 @@ def frequency_response(
 
 
 def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], frequency: np.ndarray) -> np.ndarray:
-    """Complex response (n,) of a channel's reading to its own reference, from the linear model.
+    """Complex response (n,) [reading / reference] of a channel to its own reference, from the linear model.
 
     kinds: of the reference and of the reading, as the model's inputs and outputs are named.
     """
@@ -107,12 +104,6 @@ def closed_response(model: FrameModel, channel: str, kinds: tuple[str, str], fre
 
 
 def bandwidth(frequency: np.ndarray, static: float, response: np.ndarray) -> float:
-    """Lowest frequency [Hz] at which the response is 3 dB below the static gain; nan if none, or if the first is."""
-    if not static > 0.0:
-        return float("nan")
-    share = np.abs(response) / static
-    below = np.flatnonzero(share < HALF_POWER)
-    if not len(below) or below[0] == 0:
-        return float("nan")
-    k = int(below[0])
-    return float(np.interp(-HALF_POWER, -share[[k - 1, k]], frequency[[k - 1, k]]))
+    """Lowest frequency [Hz] at which a response (n,) is 3 dB below its static gain; NaN if none, or if the first is."""
+    share = np.abs(response) / static if static > 0.0 else np.zeros(1)
+    return first_crossing(frequency, -share, -HALF_POWER) if share[0] >= HALF_POWER else float("nan")

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.analysis.disk import disk_margin
+from exodrake.analysis.disk_margin import disk_margin
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear import FrameModel, linearise, stationary
+from exodrake.analysis.linear_model import FrameModel, output_noise
 from exodrake.analysis.margins import gain_margins, phase_margin
 from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating import OperatingPoint, operating_point
-from exodrake.analysis.steps import step_response
+from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.step_response import step_response
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 
@@ -75,7 +75,7 @@ def grid(loop: OpenLoop) -> np.ndarray:
 
 
 def relative_gains(plant: np.ndarray) -> np.ndarray:
-    """Diagonal (f, channels) of the relative gain array of a plant (f, channels, channels): 1 without coupling.
+    """Diagonal (f, channels) [-] of the relative gain array of a plant (f, channels, channels): 1 without coupling.
 
     Bristol's array G * inv(G)^T, with absolute values of the complex elements.
     """
@@ -83,10 +83,9 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
 
 
 def noise_of(model: FrameModel, kind: str) -> np.ndarray:
-    """Standard deviation of the outputs of a kind [SI] under the sensors' noise, in the stable closed loop."""
+    """Standard deviation (channels,) [SI] of the outputs of a kind under the sensors' noise, in a stable loop."""
     rows = [i for i, name in enumerate(model.outputs) if name.rsplit("_", 1)[0] == kind]
-    covariance = stationary(model.A, model.N)
-    return np.sqrt(np.diag(model.C[rows] @ covariance @ model.C[rows].T + model.M[rows] @ model.M[rows].T))
+    return output_noise(model.A, model.N, model.C[rows], model.M[rows])
 
 
 def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: str = "") -> Robustness:
@@ -141,9 +140,7 @@ def gathered(name: str, members: Iterable[tuple[str, Robot, Mapping[str, float] 
     found, failures = [], []
     for label, robot, at in members:
         try:
-            loop = FrameMap.of(robot)
-            point = operating_point(loop, at)
-            found.append(robustness(loop, point, linearise(loop, point.state, point.references), label))
+            found.append(robustness(*linearised(robot, at), label))
         except InputError as problem:
             failures.append(f"{label}: {problem}")
     return Band(name, tuple(found), tuple(failures))

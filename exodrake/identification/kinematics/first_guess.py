@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, across
 from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.frames import SegmentMotion, mean_pose
 from exodrake.identification.kinematics.hinge import angle_about, centres, mean_axis, weight
 from exodrake.identification.kinematics.layout import JOINTS
 from exodrake.identification.kinematics.markers import Recording
 from exodrake.identification.kinematics.rigid import apply, inverse
+from exodrake.identification.kinematics.triads import SegmentMotion, mean_pose
 
 FEWEST = 50  # frames in which a joint must be seen
 UNSTEADY = 0.12  # rad RMS about the mean posture of the rest

@@ -1,4 +1,4 @@
-"""The operating point: the loop at rest under constant references, settled by simulation."""
+"""The operating point: the loop at rest under constant references, by simulation."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap, references_of
-from exodrake.analysis.linear import excursions, used
+from exodrake.analysis.linear_model import FrameModel, excursions, linearise, used
 from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
 
 CHUNK, CHUNKS = 100, 30  # frames between two looks; looks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
@@ -39,7 +40,7 @@ class OperatingPoint:
 
 
 def moved(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
-    """Largest change over one frame of a state on which the log depends, in units of its excursion."""
+    """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
     after, _ = loop.run(state, references[None, :])
     size = excursions(loop, state, references)
     keep = used(loop, state, references, size)
@@ -47,7 +48,7 @@ def moved(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
 
 
 def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, float]:
-    """State after the loop came to rest, frames until then, what still moves; after 60 s as it is, at rest or not."""
+    """State (states,) [SI] after the loop came to rest, frames until then, what still moves; as it is after 60 s."""
     state, rows = loop.start(), np.tile(references, (CHUNK, 1))
     residual = np.inf
     for look in range(1, CHUNKS + 1):
@@ -81,12 +82,21 @@ def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None)
     return OperatingPoint(references, state, output, readings, frames, residual, steady, slack)
 
 
+def linearised(
+    robot: Robot, at: Mapping[str, float] | str | None = None
+) -> tuple[FrameMap, OperatingPoint, FrameModel]:
+    """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
+    loop = FrameMap.of(robot)
+    point = operating_point(loop, at)
+    return loop, point, linearise(loop, point.state, point.references)
+
+
 def gentle(loop: FrameMap) -> FrameMap:
     """The same loop with gentle gains."""
     return loop.with_values(loop.loop.gentle)
 
 
 def in_words(loop: FrameMap, references: np.ndarray) -> str:
-    """References in words."""
+    """References (channels,) [SI] in words."""
     unit = loop.robot.machine.signal[loop.loop.reference].unit
     return ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))

@@ -86,7 +86,7 @@ def pinched(mode: Mode, radius: float, hand: Hand, n: Parameters) -> tuple[np.nd
 
 
 def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """As `pinched`, for phalanges tangent to the object; contacts that fall off a phalanx are left out."""
+    """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent."""
     first, second, third = radius + np.array(n.radius)
     shortest = np.sqrt(max(first**2 - second**2, 0.0))
     along = np.linspace(min(shortest, n.length[1]), n.length[1], 2 * GRID)

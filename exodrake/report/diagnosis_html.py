@@ -1,4 +1,4 @@
-"""The report: a diagnosis as one HTML page that needs nothing from outside.
+"""The report: a diagnosis as one HTML file that needs nothing from outside.
 
 problem = make_problem(read_case(folder), load_robot())
 write_text("report.html", report_html(diagnosis, problem))
@@ -11,9 +11,9 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis
 from exodrake.report import number_format, wording
 from exodrake.report.assumed import assumed
+from exodrake.report.blocks import render
 from exodrake.report.how_far import how_far
 from exodrake.report.missing_law import missing_law
-from exodrake.report.page import render
 from exodrake.report.simulated_logs import SimulatedLogs, simulate_logs
 from exodrake.report.since import since
 from exodrake.report.where import where
@@ -23,17 +23,17 @@ COLOURS = {NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#
 
 
 def report_html(diagnosis: Diagnosis, problem: Problem) -> str:
-    """The page of a diagnosis.
+    """The report of a diagnosis.
 
     Args:
         diagnosis: the answer.
         problem: from `make_problem`; its logs are simulated once more.
     """
-    return page(diagnosis, simulate_logs(diagnosis, problem))
+    return html_of(diagnosis, simulate_logs(diagnosis, problem))
 
 
-def page(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
-    """The page from a diagnosis and logs that were simulated already."""
+def html_of(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
+    """The report from a diagnosis and logs that were simulated already."""
     sections = {**how_far(diagnosis, runs), **where(diagnosis, runs), **which(diagnosis, runs), **since(diagnosis)}
     return render(
         "diagnosis.html",

@@ -1,4 +1,4 @@
-"""A small estimator of a robot, trained on simulated sweeps within seconds."""
+"""A small estimator of a robot, trained on some simulated sweeps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from exodrake.estimator.gp import Estimator, fit
 from exodrake.simulation.protocols import sweeps
 from exodrake.simulation.simulate import simulate
 
-POINTS = 250  # training points: seconds of training
+POINTS = 250  # training points: some s of training
 
 
 def signature(robot: Robot) -> str:

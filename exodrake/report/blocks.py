@@ -1,4 +1,4 @@
-"""Building blocks of HTML pages: tables, bars, drawings, headings; set by `templates/kit.html` in `page.html`."""
+"""Building blocks of HTML reports: tables, bars, drawings, headings; set by `templates/kit.html` in `base.html`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Table:
         header: a title per column.
         rows: cells, a sequence per row.
         words: columns on the left that hold words; the others hold numbers and are aligned right.
-        wide: whether the table fills the page.
+        wide: whether the table fills the window.
         totals: rows at the end that are set off.
         folded: title behind which the table is hidden; shown at once if empty.
     """
@@ -58,7 +58,7 @@ class Drawing:
     Attributes:
         svg: an element (`svg.svg_of`), or a whole file where `alt` is given, which keeps its own style sheet.
         caption: text below; backticks mark code.
-        wide: whether it fills the page.
+        wide: whether it fills the window.
         alt: what a whole file shows, for screen readers.
         folded: title behind which the drawing is hidden; shown at once if empty.
     """
@@ -95,5 +95,5 @@ def shares(values: dict[str, float], caption: str = "") -> Bars:
 
 
 def render(template: str, folder: Path = TEMPLATES, **values: Any) -> str:
-    """A page from a template of `folder`, which may extend `page.html` and import `kit.html`."""
+    """HTML from a template of `folder`, which may extend `base.html` and import `kit.html`."""
     return templates.render(template, folder, TEMPLATES, **values)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.operating import OperatingPoint
+from exodrake.analysis.operating_point import OperatingPoint
 
 BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
 BAND = 0.02  # settling band, as a share of the step
@@ -38,23 +39,13 @@ class StepResponse:
     crosstalk: float
 
 
-def crossing(time: np.ndarray, share: np.ndarray, level: float) -> float:
-    """First time [s] at which share reaches level, by a straight line between samples; nan if never."""
-    above = np.flatnonzero(share >= level)
-    if not len(above):
-        return float("nan")
-    k = int(above[0])
-    if k == 0:
-        return float(time[0])
-    return float(time[k - 1] + (time[k] - time[k - 1]) * (level - share[k - 1]) / (share[k] - share[k - 1]))
-
-
 def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, float]:
-    """Rise time [s], overshoot and settling time [s] of a response that ought to go from 0 to 1."""
+    """Rise time [s], overshoot [-] and settling time [s] of a response (n,) that ought to go from 0 to 1."""
     outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
     last = int(outside[-1]) if len(outside) else -1
     settling = float("nan") if last == len(time) - 1 else float(time[last + 1])
-    return crossing(time, share, 0.9) - crossing(time, share, 0.1), max(0.0, float(share.max()) - 1.0), settling
+    rise = first_crossing(time, share, 0.9) - first_crossing(time, share, 0.1)
+    return rise, max(0.0, float(share.max()) - 1.0), settling
 
 
 def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float | None = None) -> StepResponse:

@@ -1,4 +1,4 @@
-"""The page around a recording: title, scale of loads, live readings, and controls to play, pause and scrub."""
+"""What surrounds a recording: title, scale of loads, live readings, and controls to play, pause and scrub."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def colours(share: np.ndarray) -> np.ndarray:
 
 
 def with_readings(html: str, title: str, readings: dict[str, Any], details: Sequence[str], label: str) -> str:
-    """A Meshcat page with title, scale, live readings and controls.
+    """A Meshcat recording with title, scale, live readings and controls.
 
     Args:
         html: from `Meshcat.StaticHtml`.

@@ -27,7 +27,7 @@ KINK = 0.02  # one-sided slopes that differ by more deserve a word
 
 
 def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """How far each state moves when a reference steps by a little, (states,); the largest of all its channels."""
+    """How far each state moves (states,) [SI] when a reference steps by a little; the largest of all its channels."""
     names = state_names(loop.robot.machine)
     size = np.zeros(len(state))
     for i in range(len(references)):
@@ -63,7 +63,7 @@ class Slopes:
 def differences(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
 ) -> Slopes:
-    """Slopes in some columns (places in x, r, e); the others stay zero. size: excursions (states,)."""
+    """Slopes in some columns (indices in x, r, e); the others stay zero. size: excursions (states,) [SI]."""
     step, n, noises = loop.stepper(), len(state), len(loop.noises)
     after = n + len(references)
     point = np.concatenate([state, references, np.zeros(noises)])
@@ -84,7 +84,7 @@ def differences(
 
 
 def matters(a: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Places of the states on which the outputs y = C x depend, at once or later."""
+    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
     used = np.any(c != 0.0, axis=0)
     while True:
         more = used | np.any(a[used] != 0.0, axis=0)
@@ -94,7 +94,7 @@ def matters(a: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def used(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Places of the states on which the log depends, at once or later; size: excursions (states,)."""
+    """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
     n = len(state)
     central = differences(loop, state, references, size, FRACTION, np.arange(n)).central
     return matters(central[:n, :n], central[n + output_rows(loop)[0], :n])
@@ -161,7 +161,7 @@ class FrameModel:
         return tuple(pole_of(complex(values[i]), self.period, self.states[int(share[:, i].argmax())]) for i in order)
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
-        """Frequency response (len(frequency), outputs, inputs) at frequencies [Hz]."""
+        """Frequency response (f, outputs, inputs) at frequencies (f,) [Hz]."""
         z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period)
         eye = np.eye(len(self.A))
         return np.array([self.C @ np.linalg.solve(zz * eye - self.A, self.B) + self.D for zz in z])
@@ -174,19 +174,23 @@ class FrameModel:
 
 
 def spectral_radius(a: np.ndarray) -> float:
-    """Largest modulus of an eigenvalue."""
+    """Largest modulus [-] of an eigenvalue of a matrix (n, n)."""
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
 
 
-def stationary(a: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Covariance P = A P A' + N N' (n, n) of a stable x' = A x + N e, e white with unit variance; by doubling."""
-    found = noise @ noise.T
-    while np.abs(a).max() > np.finfo(float).tiny:
-        more = a @ found @ a.T
-        found, a = found + more, a @ a
-        if np.abs(more).max() <= np.finfo(float).eps * np.abs(found).max():
-            break
-    return found
+def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> np.ndarray:
+    """Standard deviation (outputs,) [SI] of y = C x + M e in the stationary state of a stable x' = A x + N e.
+
+    Args:
+        a: (n, n).
+        n: (n, noises); e is white with unit variance.
+        c: (outputs, n).
+        m: (outputs, noises).
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    covariance = solve_discrete_lyapunov(a, n @ n.T)
+    return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
 
 
 def pole_of(z: complex, period: float, state: str = "") -> Pole:
@@ -202,7 +206,7 @@ def pole_of(z: complex, period: float, state: str = "") -> Pole:
 def best_slopes(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray
 ) -> tuple[Slopes, float, float]:
-    """Slopes with the step of best agreement, that step as a fraction of excursions, and the disagreement."""
+    """Slopes with the step of best agreement, that step in excursions (states,) [SI], and the disagreement."""
     n, columns = len(state), np.arange(len(state) + len(references) + len(loop.noises))
     tried = [differences(loop, state, references, size, f, columns) for f in FRACTIONS]
     scaled = [t.central[:n, :n] * size / size[:, None] for t in tried]
@@ -212,7 +216,7 @@ def best_slopes(
 
 
 def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Places in w of the log's columns, references excepted, and their names."""
+    """Indices (outputs,) [-] in w of the log's columns, references excepted, and their names."""
     machine = loop.robot.machine
     columns = [c for c in machine.columns if c.signal not in machine.inputs]
     rows = np.concatenate([np.arange(loop.signals[c.signal].start, loop.signals[c.signal].stop) for c in columns])
@@ -221,7 +225,7 @@ def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
-    """The linear model at a state of rest, from references [N] to the log's columns."""
+    """The linear model at a state of rest (states,), from references (channels,) [SI] to the log's columns."""
     machine, n = loop.robot.machine, len(state)
     size = excursions(loop, state, references)
     slopes, fraction, gap = best_slopes(loop, state, references, size)

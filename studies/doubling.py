@@ -1,0 +1,90 @@
+"""Whether answers survive that every log is there twice: a decision that is free of scale does not count rows.
+
+    exodrake blind make --seed 7 --cases 20 --out cases
+    exodrake blind run cases
+    python -m studies.doubling cases --keep kept --out docs/doubling.md
+
+Two copies of a log hold nothing new, but an answer that counts rows grows more certain of itself.
+What is measured is kept case by case, so the command can be repeated.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from exodrake.cli.main import OneLineErrors
+
+if TYPE_CHECKING:
+    from exodrake.data.case import Case
+
+COPY = "again-"  # before the file's name
+
+
+def doubled(case: Case) -> Case:
+    """The case with a copy of each fitted log, not marked as a repeat; copies of repeats repeat copies."""
+    copies = [
+        replace(item, file=COPY + item.file, repeats=item.repeats and COPY + item.repeats) for item in case.fit_logs
+    ]
+    return replace(case, logs=(*case.logs, *copies))
+
+
+def said(answer: dict[str, Any]) -> str:
+    """Verdict and effects of an answer in one line; the ids of a class if it is AMBIGUOUS."""
+    ids = answer.get("equivalents") if answer["verdict"] == "AMBIGUOUS" else [e["id"] for e in answer["effects"]]
+    return " ".join([answer["verdict"], " + ".join(sorted(ids or ()))]).strip()
+
+
+def page(rows: dict[str, tuple[str, str]], command: str) -> str:
+    """The page, of each case's answers once and twice."""
+    from exodrake.core.proportions import binomial_interval
+
+    same = [once == twice for once, twice in rows.values()]
+    low, high = binomial_interval(sum(same), len(same))
+    words = [once.split()[0] == twice.split()[0] for once, twice in rows.values()]
+    lines = ["# Every log twice", "", TEXT.format(command=command), ""]
+    lines += [f"The same answer: {sum(same)} of {len(same)} ({low:.0%} to {high:.0%}); the same verdict: {sum(words)}."]
+    lines += ["", "| case | once | twice |", "|---|---|---|"]
+    lines += [f"| {name} | {once} | {'the same' if once == twice else twice} |" for name, (once, twice) in rows.items()]
+    return "\n".join(lines) + "\n"
+
+
+TEXT = """Answers to cases of the reference simulator, and to the same cases with a copy of every fitted log. The same
+answer: verdict and effects, or the ids of the class.
+
+    {command}"""
+
+
+@click.command(cls=OneLineErrors)
+@click.argument("folder", type=click.Path(exists=True, path_type=Path))
+@click.option("--cases", default=20, show_default=True, type=click.IntRange(min=1), help="Cases, from the first on.")
+@click.option("--keep", required=True, type=click.Path(path_type=Path), help="Folder of what is measured, by case.")
+@click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
+def command(folder: Path, cases: int, keep: Path, out: Path | None) -> None:
+    """Diagnose cases of FOLDER, which holds their answers, with every log twice."""
+    from exodrake.core.files import write_text
+    from exodrake.data.case_folder import read_case
+    from exodrake.diagnosis import diagnose
+    from exodrake.diagnosis.problem import required_of
+    from exodrake.machines.robot_file import load_robot
+
+    keep.mkdir(parents=True, exist_ok=True)
+    robot, rows = load_robot(), {}
+    for answered in sorted(folder.glob("*/diagnosis.json"))[:cases]:
+        name, place = answered.parent.name, keep / f"{folder.name}-{answered.parent.name}.json"
+        if not place.is_file():
+            case = read_case(answered.parent, required_of(robot.machine), robot.machine.frame)
+            write_text(place, json.dumps(diagnose(doubled(case), robot).to_json(), indent=1) + "\n")
+        rows[name] = (said(json.loads(answered.read_text())), said(json.loads(place.read_text())))
+        click.echo(f"{name}: {' | '.join(rows[name])}")
+    if out:
+        words = f"python -m studies.doubling {folder.name} --cases {cases} --keep kept --out {out}"
+        write_text(out, page(rows, words))
+
+
+if __name__ == "__main__":
+    command()
