@@ -26,56 +26,75 @@ if TYPE_CHECKING:
     from exodrake.data.case import Case
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.rival import Rival
+    from exodrake.experiment.contest import Contest
 
 DESIGNED, RANDOM = "designed", "random"
 LOG_SEED = 9  # of the noise of further logs
 
 
-def measured(case: Case, spec: RobotSpec, truth: list[str], seconds: float | None, seed: int) -> dict[str, Any]:
-    """What became of a case: its class, what the design promises, and the class after either motion."""
+def measured(
+    case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str], duration: float | None, seed: int
+) -> dict[str, Any]:
+    """What became of a case: its class, what the design promises, and the class after either motion.
+
+    effects: those of the class that its stored answer leaves.
+    """
     from exodrake.core.parallel import one_blas_thread
-    from exodrake.core.plain import plain
     from exodrake.diagnosis.problem import make_problem
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design
+    from exodrake.experiment.information import CHANCE
     from exodrake.machines.robot_file import load_robot
     from exodrake.simulation.references import protocol
 
     robot = load_robot()
     with one_blas_thread():
-        verdict, rivals = explained(make_problem(case, robot))
-        found: dict[str, Any] = {"truth": truth, "verdict": verdict, "class": [rival.name for rival in rivals]}
-        found["rivals"] = plain(rivals)
+        before, rivals = explained(make_problem(case, robot, effects), truth)
+        found: dict[str, Any] = {"truth": truth, "before": before}
         if len(rivals) < 2:
             return found
         contest = contest_of(make_problem(case, robot), rivals)
-        designed = design(contest, seconds, seed)
+        designed = design(contest, duration, seed)
         length = len(designed.reference.tension) * robot.machine.frame
         motions = {
             DESIGNED: designed.reference.tension,
             RANDOM: protocol(f"random-motion:seed={seed},duration={length:g}", robot).tension,
         }
-        found |= {"seconds": length, "size": designed.size, "after": {}, "promised": {}, "left": {}}
+        expected = {name: promised(contest, reference) for name, reference in motions.items()}
+        found |= {
+            "duration": length,
+            "size": designed.size,
+            "promised": expected,
+            "after": dict.fromkeys(motions, before),
+        }
+        if max(left for _, left in expected.values()) < CHANCE**2:
+            return found | {"same": True}
         for name, reference in motions.items():
-            found["promised"][name], found["left"][name] = promised(contest, reference)
-            again, left = explained(make_problem(with_log(case, spec, reference), robot))
-            found["after"][name] = {"verdict": again, "class": [rival.name for rival in left]}
+            again = make_problem(with_log(case, spec, reference), robot, effects)
+            found["after"][name] = explained(again, truth)[0]
     return found
 
 
-def explained(problem: Problem) -> tuple[str, tuple[Rival, ...]]:
-    """Verdict of a case, and the explanations that its logs do not reject."""
+def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
+    """Verdict of a case with what the true law takes up of each other, and the explanations that are left."""
+    from exodrake.diagnosis.comparison import taken_up
     from exodrake.diagnosis.pipeline import isolated
     from exodrake.diagnosis.rivals import rival
     from exodrake.diagnosis.verdict import decide
 
     problem, found = isolated(problem)
     decision = decide(problem, found)
-    return decision.verdict, tuple(rival(problem, t.explanation) for t in decision.left)
+    tested = [t for size in found.tested for t in size]
+    true = next((t.explanation for t in tested if sorted(t.explanation.effects) == sorted(truth)), None)
+    others = [t.explanation for t in tested if len(t.explanation.effects) == len(truth) and t.explanation is not true]
+    taken = {e.name: taken_up(found.likelihood, e, true)[1] for e in others} if true else {}
+    laws = {t.explanation.name: t.levels.law_error for t in tested}
+    said = {"verdict": decision.verdict, "class": [t.explanation.name for t in decision.left]}
+    return {**said, "taken": taken, "law_error": laws}, tuple(rival(problem, t.explanation) for t in decision.left)
 
 
-def promised(contest: Any, reference: np.ndarray) -> tuple[float, float]:
-    """Probability that a motion tells the rivals apart, and the least T."""
+def promised(contest: Contest, reference: np.ndarray) -> tuple[float, float]:
+    """Probability that a motion distinguishes the rivals, and T of the two that it distinguishes worst."""
     from exodrake.experiment.information import information
 
     found = information(contest, reference)
@@ -106,37 +125,74 @@ def ambiguous(folder: Path) -> list[Path]:
     return [case for case in answered if read_json(case / ANSWER).get("verdict") == "AMBIGUOUS"]
 
 
-def resolved(found: dict[str, Any], motion: str) -> bool:
+def left_in(answer: dict[str, Any]) -> frozenset[str]:
+    """Effects of the explanations that a stored answer leaves."""
+    return frozenset(i for c in answer["candidates"] if c["left"] for i in c["id"].split(" + "))
+
+
+def is_true(row: dict[str, Any], name: str) -> bool:
+    """Whether an explanation is the true one."""
+    return sorted(name.split(" + ")) == sorted(row["truth"])
+
+
+def resolved(row: dict[str, Any], motion: str) -> bool:
     """Whether one explanation is left after a motion, and it is the true one."""
-    after = found["after"][motion]
-    return after["verdict"] == "NAMED" and sorted(after["class"][0].split(" + ")) == sorted(found["truth"])
+    after = row["after"][motion]
+    return after["verdict"] == "NAMED" and is_true(row, after["class"][0])
+
+
+def in_principle(row: dict[str, Any]) -> bool:
+    """Whether after one of the motions the true law takes up most of what each other law of the class leaves."""
+    from exodrake.diagnosis.calibration import calibration_of
+    from exodrake.machines.robot_file import load_robot
+
+    limit, class_ = calibration_of(load_robot().machine).taken, row["before"]["class"]
+    taken = [
+        [after["taken"].get(name, 0.0) for name in class_ if not is_true(row, name)] for after in row["after"].values()
+    ]
+    return any(is_true(row, name) for name in class_) and any(shares and min(shares) > limit for shares in taken)
 
 
 def page(rows: dict[str, dict[str, Any]], command: str) -> str:
     """The page, from what was measured by case."""
-    from scipy.stats import binomtest
-
     used = {name: row for name, row in rows.items() if "after" in row}
+    possible = [row for row in used.values() if in_principle(row)]
     lines = ["# The next experiment, measured", "", TEXT.format(command=command), ""]
-    lines += ["| motion | resolved | 95 % interval | one left, but not the true one | promised on average |"]
+    lines += ["| motion | resolved, of all | of those that can be | one left, but not the true one | promised |"]
     lines += ["|---|---|---|---|---|"]
     for motion in (DESIGNED, RANDOM):
-        right = sum(resolved(row, motion) for row in used.values())
         named = sum(row["after"][motion]["verdict"] == "NAMED" for row in used.values())
-        interval = binomtest(right, len(used)).proportion_ci(method="wilson") if used else (0.0, 1.0)
-        shares = [row["promised"][motion] for row in used.values() if row["promised"]]
-        mean = f"{np.mean(shares):.0%} ({len(shares)} cases)" if shares else "-"
-        share = f"{right} of {len(used)} | {interval[0]:.0%} to {interval[1]:.0%} | {named - right} | {mean}"
-        lines.append(f"| {motion} | {share} |")
-    lines += ["", "| case | true | class before | T designed, random | after the designed | after a random one |"]
-    lines += ["|---|---|---|---|---|---|"]
+        right = sum(resolved(row, motion) for row in used.values())
+        mean = f"{np.mean([row['promised'][motion][0] for row in used.values()]):.0%}" if used else "-"
+        shares = " | ".join(share(list(some), motion) for some in (used.values(), possible))
+        lines.append(f"| {motion} | {shares} | {named - right} | {mean} |")
+    lines += [
+        "",
+        "| case | true | class before | T designed, random | after the designed | after a random one | can be |",
+    ]
+    lines += ["|---|---|---|---|---|---|---|"]
     for name, row in used.items():
-        left = f"{row['left'][DESIGNED]:.0f}, {row['left'][RANDOM]:.0f}"
-        after = " | ".join(said(row["after"][motion]) for motion in (DESIGNED, RANDOM))
-        lines.append(f"| {name} | {', '.join(row['truth']) or 'none'} | {', '.join(row['class'])} | {left} | {after} |")
-    if skipped := sorted(set(rows) - set(used)):
-        lines += ["", f"No longer ambiguous when they were diagnosed anew: {', '.join(skipped)}."]
+        left = ", ".join(f"{row['promised'][motion][1]:.0f}" for motion in (DESIGNED, RANDOM))
+        after = "the same log | the same log" if row.get("same") else " | ".join(map(said, row["after"].values()))
+        start = f"{', '.join(row['truth']) or 'none'} | {', '.join(row['before']['class'])}"
+        lines.append(f"| {name} | {start} | {left} | {after} | {'yes' if in_principle(row) else 'no'} |")
+    if decided := {name: row for name, row in rows.items() if name not in used}:
+        lines += ["", "No longer ambiguous, without a further log:", ""]
+        lines += [
+            f"- {name}, {', '.join(row['truth']) or 'healthy'}: {said(row['before'])}" for name, row in decided.items()
+        ]
     return "\n".join(lines) + "\n"
+
+
+def share(rows: list[dict[str, Any]], motion: str) -> str:
+    """How many of some cases a motion resolved, with the 95 % interval."""
+    from scipy.stats import binomtest
+
+    if not rows:
+        return "0 of 0"
+    right = sum(resolved(row, motion) for row in rows)
+    low, high = binomtest(right, len(rows)).proportion_ci(method="wilson")
+    return f"{right} of {len(rows)} ({low:.0%} to {high:.0%})"
 
 
 def said(after: dict[str, Any]) -> str:
@@ -144,13 +200,16 @@ def said(after: dict[str, Any]) -> str:
     return f"{after['verdict']} {', '.join(after['class'])}".strip()
 
 
-TEXT = """Cases of the reference simulator that a diagnosis leaves ambiguous get one further log: of the motion that
-`exodrake experiment` designs, or of a random one as long. Then each is diagnosed again, that log used in full length.
-Resolved: one explanation is left, and it is the true one. T is what the closest rival would leave of the new log once
-it is refitted, in variances of noise and of the error of a law; promised is the probability that follows from it.
-Where two laws differ by less than the better one differs from the robot, a diagnosis keeps both whatever the motion: a
-slack tendon that never loses its tension is an offset of an encoder, and friction that falls with speed is Coulomb
-friction within the error that a law is granted.
+TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its class
+(the logs reject all others before). Those that still are ambiguous get one further log, of the motion that `exodrake
+experiment` designs or of a random one as long, and are diagnosed again with it in full length. Resolved: one
+explanation is left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log
+once it is refitted, in variances of noise; promised is the probability that follows from it. Where T is below that of
+chance for every motion the two laws write the same log, and no experiment is run: a slack tendon that never loses its
+tension is an offset of an encoder. A case can be resolved in principle if after one of the motions the true law takes
+up more of what each rival leaves than an absent effect takes up of what a true law leaves (`taken` of the
+calibration). Else the simulator's robot follows neither law more closely than the other: its garment yields and
+stiffens a little, so that the library's stiffening wire fits it better than the library's yielding garment.
 
     {command}"""
 
@@ -159,12 +218,12 @@ friction within the error that a law is granted.
 @click.argument("folders", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--labels", multiple=True, type=click.Path(exists=True, path_type=Path), help="Of each set, in order.")
 @click.option("--cases", default="", metavar="NAME,...", help="SET/CASE of these alone.")
-@click.option("--seconds", type=float, default=None, help="Of an experiment [the designer's own].")
+@click.option("--duration", type=float, default=None, help="Of an experiment [the designer's own].")
 @click.option("--seed", default=0, show_default=True, help="Of the search and of the random motion.")
 @click.option("--keep", required=True, type=click.Path(path_type=Path), help="Folder of what is measured, by case.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(
-    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, seconds: float | None, seed: int, keep: Path,
+    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, duration: float | None, seed: int, keep: Path,
     out: Path | None,
 ) -> None:  # fmt: skip
     """Measure what the designed experiment resolves on ambiguous cases of the sets in FOLDERS."""
@@ -178,7 +237,7 @@ def command(
             name = f"{folder.name}/{case.name}"
             place = keep / f"{folder.name}-{case.name}.json"
             if not place.is_file():
-                row = of_case(case, json.loads(file.read_text()), seconds, seed)
+                row = of_case(case, json.loads(file.read_text()), duration, seed)
                 keep.mkdir(parents=True, exist_ok=True)
                 write_text(place, json.dumps(row, indent=1) + "\n")
             rows[name] = json.loads(place.read_text())
@@ -195,9 +254,11 @@ def places(folder: Path, wanted: list[str]) -> Iterable[Path]:
     )
 
 
-def of_case(case: Path, labels: dict[str, Any], seconds: float | None, seed: int) -> dict[str, Any]:
+def of_case(case: Path, labels: dict[str, Any], duration: float | None, seed: int) -> dict[str, Any]:
     """What became of one case folder."""
+    from exodrake.blind.run import ANSWER
     from exodrake.blind.transfer import withheld
+    from exodrake.core.json_file import read_json
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
@@ -206,7 +267,7 @@ def of_case(case: Path, labels: dict[str, Any], seconds: float | None, seed: int
     machine = load_robot().machine
     truth = [effect["id"] for effect in label["effects"]]
     read = read_case(case, required_of(machine), machine.frame)
-    return measured(read, withheld(case.name, label), truth, seconds, seed)
+    return measured(read, withheld(case.name, label), truth, left_in(read_json(case / ANSWER)), duration, seed)
 
 
 if __name__ == "__main__":

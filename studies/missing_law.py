@@ -88,6 +88,7 @@ class Row:
     share: float
     closure: float
     runner_up: str
+    lead: float
     apart: bool
     formula: str
     reason: str
@@ -127,7 +128,7 @@ def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, law: Missi
     runner = "" if law.runner_up is None else law.runner_up.id
     return Row(
         name, kind, blocks, gap, law.found, law.block, f"{law.id}: {law.words}", law.channels, law.share, closure,
-        runner, law.distinguished, formula, law.reason, seconds,
+        runner, law.lead, law.distinguished, formula, law.reason, seconds,
     )  # fmt: skip
 
 

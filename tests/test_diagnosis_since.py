@@ -13,8 +13,9 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.change_point import LEVEL, RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.result import NAMED
+from exodrake.diagnosis.session_series import Series
 from exodrake.diagnosis.sessions import dated_sessions, windows
-from exodrake.diagnosis.since import Series, Since
+from exodrake.diagnosis.since import Since
 from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
@@ -83,6 +84,15 @@ def test_a_dead_band_that_grows_is_dated_in_every_servo():
     assert change.began[1] <= 3.0 <= change.began[2] and change.began[2] - change.began[1] <= 2.0
     assert change.rate[0] == pytest.approx(0.01, rel=0.1) and RAMP in change.shapes
     assert since.to_json()["changed"] is True
+
+
+def test_an_effect_that_changed_is_named_where_no_constant_one_explains():
+    """A sheath that is donned anew, its zero 0.03 rad elsewhere after the fourth day, and so again after the sixth."""
+    case, nominal = sessions("sheath.offset", [None] * 4 + [0.03] * 2 + [-0.03] * 2, seed=1, machine="tendon_sheath")
+    found = exo.diagnose(case, nominal)
+    assert found.verdict == NAMED and [e.id for e in found.effects] == ["sheath.offset"]
+    assert found.since.effect == "sheath.offset" and found.since.chi2 < 1.5
+    assert "for each session" in found.reasons[0]
 
 
 def test_a_steady_robot_has_no_date():

@@ -16,11 +16,14 @@ from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
+from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rival import Rival
 from exodrake.experiment import design as search
-from exodrake.experiment.contest import contest_of
+from exodrake.experiment.contest import Laws, contest_of
 from exodrake.experiment.design import design, frames_of
 from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
 from exodrake.experiment.motif import random_motif
@@ -79,22 +82,56 @@ def test_information_adds_over_motions():
     assert pair_of(d, columns, weights).left == pytest.approx(left)
 
 
-def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_share_ask_for():
-    """T = 64 in one motion. Chance asks for 4 sigma; a truth that leaves 90 and a share of 0.6 for T* = 135."""
-    pair = pair_of(np.full(4, 4.0), np.zeros((0, 4)), np.ones(4))
-    pairs, none, some, laws = {(0, 1): pair, (1, 0): pair}, np.zeros(2), np.full(2, 90.0), np.ones(2, bool)
-    assert Information(pairs, none, none, 0.6, laws).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
-    found = Information(pairs, some, none, 0.6, laws)
+def planted(left, contributed, error, granted, richer=((False, False), (False, False))):
+    """Information of a motion by hand: T both ways, and what the laws contribute, err by and are granted."""
+    pair = pair_of(np.full(4, np.sqrt(left / 4.0)), np.zeros((0, 4)), np.ones(4))
+    laws = Laws(np.zeros(2), np.ones(2), np.full(2, error), np.full(2, granted), 0.6, np.array(richer))
+    return Information({(0, 1): pair, (1, 0): pair}, np.full(2, contributed), laws)
+
+
+def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask_for():
+    """T = 64. Chance asks for 4 sigma; a truth that leaves 0.1^2 of 9000 and a share of 0.6 for T* = 135."""
+    assert planted(64.0, 9000.0, 0.0, 0.0).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    found = planted(64.0, 9000.0, 0.1, 1.0)
     assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
-    sharp = replace(found, granted=~laws)
-    assert sharp.probability == pytest.approx(norm.cdf(8.0 - CHANCE))
     both = found + found
-    assert both.left[0, 1] == pytest.approx(128.0) and both.excess[0] == pytest.approx(180.0)
+    assert both.left[0, 1] == pytest.approx(128.0) and both.required(0, 1) == pytest.approx(270.0)
+
+
+def test_what_a_law_is_granted_rejects_it_where_less_than_a_share_would():
+    """Granted 0.15^2 of 9000 less the 90 that the truth leaves: T* = 112.5, not 135."""
+    assert planted(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
+
+
+def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
+    """0.4^2 of 9000 less 90, more than a share of 0.6; the simpler one against the richer one is as probable."""
+    found = planted(64.0, 9000.0, 0.1, 0.4, ((False, True), (False, False)))
+    assert found.required(0, 1) == pytest.approx(1350.0)
+    assert found.power(0, 1) == found.power(1, 0) and found.closest == (0, 1)
 
 
 def test_equal_explanations_leave_nothing(problem):
     found = information(contest_of(problem, [VISCOUS, VISCOUS]), problem.fit[0].reference)
     assert found is not None and max(found.left.values()) == 0.0
+
+
+def test_the_error_of_a_wrong_law_is_larger_than_that_of_the_true_one(contest):
+    """The carriage follows the viscous law of the library: what it leaves is noise, and the least error is granted."""
+    true, wrong = contest.laws.error
+    assert true == pytest.approx(calibration_of(contest.problem.robot.machine).same_meaning) and wrong > 3.0 * true
+
+
+def test_a_fit_that_is_stuck_goes_on_from_a_simpler_law(problem):
+    """Dry friction that falls with speed holds constant friction: it must not leave more than that."""
+    rivals = [COULOMB, Rival(("carriage.stribeck_friction",), {"carriage.stribeck_friction.force": 3.0})]
+    contest = contest_of(problem, rivals)
+    simpler, stuck = contest.explanations
+    start, simulated = retune(problem)
+    isolator = Isolator(problem, start, simulated)
+    assert stuck.cost(contest.likelihood) > simpler.cost(contest.likelihood)
+    found = isolator.unstuck(contest.likelihood, stuck, [simpler, stuck])
+    assert found.effects == stuck.effects
+    assert found.cost(contest.likelihood) < 1.02 * simpler.cost(contest.likelihood)
 
 
 def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_not(contest):

@@ -33,7 +33,7 @@ from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
-from exodrake.diagnosis.since import since_of
+from exodrake.diagnosis.since import named_by_change, since_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
 
@@ -169,6 +169,8 @@ def answer(
     problem: Problem, found: Isolation, decision: Decision, started: float, progress: StageProgress
 ) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
+    since = since_of(problem, found, decision)
+    decision = named_by_change(problem, found, decision, since)
     case, best = problem.case, decision.best
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()
@@ -197,7 +199,7 @@ def answer(
         simulated=dict(found.likelihood.simulated),
         retune=moves,
         tests=level_table(best, found.tests.calibration),
-        since=since_of(problem, found, decision),
+        since=since,
         provenance=provenance_of(problem),
         problem=problem,
     )

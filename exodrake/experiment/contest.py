@@ -10,20 +10,47 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.comparison import contributions, power, richer_law
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.isolate import SHARE
-from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
-from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
+from exodrake.diagnosis.likelihood import CORRELATION, Likelihood, likelihood_of
+from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.projection import normal_matrix
+from exodrake.diagnosis.projection import Projection, normal_matrix
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
 from exodrake.diagnosis.rival import Rival
+
+SMALL = 1e-9  # above 0, for a division
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """What the logs show of the laws of explanations.
+
+    Attributes:
+        contributed: (explanations,) C, sum of squares of what the effects of each contribute and no other parameter
+            imitates, in frames that count as one [noise_std^2].
+        own: (explanations,) share of what they contribute that no other parameter imitates.
+        error: (explanations,) a, relative error of the laws of each, with which it leaves what it leaves.
+        granted: (explanations,) rho, relative error that a diagnosis grants them.
+        share: q, that a true explanation takes up of what a wrong one leaves.
+        richer: (explanations, explanations) whether the first one is a richer law of the effects of the second.
+    """
+
+    contributed: np.ndarray
+    own: np.ndarray
+    error: np.ndarray
+    granted: np.ndarray
+    share: float
+    richer: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +62,14 @@ class Contest:
         likelihood: its closed-loop view alone, of the part of the logs that a diagnosis uses.
         explanations: fitted; their residuals and Jacobians are those of that part.
         spreads: (parameters, directions) V of each.
+        laws: what the logs show of their laws.
     """
 
     problem: Problem
     likelihood: Likelihood
     explanations: tuple[Explanation, ...]
     spreads: tuple[np.ndarray, ...]
+    laws: Laws
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -55,6 +84,11 @@ class Contest:
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
+
+    def difference(self, records: np.ndarray) -> float:
+        """Mean square difference [noise_std^2] of the two runs of `records` that differ least in the logged columns."""
+        logs = records[:, :, self.problem.signal_indices] / self.problem.noise_std
+        return min(float(np.mean((a - b) ** 2)) for a, b in combinations(logs, 2))
 
 
 def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
@@ -85,7 +119,38 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
         e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((count, len(residual))))
         jacobian = nominal_jacobian(likelihood, e.at_nominal, parameters[:count], x[:count], residual)
         found.append(replace(e, jacobian=jacobian))
-    return Contest(problem, likelihood, tuple(found), tuple(spread(likelihood, e) for e in found))
+    spreads = tuple(spread(likelihood, e) for e in found)
+    return Contest(problem, likelihood, tuple(found), spreads, laws_of(likelihood, found))
+
+
+def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
+    """What the logs show of the laws of fitted explanations."""
+    machine, frames = likelihood.robot.machine, effective(likelihood)
+    limits, rows = calibration_of(machine), []
+    for e in found:
+        nothing = Linearisation(e.parameters, e.x, e.residual, e.jacobian, np.zeros((0, len(e.residual))), ())
+        project = Projection(likelihood.scaled_to(e.residual), e, nothing)
+        changes = contributed(likelihood, e, e.residual)
+        own = [project.own(row, effect) for effect, rows in changes.items() for row in rows]
+        whole, size = (sum(float(power(np.asarray(rows)).sum()) for rows in some) for some in ([own], changes.values()))
+        left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
+        law = any(not machine.effect(effect).same_meaning for effect in e.effects)
+        rho = limits.law_error if law else limits.same_meaning
+        rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left, rho))
+    whole, own, left, rho = np.array(rows).T
+    error = np.sqrt(left / whole)
+    richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
+    return Laws(whole, own, np.clip(error, limits.same_meaning, None), rho, limits.taken, richer)
+
+
+def effective(likelihood: Likelihood) -> float:
+    """Frames that count as one."""
+    return max(CORRELATION / likelihood.robot.machine.frame, 1.0)
+
+
+def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
+    """What each channel of each effect of an explanation contributes, effect -> (channels, samples) [noise_std]."""
+    return contributions(likelihood.robot.machine, e, likelihood.residual, residual)
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:

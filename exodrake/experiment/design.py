@@ -1,7 +1,8 @@
 """The search for the motion that tells rivals apart best, within what is safe on each of them.
 
     library: random motifs, and windows of the machine's own experiments or of the case's motion
-    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated
+    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
+        once of many short motifs, once of a few long ones, of which the better is kept
     check: the whole motion on every explanation; smaller until it is safe
 
 All chance is seeded.
@@ -27,8 +28,9 @@ from exodrake.simulation.references import protocol
 
 SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 30.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
-PIECES = 5  # motifs in a sequence: some 60 parameters for three channels
-RANDOM, WINDOWS, MUTATIONS = 24, 12, 60  # in a library, in a search of two rivals; fewer for more
+PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
+RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
+LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
@@ -86,17 +88,26 @@ class Designer:
     """
 
     def __init__(self, contest: Contest, duration: float, seed: int) -> None:
-        self.contest, self.tried = contest, 0
+        self.contest, self.tried, self.pieces = contest, 0, PIECES[0]
         problem = contest.problem
         self.rng = np.random.default_rng(seed)
         self.stage: Stage = stage_of(problem.robot, problem.fit)
-        self.frames = frames_of(duration, self.stage.frame) // PIECES
-        known = known_motions(contest)
+        self.whole = frames_of(duration, self.stage.frame)
+        self.known = known = known_motions(contest)
         self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
-        (pilot,) = [information(contest, reference.tension[:PILOT]) for reference in known[-1:]]
-        self.quick = reduced(contest, pilot) if pilot else contest
-        self.windows = [window for reference in known for window in self.cut(reference)]
+        self.pilot = information(contest, known[-1].tension[:PILOT])
+        self.quick = reduced(contest, self.pilot) if self.pilot else contest
         self.fewer = 2.0 / len(contest.explanations)
+
+    def follow(self, found: Information) -> None:
+        """Let the quick search keep the directions, too, in which a refit changes a motion that was found."""
+        self.pilot = self.pilot + found if self.pilot else found
+        self.quick = reduced(self.contest, self.pilot)
+
+    @property
+    def frames(self) -> int:
+        """Frames of a piece."""
+        return self.whole // self.pieces
 
     def cut(self, reference: Reference) -> list[Window]:
         """A known motion in windows of a piece's length."""
@@ -105,29 +116,36 @@ class Designer:
         starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
         return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
 
-    def piece(self, motif: Motif | Window) -> Piece | None:
-        """A motif, smaller until it is safe; None if it never is."""
+    def safe(self, motif: Motif | Window) -> tuple[np.ndarray, float] | None:
+        """The course of a motif, smaller until it is safe, and how much rivals differ on it as they are; or None."""
         self.tried += 1
         shares, rest = motif.shares(self.frames, self.stage.rest), self.stage.rest
         for _ in range(SHRINKS):
-            reference = self.stage.reference(shares)
-            if not self.violations(reference):
-                found = information(self.quick, reference.tension)
-                return Piece(motif, shares, found) if found else None
+            records = self.contest.records(self.stage.reference(shares))
+            if not self.safety.violations(self.contest.names, records):
+                return shares, self.contest.difference(records)
             shares = rest + SMALLER * (shares - rest)
         return None
+
+    def piece(self, motif: Motif | Window, shares: np.ndarray) -> Piece | None:
+        """A motif with its course, unless a robot does not come to its end."""
+        found = information(self.quick, self.stage.reference(shares).tension)
+        return Piece(motif, shares, found) if found else None
 
     def violations(self, reference: Reference) -> list[str]:
         """What a reference would take out of its range, on any explanation."""
         return self.safety.violations(self.contest.names, self.contest.records(reference))
 
     def library(self) -> list[Piece]:
-        """Random motifs and windows of known motions, those that are safe at some size."""
+        """Of random motifs and windows of known motions those that tell most at first sight, at a size that is safe."""
         channels = len(self.stage.low)
-        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), PIECES))]
-        order = self.rng.permutation(len(self.windows))[: max(round(WINDOWS * self.fewer), 3)]
-        found = [self.piece(motif) for motif in (*motifs, *(self.windows[i] for i in order))]
-        pieces = [piece for piece in found if piece is not None]
+        motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
+        windows = [window for reference in self.known for window in self.cut(reference)]
+        order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
+        safe = [(motif, found) for motif in (*motifs, *(windows[i] for i in order)) if (found := self.safe(motif))]
+        safe.sort(key=lambda item: -item[1][1])
+        kept = safe[: max(len(safe) // LIBRARY, self.pieces)]
+        pieces = [piece for motif, (shares, _) in kept if (piece := self.piece(motif, shares))]
         if not pieces:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
         return pieces
@@ -135,7 +153,7 @@ class Designer:
     def sequence(self, library: list[Piece]) -> list[Piece]:
         """The pieces that together tell most, chosen one after the other."""
         chosen: list[Piece] = []
-        for _ in range(PIECES):
+        for _ in range(self.pieces):
             chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
         return chosen
 
@@ -143,20 +161,26 @@ class Designer:
         """The sequence after a local search that mutates one piece at a time."""
         best, count = total(chosen).criterion, round(MUTATIONS * self.fewer)
         for _ in range(count):
-            at = int(self.rng.integers(PIECES))
-            piece = self.piece(chosen[at].motif.mutated(self.rng))
+            at = int(self.rng.integers(self.pieces))
+            motif = chosen[at].motif.mutated(self.rng)
+            found = self.safe(motif)
+            piece = self.piece(motif, found[0]) if found else None
             if piece is None:
                 continue
             trial = [*chosen[:at], piece, *chosen[at + 1 :]]
-            if (found := total(trial).criterion) > best:
-                chosen, best = trial, found
+            if (reached := total(trial).criterion) > best:
+                chosen, best = trial, reached
         return chosen
 
     def designed(self) -> Design:
-        """The experiment."""
-        chosen = self.improved(self.sequence(self.library()))
-        shares, rest = np.concatenate([piece.course for piece in chosen]), self.stage.rest
-        return self.checked(shares, rest)
+        """The experiment: the best of sequences of short and of long pieces."""
+        found, rest = [], self.stage.rest
+        for self.pieces in PIECES:
+            chosen = self.improved(self.sequence(self.library()))
+            found.append(self.checked(np.concatenate([piece.course for piece in chosen]), rest))
+            self.follow(found[-1].information)
+        best = max(found, key=lambda d: d.information.criterion)
+        return replace(best, tried=self.tried)
 
     def checked(self, shares: np.ndarray, rest: np.ndarray) -> Design:
         """The experiment of shares (frames, channels), made smaller until it is safe as a whole."""

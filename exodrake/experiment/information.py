@@ -7,17 +7,19 @@ If i is true and j is fitted to the new log and to what is known already, j leav
 d: whitened difference of their logs. J: derivatives of j's log by its parameters in units of what the present logs
 leave uncertain (`Contest.spreads`). W: one over the variance of a sample,
 
-    1 / w = n (1 + c_i^2 + c_j^2)       c: error of an effect's law in another simulator of the same law
+    1 / w = n                             n: frames that count as one
 
-n: frames that count as one. A simpler law of the effects of i counts with the error that a diagnosis grants a law.
-d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap.
+d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap. What the law of i is wrong by, and so
+what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, with a_i as in the present logs.
 
-A diagnosis rejects j where i takes up more than chance and a share q of what j leaves above noise, so T must exceed
+A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
+i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, E_i q / (1 - q))       E_i: what i itself leaves above noise, in the present logs and the new one
+    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
 
-or z^2 alone for an effect that means the same in every law, since of it no error of a law is granted.
-The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i differs in a new motion.
+z: chance. The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in
+a new motion. A richer law j of a true i leaves as little as i does and is dropped as needless where it takes up
+nothing: as probable as the reverse.
 """
 
 from __future__ import annotations
@@ -27,17 +29,15 @@ from itertools import permutations
 
 import numpy as np
 
-from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import contributions, richer_law
-from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
+from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, apply
 from exodrake.diagnosis.problem import Trial
 from exodrake.diagnosis.refine import Explanation
-from exodrake.experiment.contest import Contest
+from exodrake.experiment.contest import Contest, Laws, contributed, effective
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
-DIRECTIONS, WEAK = 10, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
+DIRECTIONS, WEAK = 16, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,45 +74,52 @@ class Information:
 
     Attributes:
         pairs: (true, rival) -> information.
-        excess: (explanations,) what each leaves above noise in the present logs and these.
-        present: (explanations,) of that, the part in the present logs.
-        share: q, that a true explanation takes up of what a wrong one leaves.
-        granted: (explanations,) whether the law of one of its effects may be wrong; else noise alone is granted it.
+        contributed: (explanations,) C, what the effects of each contribute in the present logs and these.
+        laws: what the present logs tell of the laws.
     """
 
     pairs: dict[tuple[int, int], Pair]
-    excess: np.ndarray
-    present: np.ndarray
-    share: float
-    granted: np.ndarray
+    contributed: np.ndarray
+    laws: Laws
 
     def __add__(self, other: Information) -> Information:
         pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
-        return replace(self, pairs=pairs, excess=self.excess + other.excess - self.present)
+        return replace(self, pairs=pairs, contributed=self.contributed + other.contributed - self.laws.contributed)
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
         """(true, rival) -> T."""
         return {key: pair.left for key, pair in self.pairs.items()}
 
+    def required(self, true: int, rival: int) -> float:
+        """T* without the part of chance; not below 0."""
+        laws = self.laws
+        excess = float(laws.error[true] ** 2 * self.contributed[true])
+        granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
+        beaten = np.inf if laws.richer[true, rival] else excess * laws.share / (1.0 - laws.share)
+        return max(min(beaten, granted - excess), 0.0)
+
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
-        excess = float(self.excess[true]) if self.granted[rival] else 0.0
-        required = np.sqrt(excess * self.share / (1.0 - self.share))
+        if self.laws.richer[rival, true]:
+            true, rival = rival, true
+        required = np.sqrt(self.required(true, rival))
         distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, required)
         return float(distance / np.hypot(1.0, UNSURE * required))
 
     @property
-    def criterion(self) -> float:
-        """Logarithm of the product of all probabilities: what a search maximises."""
+    def criterion(self) -> tuple[float, float]:
+        """What a search maximises: logarithm of the product of all probabilities, then the least `beyond`."""
         from scipy.stats import norm
 
-        return float(sum(norm.logcdf(self.beyond(*key)) for key in self.pairs))
+        beyond = [self.beyond(*key) for key in self.pairs]
+        return float(np.sum(norm.logcdf(beyond))), min(beyond)
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) that is distinguished worst."""
-        return min(self.pairs, key=lambda key: self.beyond(*key))
+        """The (true, rival) that is distinguished worst; of two laws of the same effects the richer one is true."""
+        true, rival = min(self.pairs, key=lambda key: self.beyond(*key))
+        return (rival, true) if self.laws.richer[rival, true] else (true, rival)
 
     def power(self, true: int, rival: int) -> float:
         """Probability that a rival is rejected where another explanation is true."""
@@ -148,25 +155,22 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     likelihood = likelihood_on(contest, reference)
     rows = likelihood.residual(contest.robots)
-    errors = [contributed(likelihood, e, row) for e, row in zip(contest.explanations, rows, strict=True)]
+    errors = [
+        sum(float(np.sum(part**2)) for part in contributed(likelihood, e, row).values())
+        for e, row in zip(contest.explanations, rows, strict=True)
+    ]
     columns = [
         derivatives(likelihood, e, spread, row)
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
     ]
     if not all(np.isfinite(part).all() for part in (rows, *errors, *columns)):
         return None
-    limits, es = calibration_of(contest.problem.robot.machine), contest.explanations
-    frames, pairs = max(CORRELATION / contest.problem.robot.machine.frame, 1.0), {}
+    frames, pairs = effective(contest.likelihood), {}
+    weights = np.full(rows.shape[1], 1.0 / frames)
     for i, j in permutations(range(len(rows)), 2):
-        rho = limits.law_error if richer_law(likelihood, es[i], es[j]) else limits.same_meaning
-        weights = 1.0 / (frames * (1.0 + limits.same_meaning**2 * errors[i] + rho**2 * errors[j]))
         pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
-    left = np.array([max(float(contest.likelihood.chi2(e.residual)[0]) - 1.0, 0.0) for e in es]) / frames
-    use = np.array([float(np.sum(e.use[: e.nominal] ** 2)) for e in es])
-    present = left * contest.likelihood.samples + use
-    machine = contest.problem.robot.machine
-    granted = np.array([any(not machine.effect(i).same_meaning for i in e.effects) for e in es])
-    return Information(pairs, present + left * rows.shape[1], present, limits.taken, granted)
+    laws = contest.laws
+    return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, laws)
 
 
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -179,12 +183,6 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     steps = np.where(outside, -steps, steps)
     rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
     return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
-
-
-def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> np.ndarray:
-    """Sum of squares (samples,) of what the effects of an explanation contribute channel by channel [noise_std^2]."""
-    found = contributions(likelihood.robot.machine, e, likelihood.residual, residual)
-    return np.sum([np.zeros(len(residual)), *(np.sum(rows**2, axis=0) for rows in found.values())], axis=0)
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:

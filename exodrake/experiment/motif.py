@@ -5,7 +5,8 @@ In a motif every channel goes to a level, swings about it, and comes back:
     u(t) = u0 + e(t) (level + swing sin(2 pi phi(t) + phase) - u0)         phi' from f_first to f_last
 
 e rises and falls within a share of the motif: a step and a hold where it is short, a ramp where it is long; with a
-swing it is a sine or a chirp. u is a share of the span between the lowest and the highest reference.
+swing it is a sine, a chirp, or a triangle, whose speed is constant. u is a share of the span between the lowest and the
+highest reference.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Motif:
 
     Attributes:
         channels: (3, channels) level, swing and phase of each.
-        common: (3,) first and last frequency, and how long rise and fall take.
+        common: (4,) first and last frequency, how long rise and fall take, and above a half triangles for sines.
     """
 
     channels: np.ndarray
@@ -49,6 +50,7 @@ class Motif:
         rise = 0.5 * max(float(self.common[2]) ** 2, 2.0 / frames)
         envelope = smooth(s / rise) * smooth((1.0 - s) / rise)
         wave = np.sin(2.0 * np.pi * (turns[:, None] + phase))
+        wave = np.arcsin(wave) / (0.5 * np.pi) if self.common[3] > 0.5 else wave
         return rest + envelope[:, None] * (u + room * wave - rest)
 
     def mutated(self, rng: np.random.Generator) -> Motif:
@@ -83,4 +85,4 @@ def random_motif(channels: int, rng: np.random.Generator) -> Motif:
     """A motif of that many channels with parameters drawn evenly; some channels do not swing."""
     values = rng.random((3, channels))
     values[1] *= rng.random(channels) >= STEADY
-    return Motif(values, rng.random(3))
+    return Motif(values, rng.random(4))

@@ -54,11 +54,9 @@ def law_lines(law: MissingLaw | None) -> list[str]:
         if curve.formula:
             lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
     if law.runner_up is not None:
-        apart = (
-            "less likely, by a test that is not calibrated" if law.distinguished else "not distinguished by these logs"
-        )
+        apart = "rejected" if law.distinguished else "not distinguished by these logs"
         other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
-        lines.append(f"        runner-up {other}: {apart} (p = {law.p_runner_up:.2g})")
+        lines.append(f"        runner-up {other}: {apart} (the law takes up {n.percent(law.lead)} of what it leaves)")
     return lines
 
 

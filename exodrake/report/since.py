@@ -11,7 +11,8 @@ from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
-from exodrake.diagnosis.since import RESIDUAL, Series, Since
+from exodrake.diagnosis.session_series import RESIDUAL, Series
+from exodrake.diagnosis.since import Since
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Table
 

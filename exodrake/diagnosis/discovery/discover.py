@@ -13,10 +13,11 @@ import numpy as np
 from exodrake.core.confidence import ALPHA
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
+from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.discovery.candidate import Candidate, candidates
-from exodrake.diagnosis.discovery.compare import level_of_noise, level_of_runner_up
+from exodrake.diagnosis.discovery.compare import lead, level_of_noise
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
 from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened, started
@@ -129,7 +130,7 @@ def answer(
     best, others = fits[0], runners(fits, shares)
     identity = best.candidate.law.identity
     rival = next((k for k, f in enumerate(fits) if f.candidate.law.identity != identity), None)
-    apart = 0.0 if rival is None else level_of_runner_up(likelihood, best, fits[rival])
+    ahead = 1.0 if rival is None else lead(shares[0], shares[rival])
     best = refitted(moved.whole(likelihood, problem), base, best)
     short = formula(best)
     whole, nominal = moved.problem(problem), moved.values(problem.silent())
@@ -150,8 +151,8 @@ def answer(
         share=shares[0],
         p_noise=p,
         runner_up=None if rival is None else others[rival],
-        p_runner_up=apart,
-        distinguished=apart < ALPHA,
+        lead=ahead,
+        distinguished=ahead > calibration_of(problem.robot.machine).taken,
         others=others,
         curves=curves,
         closure=closure,

@@ -54,8 +54,8 @@ class MissingLaw:
         share: of the excess over noise that retuning leaves on the fitted logs, removed by it.
         p_noise: p-value of that were there noise alone.
         runner_up: the best law at another point.
-        p_runner_up: p-value of its lead were the runner-up the truth.
-        distinguished: whether the data distinguish the two.
+        lead: share of what the runner-up leaves above noise that the law takes up.
+        distinguished: whether it is more than a law at a wrong point takes up (`taken` of the calibration).
         others: laws that were fitted to the end, by evidence, best first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
@@ -72,7 +72,7 @@ class MissingLaw:
     share: float = float("nan")
     p_noise: float = float("nan")
     runner_up: Runner | None = None
-    p_runner_up: float = float("nan")
+    lead: float = float("nan")
     distinguished: bool = False
     others: tuple[Runner, ...] = ()
     curves: dict[str, Curve] = field(default_factory=dict)
