@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -120,6 +120,14 @@ class Machine:
         """Columns whose signals come from outside: the references and measured inputs, one row a frame."""
         return tuple(c for signal in self.inputs for c in self.columns if c.signal == signal)
 
+    def channels(self, signal: str) -> tuple[str, ...]:
+        """Channel names of a signal; one empty name for a scalar."""
+        return self.axes.of(self.signal[signal].axis)
+
+    def log_names(self, columns: Iterable[Column]) -> list[str]:
+        """Names in a log of all channels of some column families."""
+        return [f"{column.kind}_{channel}" for column in columns for channel in self.channels(column.signal)]
+
     def width(self, axis: str) -> int:
         """Number of channels of an axis."""
         return len(self.axes.of(axis))
@@ -175,7 +183,7 @@ class Machine:
 
     def column_width(self, kind: str) -> int:
         """Number of channels of a column family."""
-        return self.width(self.signal[self.column(kind).signal].axis)
+        return len(self.channels(self.column(kind).signal))
 
     def state_index(self, part: Part, name: str) -> int:
         """Index in a part's own state vector at which a state begins."""
