@@ -11,7 +11,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.measured import Column, Observer
-from exodrake.core.parameter import ParameterInfo, Tolerance, full_name
+from exodrake.core.parameter import ParameterInfo, Tolerance, channels_of, full_name
 from exodrake.core.part import Field, Part, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
@@ -161,9 +161,7 @@ class Machine:
 
     def indices(self, name: str) -> list[int]:
         """Indices in the flat vector of a full name, or of all channels of a name without channel; none if unknown."""
-        if name in self.index:
-            return [self.index[name]]
-        return [i for full, i in self.index.items() if full.rsplit(".", 1)[0] == name]
+        return channels_of(name, list(self.index))
 
     def effect_indices(self, identity: str, parameter: str) -> dict[str, int]:
         """Index in the flat vector of each channel of an effect's parameter; "" for one without channels."""
