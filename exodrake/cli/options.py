@@ -68,6 +68,18 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
     return add
 
 
+def robot_changes(command: Callable) -> Callable:
+    """Adds --set, --effect and --part, which change a robot, to a command; each is repeatable."""
+    options = (
+        ("--set", "parameters", "finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable."),
+        ("--effect", "effects", "ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."),
+        ("--part", "parts", "A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable."),
+    )
+    for flag, name, text in reversed(options):
+        command = click.option(flag, name, multiple=True, metavar="TEXT", help=text)(command)
+    return command
+
+
 def machine_added(context: click.Context, _: click.Parameter, folder: str | None) -> None:
     """Registers the folder of --machine; InputError if it holds no machine."""
     if folder is None:

@@ -52,9 +52,11 @@ class GPEstimator(FrameLeaf):
     """
 
     def __init__(self, weights: Weights, machine: Machine) -> None:
-        unknown = np.full(len(weights.offset), np.nan)
-        inputs = dict.fromkeys(("tension_read", "stroke_read"), len(weights.center) // 2)
-        outputs = dict.fromkeys(("angle_est", "angle_std"), unknown)
+        unknown, tendons = np.full(len(weights.offset), np.nan), len(weights.center) // 2
+        inputs, outputs = (
+            {"tension_read": tendons, "stroke_read": tendons},
+            {"angle_est": unknown, "angle_std": unknown},
+        )
         super().__init__("estimator", machine, SLOT, weights._asdict(), inputs, outputs)
         self._bound = declare_per_context(self, Bound)
 
