@@ -18,7 +18,7 @@ from exodrake.cli.options import refuse_others, robot_option
 )
 @click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 
