@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import OutputFile, OutputFolder
+
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
 
@@ -20,7 +22,7 @@ def command() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default=Path("kinematics"),
     show_default=True,
     help="Folder for the results.",
@@ -79,7 +81,7 @@ def show(found: Kinematics) -> None:
 
 
 @command.command(short_help="Write a marker recording with known truth.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=OutputFile())
 @click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
 @click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")

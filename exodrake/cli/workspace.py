@@ -4,14 +4,14 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import refuse_others, robot_option
+from exodrake.cli.options import OutputFolder, refuse_others, robot_option
 
 
 @click.command()
 @robot_option()
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default=Path("workspace"),
     show_default=True,
     help="Folder for the results.",
