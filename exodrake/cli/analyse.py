@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import robot_changes, robot_option
+from exodrake.cli.options import OutputFile, OutputFolder, robot_changes, robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -37,12 +37,12 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",
 )
 @click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for figures and analysis.json.")
-@click.option("--json", "target", type=click.Path(path_type=Path), default=None, help="File for all numbers.")
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
+@click.option("--json", "target", type=OutputFile(), default=None, help="File for all numbers.")
 @click.option(
     "--to-control",
     "model",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     default=None,
     help="NPZ with A, B, C, D, dt and names for python-control.",
 )

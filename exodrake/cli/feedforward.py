@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import OutputFile, robot_option
 
 
 @click.command()
 @click.argument("wanted")
 @robot_option()
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="Log of the commands.")
+@click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
 def command(wanted: str, robot: str, out: Path) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
 

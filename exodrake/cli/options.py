@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -32,6 +33,37 @@ OTHERS: dict[str, str] = {
     "export": "it takes a log of any machine",
     "new-machine": "it makes one",
 }
+
+
+class OutputFile(click.Path):
+    """A file to be written, which is refused before the work if it is a folder, or its own folder is absent."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Path of the file."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if path.is_dir():
+            raise InputError(f"{path}: a folder, wanted a file")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: cannot be written (no folder {path.parent})")
+        return path
+
+
+class OutputFolder(click.Path):
+    """A folder to be written, which is refused before the work if it cannot be one."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Path of the folder."""
+        from exodrake.cli.simulate import check_folder
+
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        check_folder(path)
+        return path
 
 
 def command_line() -> str:
