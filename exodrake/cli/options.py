@@ -59,7 +59,7 @@ class OutputFolder(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the folder."""
-        from exodrake.cli.simulate import check_folder
+        from exodrake.core.files import check_folder
 
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
         check_folder(path)
