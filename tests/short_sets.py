@@ -38,7 +38,7 @@ def write_set(folder, healthy, rusty=0):
     return path
 
 
-RUN = ("run_time", "provenance")  # keys of an answer that differ from run to run
+RUN = ("seconds", "provenance")  # keys of an answer that differ from run to run
 
 
 def answers(folder):

@@ -37,7 +37,7 @@ def answer(verdict, block=None, effects=(), wires=(), joints=(), run_time=20.0, 
     if closed is not None:
         closure["effect"] = {"value": closed + 0.05, "low": closed, "high": closed + 0.1}
     where = {"block": block, "wires": list(wires), "joints": list(joints)}
-    return {"verdict": verdict, "where": where, "effects": parts, "closure": closure, "run_time": run_time} | rest
+    return {"verdict": verdict, "where": where, "effects": parts, "closure": closure, "seconds": run_time} | rest
 
 
 GAIN, SLACK, HOMING, CREEP = "sensor.gain", "tendon.slack", "encoder.homing_offset", "tendon.creep"
@@ -50,13 +50,13 @@ SET = {
     "case_02": (
         "single", [truth(GAIN, gain=0.05, wires=["AF"])],
         answer(
-            "NAMED", "sensor", {GAIN: {"gain": (0.04, 0.06)}}, ["AF"], closed=0.85, simulated_time=50e3,
+            "NAMED", "sensor", {GAIN: {"gain": (0.04, 0.06)}}, ["AF"], closed=0.85, simulated_seconds=50e3,
             baselines={"bic": GAIN, "replay": CREEP},
         ),
     ),
     "case_03": (
         "single", [truth(SLACK, length=1e-3, wires=["MF"])],
-        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], equivalents=[HOMING, SLACK], simulated_time=70e3),
+        answer("AMBIGUOUS", "encoder", {HOMING: {}}, ["MF"], equivalents=[HOMING, SLACK], simulated_seconds=70e3),
     ),
     "case_04": (
         "single", [truth(GAIN, gain=0.05)],
@@ -160,10 +160,10 @@ def test_quantities_of_a_set_done_by_hand(tiny):
     assert found["relative half width, other law, median"] == ((0.2 + 0.0625) / 2, 2)
     assert found["relative interval score, same meaning, mean"] == ((0.4 + 5.25) / 2, 2)
     assert found["relative interval score, other law, mean"] == ((0.4 + 2.625) / 2, 2)
-    assert found["simulated time a case [s], median"] == (60e3, 2)
-    assert found["simulated time a case [s], 95 %"] == (69e3, 2)
-    assert found["time a case [s], median"] == (20.0, 15)
-    assert found["time a case [s], 95 %"] == (20.0 + 0.3 * 70.0, 15)
+    assert found["simulated seconds a case, median"] == (60e3, 2)
+    assert found["simulated seconds a case, 95 %"] == (69e3, 2)
+    assert found["seconds a case, median"] == (20.0, 15)
+    assert found["seconds a case, 95 %"] == (20.0 + 0.3 * 70.0, 15)
 
 
 def test_baselines_are_paired_with_the_diagnosis(tiny):

@@ -63,7 +63,7 @@ def test_held_out_logs_decide_the_closure_alone():
     answers = [found.to_json() for found in (friction_diagnosis(), exo.diagnose(spoilt))]
     assert answers[0]["closure"] != answers[1]["closure"]
     for answer in answers:  # notes are on the logs as they came
-        del answer["closure"], answer["run_time"], answer["notes"], answer["provenance"]["date"]
+        del answer["closure"], answer["seconds"], answer["notes"], answer["provenance"]["date"]
     assert answers[0] == answers[1]
 
 
@@ -74,6 +74,18 @@ def test_answer_is_strict_json(found):
 
 
 @pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])
+def test_answer_has_the_keys_that_programs_of_others_read(found):
+    """Of `docs/explain/answer.md`, as first published; more may come, none may go."""
+    answer = found().to_json()
+    keys = "verdict where effects equivalents closure next_experiment notes candidates seconds simulated_seconds"
+    assert set(keys.split()) <= set(answer)
+    assert {"block", "wires", "joints", "shares"} <= set(answer["where"])
+    assert {"overall", "retune", "effect", "signals"} <= set(answer["closure"])
+    assert {"before", "after", "floor", "closure"} <= set(next(iter(answer["closure"]["signals"].values())))
+    assert all({"id", "score"} <= set(row) for row in answer["candidates"])
+    assert all({"id", "wires", "joints", "parameters", "probability"} <= set(row) for row in answer["effects"])
+
+
 def test_simulated_time_is_affordable_and_adds_up(found):
     total = sum(found().simulated.values())
     assert 0.0 < total <= AFFORDABLE and found().simulated_time == pytest.approx(total)

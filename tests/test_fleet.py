@@ -165,7 +165,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as local:
         address = local.scheduler_address
         assert diagnose_all(some, cluster=address, robot="tendon_sheath") == {}
-        kept = {place: stored(place)["run_time"] for place in some.values()}
+        kept = {place: stored(place)["seconds"] for place in some.values()}
         with distributed.Client(address, set_as_default=False) as client:
             victims = sorted(client.run(os.getpid).values())[:1]
 
@@ -174,7 +174,7 @@ def test_a_killed_worker_and_a_second_run_lose_no_case_and_answer_none_twice(tmp
                 os.kill(victims.pop(), signal.SIGKILL)
 
         assert diagnose_all(places, cluster=address, progress=progress, robot="tendon_sheath") == {}
-    assert not victims and {place: stored(place)["run_time"] for place in some.values()} == kept
+    assert not victims and {place: stored(place)["seconds"] for place in some.values()} == kept
     rows = read_answers(tmp_path / "answers")
     assert [row.case for row in rows] == [str(n) for n in range(6)] and {row.serial for row in rows} == {"so-1"}
     assert [row.date for row in rows] == [START + timedelta(days=n) for n in range(6)]

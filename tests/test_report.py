@@ -344,7 +344,7 @@ def test_answer_as_json_has_the_keys_of_its_page():
     answer = diagnosis(AMBIGUOUS).to_json()
     text = (Path(__file__).parent.parent / "docs" / "explain" / "answer.md").read_text()
     rows = {row[0]: set(row) for row in (re.findall(r"`(\w+)`", line) for line in text.splitlines()) if row}
-    assert set(answer) <= {"simulated", "simulated_time", "date", *rows}
+    assert set(answer) <= {"simulated", "simulated_seconds", "date", *rows}
     for key in ("where", "closure", "provenance"):
         assert set(answer[key]) <= rows[key], key
     assert json.loads(json.dumps(answer, allow_nan=False)) == answer

@@ -28,8 +28,8 @@ ANSWERED = having(
         "candidates": optional(listing(having({"id": text()}, required=("id",)))),
         "baselines": optional(names(optional(text()))),
         "configuration": optional(names(text())),
-        "simulated_time": KNOWN,
-        "run_time": KNOWN,
+        "simulated_seconds": KNOWN,
+        "seconds": KNOWN,
     },
     required=("verdict",),
 )

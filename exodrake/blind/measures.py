@@ -160,8 +160,8 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
         rows.append(quantity(f"relative half width, {law}, median", np.median, [i.half_width for i in found], wanted))
         rows.append(quantity(f"relative interval score, {law}, mean", np.mean, [i.score for i in found]))
     for name, key, middle, end in (
-        ("simulated time a case [s]", "simulated_time", "<= 60000", ""),
-        ("time a case [s]", "run_time", "<= 12", "<= 20"),
+        ("simulated seconds a case", "simulated_seconds", "<= 60000", ""),
+        ("seconds a case", "seconds", "<= 12", "<= 20"),
     ):
         values = [answer.get(key) for answer in answers]
         rows.append(quantity(f"{name}, median", np.median, values, middle))

@@ -99,7 +99,7 @@ def row_of(answer: Mapping[str, Any], name: str) -> Row:
             before=number(rms.get("before")),
             after=number(rms.get("after")),
             began=str(began.get("value", "")),
-            run_time=number(answer.get("run_time")),
+            run_time=number(answer.get("seconds")),
             reason="; ".join(answer.get("reasons", [])),
             version=str(made.get("version", "")),
             code=str(made.get("code", "")),

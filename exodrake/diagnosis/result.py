@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.since import Since
 
 NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
-NOT_IN_JSON = ("robots", "problem")
+NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,10 @@ class SignalGap:
     noise_std: float
     closure: float
     unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The gap as plain data, the noise standard deviation as `floor`."""
+        return plain({"floor" if name == "noise_std" else name: value for name, value in vars(self).items()})
 
 
 @dataclass(frozen=True)
@@ -218,10 +222,12 @@ class Diagnosis:
         """The answer as plain data, in SI."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
+        closure["signals"] = {name: gap.to_json() for name, gap in self.closure.signals.items()}
         case = None if self.problem is None else self.problem.case
         dates = [item.date for item in case.logs if item.date is not None] if case else []
         robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
-        more = {"next_experiment": self.next_experiment, "simulated_time": self.simulated_time}
+        more = {"next_experiment": self.next_experiment, "seconds": self.run_time}
+        more["simulated_seconds"] = self.simulated_time
         return plain(answer | robot | {"closure": closure} | more)
 
     @property
