@@ -51,8 +51,9 @@ Robots of the [blind check](howto/blind.md)'s reference simulator, with all para
 are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
 point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
 ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
-encoder, motor or tendon, which meet at the spool. The runner-up is distinguished where the law takes up
-more of what it leaves above noise than an absent effect takes up of what a true law leaves (`taken` of the calibration).
+encoder, motor or tendon, which meet at the spool. The runner-up is distinguished where the law
+takes up more of what it leaves above noise than an absent effect takes up of what a true law leaves (`taken` of the
+calibration).
 
     {command}
 
