@@ -6,9 +6,8 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from importlib.util import find_spec
 from time import perf_counter
 
@@ -21,7 +20,6 @@ from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
 
 SPEED = "simulated s / s"
-ELSEWHERE = ("benchmarks.estimator", "benchmarks.diagnosis")
 
 
 @dataclass(frozen=True)
@@ -153,30 +151,10 @@ def session_rows(robot: Robot) -> list[Row]:
 
 
 def other_rows() -> list[Row]:
-    """Figures of other modules that bring a bench of their own, with a function `rows()` (see `as_row`)."""
-    found = []
-    for module in ELSEWHERE:
-        if _exists(module):
-            found += [as_row(item) for item in import_module(module).rows()]
-    return found
+    """Figures of the estimator and of the diagnosis."""
+    from benchmarks import diagnosis, estimator
 
-
-def _exists(module: str) -> bool:
-    try:
-        return find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
-
-
-def as_row(item: object) -> Row:
-    """A Row from what another module's bench gives: a Row, a mapping, or a tuple (name, value, unit)."""
-    if isinstance(item, Row):
-        return item
-    if isinstance(item, dict):
-        return Row(item["name"], float(item["value"]), item["unit"], item.get("least"), item.get("most"))
-    assert isinstance(item, Iterable)
-    name, value, unit, *_ = item
-    return Row(str(name), float(value), str(unit))
+    return [Row(*row) for module in (estimator, diagnosis) for row in module.rows()]
 
 
 def bench(seconds: float = 20.0, others: bool = True, tell: Callable[[str], object] = lambda text: None) -> list[Row]:

@@ -6,12 +6,20 @@ import pytest
 import exodrake as exo
 from exodrake.analysis.closed_loop import to_control
 from exodrake.analysis.frequency_response import LINES, bandwidth, frequency_response, multisine
-from exodrake.analysis.limit_cycles import CommandedLoop, grows
+from exodrake.analysis.limit_cycles import CommandedLoop
 from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
 from exodrake.analysis.margins import gain_margins, margins, phase_margin
 from exodrake.analysis.open_loop import cut, opened
 
 TENDONS = ("AF", "MF", "AE")
+
+
+def grows(plant, state, factor, frames=400):
+    """Whether a small motion grows in the nonlinear simulation with the loop gain of a channel times a factor."""
+    poke = 1e-4 * abs(plant.direct[plant.channel, plant.channel]) * plant.loop.loop.step
+    size = np.abs(plant.run(state, frames, lambda n, v: factor * v + (poke if n == 0 else 0.0))[0])
+    quarter = frames // 4
+    return size[-quarter:].max() > size[quarter : 2 * quarter].max()
 
 
 def integrator(gain):

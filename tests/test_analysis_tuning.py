@@ -119,3 +119,9 @@ def test_bad_input_is_refused(arguments, word):
 def test_no_controller_is_tuned_without_a_loop():
     with pytest.raises(exo.InputError, match="no closed loop"):
         tune(exo.load_robot("so101"))
+
+
+@pytest.mark.parametrize("wanted", [{"overshoot": float("nan")}, {"settling": -1.0}, {"noise": float("nan")}])
+def test_what_is_no_requirement_is_refused(wanted):
+    with pytest.raises(exo.InputError, match=f"{next(iter(wanted))} is .*, wanted a number from 0"):
+        exo.Requirements(**wanted)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import diagnosis as bench
-from benchmarks.speed import as_row
+from benchmarks.speed import Row
 from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
@@ -42,7 +42,7 @@ def test_rows_are_the_bench_s(monkeypatch):
     monkeypatch.setattr(bench, "by_scipy", lambda residual, parameters: np.array([p.start for p in parameters]))
     monkeypatch.setattr(bench, "ours", lambda problem: np.ones(3))
     monkeypatch.setattr(bench, "diagnose", lambda case, robot: type("Answer", (), {"verdict": "NAMED"}))
-    rows = [as_row(item) for item in bench.rows(2.0)]
+    rows = [Row(*item) for item in bench.rows(2.0)]
     assert [row.unit for row in rows] == ["s", "-"] * 3 + ["-", "-", "s"] and "NAMED" in rows[-1].name
 
 

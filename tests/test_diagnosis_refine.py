@@ -85,3 +85,11 @@ def test_planted_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     wanted = least_squares(rows, x, x_scale=scale, bounds=np.array([p.bounds for p in parameters]).T, diff_step=1e-3)
     assert found.cost(likelihood) < wanted.cost * 1.0005
     assert (found.x - wanted.x) / scale == pytest.approx(np.zeros(len(x)), abs=0.1)
+
+
+@pytest.mark.parametrize("imitated", [0.0, -0.07, 1e-9])
+def test_minimiser_survives_a_direction_that_others_imitate_but_for_rounding(imitated):
+    """Schur complements in single precision leave such a diagonal; the other direction keeps its closed form."""
+    normal = np.array([[4e5, 0.2], [0.2, imitated]])
+    found, _ = bounded(normal, np.array([-2e5, 1e-5]), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    assert found[0] == pytest.approx(0.5, abs=1e-3) and np.isfinite(found).all() and np.abs(found[1]) <= 1.0

@@ -6,7 +6,7 @@ from diagnosis_cases import case_of
 
 from exodrake.diagnosis import filters
 from exodrake.diagnosis.detect import spectral_peak
-from exodrake.diagnosis.detect.spectral_peak import Peak, WanderingPhase, find, phase_rate
+from exodrake.diagnosis.detect.spectral_peak import PROMINENT, Peak, WanderingPhase, find, phase_rate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -88,3 +88,12 @@ def test_drawn_tremor_is_as_strong_as_the_simulated_one_and_repeats_no_phase(rob
     assert np.mean([np.std(line + d) / np.std(line) for d in drawn]) == pytest.approx(1.0, rel=0.05)
     likeness = [np.corrcoef(line, line + d)[0, 1] for d in drawn]  # cosines of random phases
     assert np.abs(np.mean(likeness)) < 0.8 and np.ptp(likeness) > 0.3
+
+
+def test_slow_bursts_are_no_tremor(robot):
+    """A line at 0.9 Hz, whose shoulder reaches into the range of tremors."""
+    problem = make_problem(case_of(robot, 3, frames=200), robot)
+    rng, time = np.random.default_rng(2), np.arange(2000) * robot.machine.frame
+    wave = 3.0 * np.sin(2 * np.pi * 0.9 * time + 0.2 * np.cumsum(rng.standard_normal(2000)))[:, None]
+    found = find(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
+    assert found.prominence > PROMINENT and not found.certain

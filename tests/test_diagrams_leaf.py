@@ -11,7 +11,7 @@ from diagram_runs import nominal, wavy
 from pydrake.systems.analysis import Simulator
 
 from benchmarks.diagram import multibody_speed
-from benchmarks.speed import Row, as_row
+from benchmarks.speed import Row
 from exodrake.compiled.inputs import NoiseInputs, Reference
 from exodrake.core.errors import InputError
 from exodrake.diagrams.diagram import build_diagram, run_diagram
@@ -158,7 +158,7 @@ def test_a_mujoco_finger_moves_like_ours():
 
 
 def test_bench_rows():
-    row = as_row(("frame", 2.5, "s"))
+    row = Row("frame", 2.5, "s")
     assert row.met and row.target == ""
-    assert not as_row({"name": "x", "value": 0.5, "unit": "s", "most": 0.4}).met
-    assert as_row(Row("ratio", 21.0, "-", least=20)).target == "≥ 20"
+    assert not Row("x", 0.5, "s", most=0.4).met
+    assert Row("ratio", 21.0, "-", least=20).target == "≥ 20"

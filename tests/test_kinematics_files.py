@@ -21,6 +21,13 @@ def _recording(**faults) -> Recording:
     return synthesise(Hand(), Faults(**faults), 8.0, 50.0, 3)[0]
 
 
+def _swapped(swap: Swap) -> Recording:
+    recording, span = _recording(noise=1e-4), slice(swap.first, swap.last + 1)
+    a, b = (recording.names.index(name) for name in swap.names)
+    recording.positions[span, [a, b]] = recording.positions[span, [b, a]]
+    return recording
+
+
 def _write(folder, recording: Recording, name: str = "hand.csv"):
     (folder / name).write_bytes(csv_bytes(recording))
     return folder / name
@@ -93,7 +100,7 @@ def test_marker_mostly_missing_is_named():
 @pytest.mark.parametrize("pair", [("P1", "P3"), ("P2", "M1"), ("D1", "D2"), ("B1", "D3")])
 def test_swapped_markers_are_named_with_their_frames_and_can_be_repaired(pair):
     swap = Swap(pair, 200, 230)
-    recording = _recording(noise=1e-4, swaps=(swap,))
+    recording = _swapped(swap)
     with pytest.raises(InputError, match=rf"{pair[0]} and {pair[1]} are swapped from frame 200 .* to 230"):
         identify(recording)
     check = check_labels(recording, Layout())
@@ -103,7 +110,7 @@ def test_swapped_markers_are_named_with_their_frames_and_can_be_repaired(pair):
 
 @pytest.mark.parametrize("pair", [("P3", "M1"), ("P2", "M1"), ("M2", "D1"), ("B1", "P1")])
 def test_labels_swapped_all_along_are_named(pair):
-    recording = _recording(noise=1e-4, swaps=(Swap(pair, 0, 399),))
+    recording = _swapped(Swap(pair, 0, 399))
     with pytest.raises(InputError, match=f"with {pair[0]} and {pair[1]} exchanged they do not"):
         identify(recording)
 
@@ -111,6 +118,15 @@ def test_labels_swapped_all_along_are_named(pair):
 def test_noise_alone_is_never_taken_for_a_swap():
     recording = synthesise(Hand(), Faults(noise=5e-4), 60.0, 100.0, 9)[0]
     assert check_labels(recording, Layout()).swaps == ()
+
+
+@pytest.mark.parametrize(
+    ("faults", "duration", "word"),
+    [({"noise": -1.0}, 8.0, "noise"), ({"dropouts": np.nan}, 8.0, "dropouts"), ({}, np.inf, "3 to 3600 s")],
+)
+def test_impossible_recordings_are_not_synthesised(faults, duration, word):
+    with pytest.raises(InputError, match=word):
+        synthesise(Hand(), Faults(**faults), duration, 50.0, 3)
 
 
 def test_collinear_triad_is_named():

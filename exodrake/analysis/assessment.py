@@ -12,6 +12,7 @@ from exodrake.analysis.operating_point import operating_point
 from exodrake.analysis.populations import within_tolerances
 from exodrake.analysis.robustness import Band, band, points_band
 from exodrake.analysis.step_response import StepResponse, step_response
+from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
@@ -35,6 +36,12 @@ class Requirements:
     overshoot: float = 0.05
     disk_margin: float = 0.6
     noise: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no requirement. InputError for a number below 0, or none."""
+        for name, value in vars(self).items():
+            if value is not None and not value >= 0.0:
+                raise InputError(f"{name.replace('_', ' ')} is {value:g}, wanted a number from 0")
 
 
 @short_repr

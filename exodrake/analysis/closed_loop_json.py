@@ -23,7 +23,7 @@ def closed_loop_numbers(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()
     machine, point, model, latency = result.robot.machine, result.point, result.model, result.latency
     readings = {
         f"{kind} [{machine.signal[machine.column(kind).signal].unit}]": dict(
-            zip(machine.axes.of(machine.signal[machine.column(kind).signal].axis), values)
+            zip(machine.channels(machine.column(kind).signal), values)
         )
         for kind, values in point.readings.items()
     }

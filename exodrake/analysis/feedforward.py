@@ -53,7 +53,7 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     """
     column = robot.machine.references[0]
     kind = column.kind.removesuffix("_ref")
-    channels = robot.machine.axes.of(robot.machine.signal[column.signal].axis)
+    channels = robot.machine.channels(column.signal)
     if kind == column.kind or all(c.kind != kind for c in robot.machine.columns):
         raise InputError(
             f"{robot.machine.name} logs nothing that {column.kind} asks for, so nothing can be made up for"

@@ -81,7 +81,7 @@ class FrameMap:
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the loop's channels, in the order of its references."""
-        return self.robot.machine.axes.of(self.robot.machine.signal[self.loop.reference].axis)
+        return self.robot.machine.channels(self.loop.reference)
 
     @property
     def noises(self) -> tuple[str, ...]:
@@ -142,7 +142,7 @@ class FrameMap:
         for column in machine.references:
             if column.signal == self.loop.reference:
                 break
-            at += machine.width(machine.signal[column.signal].axis)
+            at += len(machine.channels(column.signal))
         return reference_width(machine), slice(at, at + len(self.channels))
 
     def all_references(self, references: np.ndarray) -> np.ndarray:

@@ -25,7 +25,6 @@ CYCLES = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 16, 18, 21, 24)  # of t
 AMPLITUDES = np.geomspace(2e-3, 10.0, 12)  # of the command, in units of its answer to a step of the reference
 FACTORS = (0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.05, 1.1, 1.2, 1.3)  # simulated factors, in units of the gain margin
 RUN, SEEN = 1000, 250  # frames simulated; last ones in which an oscillation is measured
-POKE = 1e-4  # command for a frame that starts a small motion, in the same unit
 LEAST = 1e-4  # of the open loop where it crosses the real axis, below which it does not
 UNBOUNDED = 1e3  # amplitude of a command that grows without bound, in the same unit
 FAINT = 1e-3  # amplitude below which nothing oscillates, in units of the smallest one tried
@@ -230,11 +229,3 @@ def oscillation(
     spectrum = np.abs(np.fft.rfft(tail * np.hanning(SEEN)))
     k = int(spectrum[1:].argmax()) + 1
     return swing, k / (SEEN * period)
-
-
-def grows(plant: CommandedLoop, state: np.ndarray, factor: float, frames: int = 400) -> bool:
-    """Whether a small motion about a state (states,) [SI] grows in simulation with the loop gain times a factor."""
-    poke = POKE * abs(plant.direct[plant.channel, plant.channel]) * plant.loop.loop.step
-    size = np.abs(plant.run(state, frames, lambda n, v: factor * v + (poke if n == 0 else 0.0))[0])
-    quarter = frames // 4
-    return bool(size[-quarter:].max() > size[quarter : 2 * quarter].max())

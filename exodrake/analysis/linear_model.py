@@ -220,8 +220,7 @@ def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
     machine = loop.robot.machine
     columns = [c for c in machine.columns if c.signal not in machine.inputs]
     rows = np.concatenate([np.arange(loop.signals[c.signal].start, loop.signals[c.signal].stop) for c in columns])
-    names = tuple(f"{c.kind}_{channel}" for c in columns for channel in machine.axes.of(machine.signal[c.signal].axis))
-    return rows, names
+    return rows, tuple(machine.log_names(columns))
 
 
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:

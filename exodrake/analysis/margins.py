@@ -2,7 +2,7 @@
 
 Margins of an unstable loop mean nothing and are NaN. Where a loop is stable, they are found twice: from the open loop
 L, and from the poles with the command of the channel scaled or late. The encirclements of -1 count the unstable poles
-once more. `limit_cycles.grows` finds the limit of gain a third way, by the nonlinear simulation.
+once more.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def tune(
     known = [c.name for c in loop.controllers]
     for name in only:
         if name not in known:
-            raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {', '.join(known)}")
+            raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
     plants = [plant_of(robot, at) for at in loop.points]
     plants += [plant_of(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
     wanted = with_noise(requirements or Requirements(), plants)

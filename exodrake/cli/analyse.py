@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import OutputFile, OutputFolder, robot_changes, robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
     from exodrake.analysis.robustness import Band
     from exodrake.core.robot import Robot
 
-MANY = {"multiple": True, "metavar": "TEXT"}
 FIGURES = {
     "rise": "s", "overshoot": "%", "settling": "s", "-3 dB": "Hz", "gain\nmargin": "-", "phase": "deg", "delay": "ms",
     "disk\nmargin": "-",
@@ -27,14 +26,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 
 @click.command()
 @robot_option("file")
-@click.option("--set", "parameters", **MANY, help="controller.kp=0.005, or 'tendon.k=2.7 N/mm'. Repeatable.")
-@click.option("--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]. Repeatable.")
-@click.option(
-    "--part",
-    "parts",
-    **MANY,
-    help="A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable.",
-)
+@robot_changes
 @click.option("--at", default="", metavar="AF=4,MF=3,AE=1", help="Operating point: references, or its name: small.")
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
 @click.option(
@@ -45,12 +37,12 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",
 )
 @click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for figures and analysis.json.")
-@click.option("--json", "target", type=click.Path(path_type=Path), default=None, help="File for all numbers.")
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
+@click.option("--json", "target", type=OutputFile(), default=None, help="File for all numbers.")
 @click.option(
     "--to-control",
     "model",
-    type=click.Path(path_type=Path),
+    type=OutputFile(),
     default=None,
     help="NPZ with A, B, C, D, dt and names for python-control.",
 )

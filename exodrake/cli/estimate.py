@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import OutputFile
+
 if TYPE_CHECKING:
     from exodrake.estimator.stroke_zeros import Zeros
 
@@ -14,11 +16,9 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
 @click.option("--estimator", required=True, type=click.Path(path_type=Path), help="File written by `exodrake train`.")
+@click.option("--out", type=OutputFile(), default=None, help="Write the log with angle_est and angle_std columns.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=None, help="Write the log with angle_est and angle_std columns."
-)
-@click.option(
-    "--figure", type=click.Path(path_type=Path), default=None, metavar="PNG",
+    "--figure", type=OutputFile(), default=None, metavar="PNG",
     help="Figure of the log with the estimated angles [beside --out].",
 )  # fmt: skip
 @click.option("--robot", default="", metavar="FILE", help="Robot file or machine that the estimator must belong to.")
@@ -33,8 +33,8 @@ def command(log: Path, estimator: Path, out: Path | None, figure: Path | None, r
     from exodrake.core.files import sha256_of
     from exodrake.data.log_file import read_log, write_log
     from exodrake.data.plot import save_png
+    from exodrake.estimator.estimate import estimate
     from exodrake.estimator.file import load
-    from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
     if figure is not None and figure.suffix.lower() != ".png":

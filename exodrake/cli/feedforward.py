@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import OutputFile, robot_option
 
 
 @click.command()
 @click.argument("wanted")
 @robot_option()
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="Log of the commands.")
+@click.option("--out", required=True, type=OutputFile(), metavar="FILE", help="Log of the commands.")
 def command(wanted: str, robot: str, out: Path) -> None:
     """Find the commands with which the robot does what WANTED asks, and write them as a log of references.
 
@@ -40,12 +40,12 @@ def command(wanted: str, robot: str, out: Path) -> None:
     reference = from_log(wanted, built) if is_file(wanted) else protocol(wanted, built)
     with Console(stderr=True).status("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
-    names = [(c, channel) for c in machine.references for channel in machine.axes.of(machine.signal[c.signal].axis)]
-    signals = {f"{c.kind}_{n}": found.commands.tension[:, i] for i, (c, n) in enumerate(names)}
-    units = {f"{c.kind}_{n}": machine.signal[c.signal].unit for c, n in names}
+    names = machine.log_names(machine.references)
+    signals = dict(zip(names, found.commands.tension.T, strict=True))
+    units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
     write_log(Log(machine.frame * np.arange(len(reference.tension)), signals, units, "commands"), out)
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
-    rows = [(names[i][1], *cells) for i, cells in enumerate(zip(*ends, strict=True))]
+    rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))
     Console(highlight=False).print(table(("channel", ">RMS error if sent as wanted", ">with these commands"), rows))
     click.echo(f"written {out}; the errors are those of the model")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import refuse_others, robot_option
+from exodrake.cli.options import OutputFolder, refuse_others, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
@@ -30,7 +30,7 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @click.option("--estimator", "file", type=click.Path(path_type=Path), default=None, help="File of `exodrake train`.")
 @robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for the files [grasps/MODE-SIZE].")
+@click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [grasps/MODE-SIZE].")
 def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out: Path | None) -> None:
     """Plan a grasp (caging, narrow-pinch, wide-pinch), simulate it, and show planned, reached and estimated posture.
 

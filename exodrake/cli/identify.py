@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import OutputFile, OutputFolder
+
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
 
@@ -20,7 +22,7 @@ def command() -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default=Path("kinematics"),
     show_default=True,
     help="Folder for the results.",
@@ -79,38 +81,30 @@ def show(found: Kinematics) -> None:
 
 
 @command.command(short_help="Write a marker recording with known truth.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=OutputFile())
 @click.option("--duration", type=float, default=40.0, show_default=True, help="Length of the recording.")
 @click.option("--rate", type=float, default=100.0, show_default=True, help="Frames per second.")
 @click.option("--noise", type=float, default=0.3, show_default=True, help="Noise per axis [mm RMS].")
 @click.option("--artefact", type=float, default=0.0, show_default=True, help="Skin drags each marker [mm/rad].")
 @click.option("--dropouts", type=float, default=0.0, show_default=True, help="Gaps per marker and minute.")
 @click.option("--swap", nargs=2, help="Two markers that exchange names for half a second in the middle.")
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def synthesise(
-    file: Path,
-    duration: float,
-    rate: float,
-    noise: float,
-    artefact: float,
-    dropouts: float,
-    swap: tuple[str, str] | None,
-    seed: int,
-) -> None:
+    file: Path, duration: float, rate: float, noise: float, artefact: float, dropouts: float,
+    swap: tuple[str, str] | None, seed: int,
+) -> None:  # fmt: skip
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
-    from exodrake.identification.kinematics.labels import Swap
-    from exodrake.identification.kinematics.layout import Layout
+    from exodrake.identification.kinematics.labels import Swap, relabelled
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
 
-    known = (*Layout().finger, *Layout().thumb)
-    if swap and not set(swap) <= set(known):
-        raise InputError(f"--swap {' '.join(swap)}: the markers are {', '.join(known)}")
-    middle = round(duration * rate / 2)
-    swaps = (Swap(swap, middle, middle + round(rate / 2)),) if swap else ()
-    faults = Faults(1e-3 * noise, 1e-3 * artefact, dropouts, swaps=swaps)
-    recording, truth = synthesise(Hand(), faults, duration, rate, seed)
+    recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
+    if swap:
+        if len(set(swap) & set(recording.names)) < 2:
+            raise InputError(f"--swap {' '.join(swap)}: wanted two of {', '.join(recording.names)}")
+        middle = len(recording.time) // 2
+        recording = relabelled(recording, (Swap(swap, middle, middle + round(rate / 2)),))
     if file.suffix.lower() == ".c3d":
         from exodrake.identification.kinematics.c3d import c3d_bytes
 

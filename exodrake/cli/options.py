@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -32,6 +33,37 @@ OTHERS: dict[str, str] = {
     "export": "it takes a log of any machine",
     "new-machine": "it makes one",
 }
+
+
+class OutputFile(click.Path):
+    """A file to be written, which is refused before the work if it is a folder, or its own folder is absent."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Path of the file."""
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        if path.is_dir():
+            raise InputError(f"{path}: a folder, wanted a file")
+        if not path.parent.is_dir():
+            raise InputError(f"{path}: cannot be written (no folder {path.parent})")
+        return path
+
+
+class OutputFolder(click.Path):
+    """A folder to be written, which is refused before the work if it cannot be one."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Path of the folder."""
+        from exodrake.cli.simulate import check_folder
+
+        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        check_folder(path)
+        return path
 
 
 def command_line() -> str:
@@ -66,6 +98,18 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
         return robot(machine(command))
 
     return add
+
+
+def robot_changes(command: Callable) -> Callable:
+    """Adds --set, --effect and --part, which change a robot, to a command; each is repeatable."""
+    options = (
+        ("--set", "parameters", "finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable."),
+        ("--effect", "effects", "ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."),
+        ("--part", "parts", "A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable."),
+    )
+    for flag, name, text in reversed(options):
+        command = click.option(flag, name, multiple=True, metavar="TEXT", help=text)(command)
+    return command
 
 
 def machine_added(context: click.Context, _: click.Parameter, folder: str | None) -> None:

@@ -73,7 +73,7 @@ def signals(robot: Robot, log: Log, nominal: Log | None, peak: int | None) -> Ta
     machine, rows = robot.machine, []
     for column in (column for column in machine.columns if column not in machine.references):
         display = display_of(column.kind, machine)
-        for channel in machine.axes.of(machine.signal[column.signal].axis):
+        for channel in machine.channels(column.signal):
             name, reference = f"{column.kind}_{channel}", f"{column.kind}_ref_{channel}"
             values = display.factor * log[name]
             cells = [values.min(), values.max(), *([] if peak is None else [values[peak]]), values[-1]]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import robot_changes, robot_option
 
 if TYPE_CHECKING:
     from exodrake.compiled.inputs import Reference
@@ -18,24 +18,13 @@ if TYPE_CHECKING:
     from exodrake.data.log import Log
     from exodrake.simulation.scenario import Scenario
 
-MANY = {"multiple": True, "metavar": "TEXT"}
-
 
 @click.command()
 @click.argument("protocol", required=False, default="")
 @click.option("--reference", default="", metavar="LOG", help="Follow the references of this log.")
 @click.option("--scenario", "file", default="", metavar="FILE", help="Repeat this scenario; other options change it.")
 @robot_option(default="")
-@click.option("--set", "parameters", **MANY, help="finger.kappa.MCP=0.09, or 'tendon.k=2.7 N/mm'. Repeatable.")
-@click.option(
-    "--effect", "effects", **MANY, help="ID[:name=value,...][@AF,MF]; `exodrake effects` lists them. Repeatable."
-)
-@click.option(
-    "--part",
-    "parts",
-    **MANY,
-    help="A variant part: controller_as_printed, routers_as_printed, finger_at_rest. Repeatable.",
-)
+@robot_changes
 @click.option("--seed", type=int, default=None, help="Seed of the noise [0].")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise, a bus that loses nothing.")
 @click.option("--no-quantisation", is_flag=True, help="Readings unrounded.")

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from exodrake.cli.options import OutputFile
+
 if TYPE_CHECKING:
     import numpy as np
     from rich.table import Table
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Estimator file to write (.npz).")
+@click.option("--out", required=True, type=OutputFile(), help="Estimator file to write (.npz).")
 @click.option(
     "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."
 )

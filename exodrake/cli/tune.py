@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import OutputFile, robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.assessment import Tuned
     from exodrake.analysis.tuning import Tuning
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
-FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
 
 
 @click.command()

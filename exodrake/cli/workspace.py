@@ -4,21 +4,21 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import refuse_others, robot_option
+from exodrake.cli.options import OutputFolder, refuse_others, robot_option
 
 
 @click.command()
 @robot_option()
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(),
     default=Path("workspace"),
     show_default=True,
     help="Folder for the results.",
 )
 @click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
 @click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
 def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
 

@@ -26,7 +26,7 @@ def feedthrough_signals(part: Part) -> tuple[str, ...]:
 
 def width_of(machine: Machine, name: str) -> int:
     """Channels of a signal, or of a start vector, which is over the tendons."""
-    return machine.width(machine.signal[name].axis) if name in machine.signal else len(machine.axes.tendons)
+    return len(machine.channels(name)) if name in machine.signal else len(machine.axes.tendons)
 
 
 def layout(machine: Machine, part: Part) -> dict[str, slice]:
@@ -48,7 +48,7 @@ def start_reads(part: Part) -> tuple[str, ...]:
 
 def memory_size(machine: Machine, part: Part) -> int:
     """Length of a leaf's memory: state and held signals."""
-    held = sum(machine.width(machine.signal[name].axis) for name in held_signals(part))
+    held = sum(len(machine.channels(name)) for name in held_signals(part))
     return sum(machine.part_size(part)) + held
 
 

@@ -70,7 +70,7 @@ NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
 
 def reference_width(machine: Machine) -> int:
     """How many references a machine takes."""
-    return sum(machine.width(machine.signal[c.signal].axis) for c in machine.references)
+    return sum(len(machine.channels(c.signal)) for c in machine.references)
 
 
 def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInputs) -> dict[str, np.ndarray]:
@@ -86,7 +86,7 @@ def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInpu
         if name in noise_inputs:
             found[name] = noise_inputs[name]
         else:
-            width = machine.width(machine.signal[name].axis)
+            width = len(machine.channels(name))
             found[name], at = np.ascontiguousarray(references[:, at : at + width], dtype=float), at + width
     return found
 

@@ -71,7 +71,7 @@ def print_views(machine: Machine) -> list[str]:
     for name, at in offsets(machine).items():
         lines += [f"w_{name}, b_{name} = w[{at.start}:{at.stop}], before[{at.start}:{at.stop}]"]
     for name, part in dict.fromkeys((i.signal, i.part) for _, i in impositions(machine) if i.part):
-        lines += [f"{part}_reads_{name} = np.zeros({machine.width(machine.signal[name].axis)})"]
+        lines += [f"{part}_reads_{name} = np.zeros({len(machine.channels(name))})"]
     return lines
 
 

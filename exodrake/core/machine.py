@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.measured import Column, Observer
-from exodrake.core.parameter import ParameterInfo, Tolerance, full_name
+from exodrake.core.parameter import ParameterInfo, Tolerance, channels_of, full_name
 from exodrake.core.part import Field, Part, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
@@ -120,6 +120,14 @@ class Machine:
         """Columns whose signals come from outside: the references and measured inputs, one row a frame."""
         return tuple(c for signal in self.inputs for c in self.columns if c.signal == signal)
 
+    def channels(self, signal: str) -> tuple[str, ...]:
+        """Channel names of a signal; one empty name for a scalar."""
+        return self.axes.of(self.signal[signal].axis)
+
+    def log_names(self, columns: Iterable[Column]) -> list[str]:
+        """Names in a log of all channels of some column families."""
+        return [f"{column.kind}_{channel}" for column in columns for channel in self.channels(column.signal)]
+
     def width(self, axis: str) -> int:
         """Number of channels of an axis."""
         return len(self.axes.of(axis))
@@ -153,9 +161,7 @@ class Machine:
 
     def indices(self, name: str) -> list[int]:
         """Indices in the flat vector of a full name, or of all channels of a name without channel; none if unknown."""
-        if name in self.index:
-            return [self.index[name]]
-        return [i for full, i in self.index.items() if full.rsplit(".", 1)[0] == name]
+        return channels_of(name, list(self.index))
 
     def effect_indices(self, identity: str, parameter: str) -> dict[str, int]:
         """Index in the flat vector of each channel of an effect's parameter; "" for one without channels."""
@@ -175,7 +181,7 @@ class Machine:
 
     def column_width(self, kind: str) -> int:
         """Number of channels of a column family."""
-        return self.width(self.signal[self.column(kind).signal].axis)
+        return len(self.channels(self.column(kind).signal))
 
     def state_index(self, part: Part, name: str) -> int:
         """Index in a part's own state vector at which a state begins."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from exodrake.core.signal import Axes
@@ -45,6 +46,13 @@ class Tolerance:
 def full_name(*words: str) -> str:
     """Words joined by dots, empty ones left out."""
     return ".".join(word for word in words if word)
+
+
+def channels_of(name: str, names: Sequence[str]) -> list[int]:
+    """Places of a parameter among full names: its own, else those of its channels; none of an unknown one."""
+    if name in names:
+        return [names.index(name)]
+    return [i for i, full in enumerate(names) if full.rpartition(".")[0] == name]
 
 
 def expanded(pattern: str, axes: Axes) -> list[str]:

@@ -144,7 +144,7 @@ class Robot:
     def reference_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest reference, (channels,) arrays [SI]; without stated limits 0 and infinity."""
         column = self.machine.references[0]
-        channels = self.machine.axes.of(self.machine.signal[column.signal].axis)
+        channels = self.machine.channels(column.signal)
         low, high = self.machine.reference_limits or ("", "")
         for channel in channels if high else ():
             if channel not in self.limits.get(high, {}):

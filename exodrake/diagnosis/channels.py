@@ -22,6 +22,8 @@ ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other 
 def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Positions of the channels that an effect sits on, in their order; those more surely not 0 come in first.
 
+    A channel whose amplitude ended at 0, a bound, has none, however little its motion tells of it.
+
     Args:
         x: (channels,) fitted amplitudes.
         covariance: (channels, channels) of x.
@@ -29,7 +31,7 @@ def affected_channels(x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     if not np.any(x):
         return np.array([0])
     order = np.argsort(-np.abs(x) / np.sqrt(np.diag(covariance) + (LEAK * np.max(np.abs(x))) ** 2), kind="stable")
-    sets = [order[:count] for count in range(1, len(x) + 1)]
+    sets = [order[:count] for count in range(1, np.count_nonzero(x) + 1)]
     return np.sort(sets[int(np.argmax([evidence(x, covariance, chosen) for chosen in sets]))])
 
 

@@ -31,7 +31,7 @@ class Drive:
         self.state = np.zeros(sum(machine.part_size(part)))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        self.signals = {name: np.zeros(machine.width(machine.signal[name].axis)) for name in held_signals(part)}
+        self.signals = {name: np.zeros(len(machine.channels(name))) for name in held_signals(part)}
         self.moved, self.received, self.reads = link.moved, link.received, outer_reads(part, task.reads)
         self.switch = write_slot(machine, link.received) - write_slot(machine, machine.column(link.output).signal)
 

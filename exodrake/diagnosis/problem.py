@@ -66,7 +66,7 @@ class Problem:
         places = []
         for column in self.columns:
             kind, channel = column.rsplit("_", 1)
-            channels = machine.axes.of(machine.signal[shown[kind]].axis)
+            channels = machine.channels(shown[kind])
             places.append(at[shown[kind]].start + channels.index(channel))
         return places
 
@@ -185,8 +185,7 @@ WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is b
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:
     """Columns to compare that every log of the case has, in the machine's order. Raises InputError if there is none."""
-    axis = {c.kind: machine.axes.of(machine.signal[c.signal].axis) for c in machine.columns}
-    wanted = [f"{kind}_{channel}" for kind in machine.compared for channel in axis[kind]]
+    wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
     found = tuple(c for c in wanted if all(item.log.has(c) for item in case.logs))
     if not found:
         raise InputError(

@@ -164,6 +164,9 @@ def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.nda
     try:
         factor = np.linalg.cholesky(scaled).T
     except np.linalg.LinAlgError:  # columns that others imitate, less what these explain, in single precision
+        own = np.maximum(np.diag(normal), 0.0)
+        size = np.sqrt(np.maximum(own, max(1e-6 * own.max(), 1e-12)))
+        scaled = (normal + np.diag(own - np.diag(normal))) / np.outer(size, size)
         scaled = scaled + (1e-6 - min(np.linalg.eigvalsh(scaled)[0], 0.0)) * np.eye(len(size))
         factor = np.linalg.cholesky(scaled).T
     target = np.linalg.solve(factor.T, -slope / size)

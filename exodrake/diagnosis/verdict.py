@@ -54,7 +54,7 @@ def decide(problem: Problem, found: Isolation) -> Decision:
         name = found.left[0].explanation.name
         return Decision(UNKNOWN, found.best, (), (f"an effect of the best explanation, {name}, may as well be absent",))
     if not left:
-        return Decision(NAMED, found.retuned, (), detected)
+        return Decision(NAMED, found.retuned, (), (*detected, "no effect explains what is left beside it"))
     best = left[0]
     if not best.explanation.effects:
         if detected:

@@ -220,7 +220,7 @@ def draw_chip(
 ) -> str:
     """A task in its slot; a task over channels names its channel."""
     x, y = place
-    channel = machine.axes.of(machine.signal[task.reads[0]].axis)[task.slots.index(slot)] if task.per_channel else ""
+    channel = machine.channels(task.reads[0])[task.slots.index(slot)] if task.per_channel else ""
     text = escape(" ".join(filter(None, (part.name, task.function, channel))))
     return (
         f'<rect x="{x - width / 2}" y="{y}" width="{width}" height="{CHIP}" rx="6" fill="{hue[part.name]}"/>'

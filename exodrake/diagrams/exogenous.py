@@ -25,7 +25,7 @@ class Exogenous:
         self.machine, self.rows, self.seed = machine, rows, NO_NOISE if seed is None else float(seed)
         self.signals, at = {}, 0
         for name in (name for name in machine.inputs if name in rows or name in drawn):
-            width = machine.width(machine.signal[name].axis)
+            width = len(machine.channels(name))
             self.signals[name], at = slice(at, at + width), at + width
         self.width = at
         self._table = self.seed, np.zeros((0, at))

@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.compiled.memory import vector
-from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
-from exodrake.diagrams.binding import declare_per_context, weak_method
-from exodrake.diagrams.parameter import NamedParameter
+from exodrake.diagrams.binding import declare_per_context
+from exodrake.diagrams.frame_leaf import FrameLeaf
 from exodrake.systems.gp_estimator import Weights, predict_into, scratch
 
 SLOT = 8
@@ -35,7 +34,7 @@ class Bound:
         return Bound()
 
 
-class GPEstimator(LeafSystem):
+class GPEstimator(FrameLeaf):
     """Joint angles and their standard deviations from tension and stroke as read, once a frame in slot 8.
 
     .. pydrake_system::
@@ -53,28 +52,15 @@ class GPEstimator(LeafSystem):
     """
 
     def __init__(self, weights: Weights, machine: Machine) -> None:
-        super().__init__()
-        self.set_name("estimator")
-        tendons, joints = len(weights.center) // 2, len(weights.offset)
-        self.shapes = {name: getattr(weights, name).shape for name in Weights._fields}
-        for name in Weights._fields:
-            self.DeclareNumericParameter(BasicVector(getattr(weights, name).ravel()))
-        for name in ("tension_read", "stroke_read"):
-            self.DeclareVectorInputPort(name, tendons)
-        for name in ("angle_est", "angle_std"):
-            state = self.DeclareDiscreteState(np.full(joints, np.nan))
-            self.DeclareStateOutputPort(name, DiscreteStateIndex(int(state)))
+        unknown, tendons = np.full(len(weights.offset), np.nan), len(weights.center) // 2
+        inputs, outputs = (
+            {"tension_read": tendons, "stroke_read": tendons},
+            {"angle_est": unknown, "angle_std": unknown},
+        )
+        super().__init__("estimator", machine, SLOT, weights._asdict(), inputs, outputs)
         self._bound = declare_per_context(self, Bound)
-        offset = (SLOT + 0.5) * machine.slot
-        self.DeclarePeriodicDiscreteUpdateEvent(machine.frame, offset, weak_method(self._estimate))
 
-    def parameter(self, name: str) -> NamedParameter:
-        """All values of a field of `Weights`, flat: `parameter("offset")`. InputError for another name."""
-        if name not in self.shapes:
-            raise InputError(f"the estimator has no parameter {name!r}{nearest(name, list(self.shapes))}")
-        return NamedParameter(self, name, tuple(range(int(np.prod(self.shapes[name])))), [*self.shapes].index(name))
-
-    def _estimate(self, context: Context, discrete: DiscreteValues) -> None:
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
         """The event."""
         bound: Any = self.get_cache_entry(self._bound).Eval(context)
         if bound.context is not context:

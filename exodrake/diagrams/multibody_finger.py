@@ -13,6 +13,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import Demultiplexer
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
@@ -50,15 +51,16 @@ class MultibodyFinger(Diagram):
         refuse_effects(robot)
         builder = DiagramBuilder()
         self.plant, tendons = multibody_finger(robot, step), ElasticTendons(robot)
-        split = Halves(len(robot.machine.axes.joints))
+        joints = len(robot.machine.axes.joints)
+        split = Demultiplexer(output_ports_sizes=[joints, joints])  # angles, then rates
         for name, system in (("plant", self.plant), ("tendons", tendons), ("split", split)):
             builder.AddNamedSystem(name, system)
         builder.Connect(self.plant.get_state_output_port(), tendons.GetInputPort("state"))
         builder.Connect(self.plant.get_state_output_port(), split.get_input_port())
         builder.Connect(tendons.GetOutputPort("torque"), self.plant.get_applied_generalized_force_input_port())
         builder.ExportInput(tendons.GetInputPort("stroke"), "stroke")
-        builder.ExportOutput(split.GetOutputPort("angle"), "angle")
-        builder.ExportOutput(split.GetOutputPort("rate"), "rate")
+        builder.ExportOutput(split.get_output_port(0), "angle")
+        builder.ExportOutput(split.get_output_port(1), "rate")
         for name in ("tension_finger", "tension", "tension_spool"):
             builder.ExportOutput(tendons.GetOutputPort("tension"), name)
         builder.BuildInto(self)
@@ -74,35 +76,6 @@ def refuse_effects(robot: Robot) -> None:
         lead = effect.parameters[0]
         if (robot.channels(f"{effect.id}.{lead.name}") != lead.null).any():
             raise InputError(f"a MultibodyFinger is nominal: it does not know the effect {effect.id}")
-
-
-class Halves(LeafSystem):
-    """Angles [rad] and rates [rad/s] of a MultibodyPlant's state.
-
-    .. pydrake_system::
-
-        name: Halves
-        input_ports:
-        - state
-        output_ports:
-        - angle
-        - rate
-    """
-
-    def __init__(self, joints: int) -> None:
-        super().__init__()
-        self.DeclareVectorInputPort("state", 2 * joints)
-        self.joints = joints
-        for name, method in (("angle", self._angle), ("rate", self._rate)):
-            self.DeclareVectorOutputPort(name, joints, weak_method(method), {self.all_input_ports_ticket()})
-
-    def _angle(self, context: Context, out: BasicVector) -> None:
-        """The first half."""
-        out.set_value(self.EvalVectorInput(context, 0).value()[: self.joints])
-
-    def _rate(self, context: Context, out: BasicVector) -> None:
-        """The second half."""
-        out.set_value(self.EvalVectorInput(context, 0).value()[self.joints :])
 
 
 class ElasticTendons(LeafSystem):

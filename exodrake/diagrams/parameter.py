@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
 from exodrake.core.errors import InputError, nearest
+from exodrake.core.parameter import channels_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,14 +58,7 @@ def named_parameter(leaf: LeafSystem, name: str, names: tuple[str, ...]) -> Name
     index = channels_of(name, names)
     if not index:
         raise InputError(f"{leaf.get_name()} has no parameter {name!r}{nearest(name, list(names))}")
-    return NamedParameter(leaf, name, index)
-
-
-def channels_of(name: str, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Places of a parameter among full names: its own, else those of its channels."""
-    if name in names:
-        return (names.index(name),)
-    return tuple(i for i, full in enumerate(names) if full.rpartition(".")[0] == name)
+    return NamedParameter(leaf, name, tuple(index))
 
 
 def find_parameter(diagram: Diagram, name: str) -> NamedParameter:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiscreteValues
 
-from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
-from exodrake.diagrams.binding import weak_method
-from exodrake.diagrams.parameter import NamedParameter
+from exodrake.diagrams.frame_leaf import FrameLeaf
 from exodrake.systems.posture_controller import corrected
 
 SLOT = 3  # before the tension controller's slot
@@ -37,7 +35,7 @@ class PosturePlan:
     ki: float
 
 
-class PostureController(LeafSystem):
+class PostureController(FrameLeaf):
     """Tension references for a posture from the estimated angles, once a frame in slot 3.
 
     .. pydrake_system::
@@ -54,27 +52,13 @@ class PostureController(LeafSystem):
     """
 
     def __init__(self, plan: PosturePlan, machine: Machine) -> None:
-        super().__init__()
-        self.set_name("posture")
-        self.plan, self.frame = plan, machine.frame
-        self.sizes = {name: np.size(getattr(plan, name)) for name in PARAMETERS}
-        for name in PARAMETERS:
-            self.DeclareNumericParameter(BasicVector(np.ravel(getattr(plan, name)).astype(float)))
-        self.DeclareVectorInputPort("angle_est", plan.angle.shape[1])
-        for name, rows in (("tension_ref", plan.tension), ("angle_ref", plan.angle)):
-            state = self.DeclareDiscreteState(rows[0])
-            self.DeclareStateOutputPort(name, DiscreteStateIndex(int(state)))
+        parameters = {name: np.asarray(getattr(plan, name)) for name in PARAMETERS}
+        outputs = {"tension_ref": plan.tension[0], "angle_ref": plan.angle[0]}
+        super().__init__("posture", machine, SLOT, parameters, {"angle_est": plan.angle.shape[1]}, outputs)
         self.DeclareDiscreteState(np.zeros(plan.tension.shape[1]))
-        offset = (SLOT + 0.5) * machine.slot
-        self.DeclarePeriodicDiscreteUpdateEvent(machine.frame, offset, weak_method(self._control))
+        self.plan, self.frame = plan, machine.frame
 
-    def parameter(self, name: str) -> NamedParameter:
-        """All values of a parameter, flat. InputError for another name."""
-        if name not in self.sizes:
-            raise InputError(f"the posture controller has no parameter {name!r}{nearest(name, list(self.sizes))}")
-        return NamedParameter(self, name, tuple(range(self.sizes[name])), PARAMETERS.index(name))
-
-    def _control(self, context: Context, discrete: DiscreteValues) -> None:
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
         """The event."""
         ki, gain, low, high = (np.array(context.get_numeric_parameter(i).value()) for i in range(len(PARAMETERS)))
         frame = min(int(context.get_time() / self.frame), len(self.plan.tension) - 1)

@@ -10,14 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from exodrake.core.errors import InputError
 from exodrake.core.normal import NORMAL_95
-from exodrake.data.log import Log
 from exodrake.estimator.baselines import Predictor, fit_nearest, fit_ridge
-from exodrake.estimator.dataset import Sweeps, session_of
-from exodrake.estimator.gp import Estimator, condition
+from exodrake.estimator.dataset import Sweeps
+from exodrake.estimator.gp import condition
 from exodrake.estimator.prior import POINTS, Prior
-from exodrake.estimator.stroke_zeros import Zeros
 
 FOLDS = 6
 RANDOM, HELD_OUT = "random rows", "held-out sweeps"
@@ -96,47 +93,3 @@ def sweep_folds(sweeps: Sweeps, seed: int) -> np.ndarray:
 def _process(prior: Prior, sweeps: Sweeps, points: int) -> Predictor:
     estimator = condition(prior, sweeps, points)
     return lambda new: estimator.predict(new.tension, new.stroke)[:2]
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Estimated joint angles of a log.
-
-    Attributes:
-        log: The log with `angle_est` and `angle_std` columns.
-        flagged: Fraction of samples unlike the training sweeps [-].
-        score: Score over the rows with measured angles, or None without any.
-        zeros: Zeros of the strokes against the training; None of an estimator that cannot tell.
-    """
-
-    log: Log
-    flagged: float
-    score: Score | None
-    zeros: Zeros | None
-
-
-def estimate(estimator: Estimator, log: Log, correct: bool = True) -> Estimate:
-    """Estimate the joint angles of a log, a session of its own.
-
-    Args:
-        estimator: The trained estimator.
-        log: Log with tension and stroke.
-        correct: Move the zeros of the strokes to those of the log if they have moved since the training.
-
-    Raises:
-        InputError: For other wires or joints than the estimator's, and for missing tensions or strokes.
-    """
-    session, measured = session_of(log, estimator.wires, estimator.joints), log.names("angle")
-    if measured and set(measured) != set(estimator.joints):
-        raise InputError(
-            f"{log.label}: joints {', '.join(measured)}, the estimator's are {', '.join(estimator.joints)}"
-        )
-    zeros = estimator.zeros(session) if estimator.strokes else None
-    if correct and zeros is not None and zeros.moved:
-        estimator = estimator.corrected(zeros, session)
-    mean, std, flag = estimator.predict(session.tension, session.stroke)
-    new = log.with_array("angle_est", estimator.joints, mean).with_array("angle_std", estimator.joints, std)
-    angle = log.array("angle", estimator.joints) if measured else session.angle
-    seen = np.isfinite(angle).all(axis=1)
-    judged = score("estimator", log.label, angle[seen], mean[seen], std[seen]) if seen.any() else None
-    return Estimate(new, float(np.mean(flag)), judged, zeros)

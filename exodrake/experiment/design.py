@@ -65,9 +65,8 @@ class Design:
 
     def log(self, machine: Machine) -> Log:
         """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
-        names = [f"{c.kind}_{k}" for c in machine.references for k in machine.axes.of(machine.signal[c.signal].axis)]
         time = machine.frame * np.arange(len(self.reference.tension))
-        return Log(time, dict(zip(names, self.reference.tension.T, strict=True)))
+        return Log(time, dict(zip(machine.log_names(machine.references), self.reference.tension.T, strict=True)))
 
     @property
     def enough(self) -> bool:

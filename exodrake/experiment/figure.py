@@ -87,7 +87,7 @@ def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
     """The references, a line a channel."""
     machine = contest.problem.robot.machine
     column = machine.references[0]
-    channels, display = machine.axes.of(machine.signal[column.signal].axis), display_of(column.kind, machine)
+    channels, display = machine.channels(column.signal), display_of(column.kind, machine)
     time = machine.frame * np.arange(len(design.reference.tension))
     for k, channel in enumerate(channels):
         course = display.factor * design.reference.tension[:, k]

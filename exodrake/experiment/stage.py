@@ -92,7 +92,7 @@ def stage_of(robot: Robot, trials: tuple[Trial, ...]) -> Stage:
     moves = np.max(rates, axis=0) / machine.frame if unit in POSITIONS else np.full(width, np.inf)
     starts = []
     for column in others:
-        count = machine.width(machine.signal[column.signal].axis)
+        count = len(machine.channels(column.signal))
         follows = column.kind == first.kind.removesuffix("_ref") + "_start"
         starts += range(count) if follows else [-1] * count
     begin = trials[0].reference[0]

@@ -6,7 +6,7 @@ The first half of the robots gives the limits' proportions: the largest gap that
 other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. So,
 whatever the distribution, at most 1 - 0.05^(1/n) of healthy robots raise one in such a session, with 95 % confidence,
 where n is half the robots (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 6 % for n = 50, and 1 / (n + 1) are to
-be expected. `monitor.check` tries the limits on other robots.
+be expected. `studies.alarm_rates` tries the limits on other robots.
 """
 
 from __future__ import annotations

@@ -32,9 +32,7 @@ def replayed_segments(machine: Machine) -> dict[str, Segment]:
 
 def compared_columns(machine: Machine) -> tuple[tuple[str, str], ...]:
     """Kind and channel of each compared column."""
-    return tuple(
-        (k, c) for k in machine.compared for c in machine.axes.of(machine.signal[machine.column(k).signal].axis)
-    )
+    return tuple((k, c) for k in machine.compared for c in machine.channels(machine.column(k).signal))
 
 
 def channels(machine: Machine) -> tuple[Channel, ...]:

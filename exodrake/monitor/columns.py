@@ -11,14 +11,12 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.units import check_unit, to_si
 from exodrake.data.headings import split_heading
-from exodrake.monitor.channels import compared_columns
 
 
 def wanted(machine: Machine) -> dict[str, bool]:
     """Columns of a row, and whether a log must have them: time, references, then the compared columns."""
-    required = {c.kind: c.required for c in machine.columns}
-    references = [(c.kind, n) for c in machine.references for n in machine.axes.of(machine.signal[c.signal].axis)]
-    return {"time": True} | {f"{k}_{n}": required[k] for k, n in (*references, *compared_columns(machine))}
+    columns = (*machine.references, *(machine.column(kind) for kind in machine.compared))
+    return {"time": True} | {name: column.required for column in columns for name in machine.log_names([column])}
 
 
 @dataclass(frozen=True)

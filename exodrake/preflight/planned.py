@@ -23,7 +23,7 @@ def planned(problem: Problem) -> Problem:
     more = [s for s in machine.signals if s.name in written - shown]
     extra = tuple(Column(EXTRA + s.name.replace("_", ""), s.name, required=False) for s in more)
     wide = replace(machine, columns=machine.columns + extra, nominal=None)
-    names = [f"{c.kind}_{channel}" for c in extra for channel in machine.axes.of(machine.signal[c.signal].axis)]
+    names = machine.log_names(extra)
     short = problem.shortened(min(1.0, FRAMES / sum(len(t.reference) for t in problem.fit)))
     every = replace(short, robot=replace(problem.robot, machine=wide), columns=(*problem.columns, *names), holdout=())
     values, trials = every.silent(), []

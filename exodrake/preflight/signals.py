@@ -191,7 +191,7 @@ def excitations(case: Case, robot: Robot) -> tuple[Excitation, ...]:
     low, high = robot.reference_limits()
     limited = bool(machine.reference_limits and robot.limits)
     found = []
-    for k, channel in enumerate(machine.axes.of(machine.signal[column.signal].axis)):
+    for k, channel in enumerate(machine.channels(column.signal)):
         name = f"{column.kind}_{channel}".rstrip("_")
         logs = [item.log[name][np.isfinite(item.log[name])] for item in case.fit_logs]
         values = np.concatenate(logs)

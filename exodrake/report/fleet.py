@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
-from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row
 from exodrake.diagnosis.fleet_change import Trend, trends
@@ -24,6 +23,7 @@ from exodrake.diagnosis.sessions import DAY
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS
+from exodrake.report.timeline import timeline
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN, FAILURE)
 WORST_FIRST = (UNKNOWN, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
@@ -68,12 +68,12 @@ def members(rows: Sequence[Row]) -> list[Member]:
 def fleet_html(rows: Sequence[Row], source: str) -> str:
     """The report of the rows of a table; source: folder or file that they come from."""
     robots = members(rows)
-    drawn = [t for m in robots for t in m.changed][:DRAWN]
+    shown = [t for m in robots for t in m.changed][:DRAWN]
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
         tiles=tiles(rows, robots), colours=COLOURS | {FAILURE: "#475467"}, verdicts=VERDICTS,
         strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots), causes=causes(robots),
-        timelines=[timeline(t) for t in drawn], rest=sum(len(m.changed) for m in robots) - len(drawn),
+        timelines=[drawn(t) for t in shown], rest=sum(len(m.changed) for m in robots) - len(shown),
         failed=failures(rows), dates=span(rows),
     )  # fmt: skip
 
@@ -157,22 +157,13 @@ def causes(robots: Sequence[Member]) -> Bars | None:
     )
 
 
-def timeline(trend: Trend) -> dict[str, Any]:
+def drawn(trend: Trend) -> dict[str, Any]:
     """A trend as plain data for `timeline.js`."""
-    name, factor = shown_unit(trend.unit)
-    start = trend.first.timestamp()
-    values = (factor * trend.values).tolist()
-    change = trend.change
-    place = f" on {trend.channel}" if trend.channel else ""
-    found = {
-        "title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "unit": SYMBOLS.get(name, name),
-        "dates": True, "times": (start + DAY * trend.times).tolist(), "values": values, "low": values,
-        "high": values,
-    }  # fmt: skip
-    if change is None:
-        return found
-    path = [[start + DAY * t, factor * y] for t, y in change.path(trend.times[0], trend.times[-1])]
-    return found | {"began": [start + DAY * t for t in change.began], "path": path}
+    start, place = trend.first.timestamp(), f" on {trend.channel}" if trend.channel else ""
+    head = {"title": f"{trend.serial}: {trend.effect} {trend.parameter}{place}", "dates": True}
+    times, values = trend.times.tolist(), trend.values.tolist()
+    rows = {"values": values, "low": values, "high": values}
+    return timeline(head, trend.unit, times, rows, trend.change, lambda times: [start + DAY * t for t in times])
 
 
 def failures(rows: Sequence[Row]) -> Table | None:

@@ -7,7 +7,6 @@ from datetime import timedelta
 from typing import Any
 
 from exodrake.core.confidence import ALPHA
-from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
@@ -15,6 +14,7 @@ from exodrake.diagnosis.session_series import RESIDUAL, Series
 from exodrake.diagnosis.since import Since
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Table
+from exodrake.report.timeline import timeline
 
 SHOWN = 6  # series that are drawn
 STEADY = f"no quantity changes over the {{}} (tests at p < {ALPHA:g})"
@@ -25,8 +25,8 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
     found = diagnosis.since
     if found is None:
         return {"since": None, "timelines": []}
-    drawn = [timeline(found, one) for one in found.series[:SHOWN]]
-    return {"since": words(diagnosis), "timelines": drawn, "changes": changes(found)}
+    timelines = [drawn(found, one) for one in found.series[:SHOWN]]
+    return {"since": words(diagnosis), "timelines": timelines, "changes": changes(found)}
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
@@ -83,16 +83,11 @@ def title(one: Series) -> str:
     return f"{name} on {one.channel}" if one.channel else name
 
 
-def timeline(found: Since, one: Series) -> dict[str, Any]:
-    """A series as plain data for `timeline.js`: times [s since 1970, or of the log], values, and the date's set."""
-    name, factor = shown_unit(one.unit)
-    rows = {key: [factor * v for v in getattr(one, key)] for key in ("values", "low", "high")}
-    head = {"title": title(one), "unit": SYMBOLS.get(name, name), "dates": found.unit == "d"}
-    times = posix_times(found, found.times)
-    if one.change is None:
-        return {**head, **rows, "times": times}
-    path = [[*posix_times(found, [t]), factor * y] for t, y in one.change.path(found.times[0], found.times[-1])]
-    return {**head, **rows, "times": times, "began": posix_times(found, one.change.began), "path": path}
+def drawn(found: Since, one: Series) -> dict[str, Any]:
+    """A series as plain data for `timeline.js`."""
+    rows = {"values": one.values, "low": one.low, "high": one.high}
+    head = {"title": title(one), "dates": found.unit == "d"}
+    return timeline(head, one.unit, found.times, rows, one.change, lambda times: posix_times(found, times))
 
 
 def posix_times(found: Since, times: Sequence[float]) -> list[float]:

@@ -66,6 +66,23 @@ def grasp(
     return above_minimum(robot, lowest + np.outer(up - down, peak - lowest), mode)
 
 
+def one_by_one(highest: np.ndarray, base: float, course: np.ndarray) -> np.ndarray:
+    """Each wire in turn follows a course, the others stand at `base`.
+
+    Args:
+        highest: (wires,) F_max [N].
+        base: share of F_max.
+        course: (frames,) shares of F_max.
+
+    Returns:
+        (wires * frames, wires) tensions [N].
+    """
+    tension = np.tile(base * highest, (len(highest), len(course), 1))
+    for wire, top in enumerate(highest):
+        tension[wire, :, wire] = course * top
+    return tension.reshape(-1, len(highest))
+
+
 def one_sweep(robot: Robot, wire: int, levels: Sequence[float], period: float) -> np.ndarray:
     """One wire 0-100-0 % of F_max in `period` [s], all others at `levels` (wires,) of F_max; (frames, wires) [N]."""
     time, highest = clock(robot, period=period), robot.reference_limits()[1]
@@ -132,12 +149,7 @@ def chirp(
     phase = 2.0 * np.pi * low * np.expm1(growth * time) / growth
     bottom = 0.1
     swing = bottom + (top - bottom) * (1.0 - np.cos(phase)) / 2.0
-    parts = []
-    for wire in range(len(highest)):
-        part = np.tile(base * highest, (len(time), 1))
-        part[:, wire] = swing * highest[wire]
-        parts.append(part)
-    return above_minimum(robot, np.concatenate(parts), "chirp")
+    return above_minimum(robot, one_by_one(highest, base, swing), "chirp")
 
 
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
@@ -154,14 +166,10 @@ def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dw
     robot = robot or load_robot()
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
-    highest = robot.reference_limits()[1]
-    low = np.tile(base * highest, (len(clock(robot, dwell=dwell)), 1))
-    parts = [low]
-    for wire in range(len(highest)):
-        high = low.copy()
-        high[:, wire] = top * highest[wire]
-        parts += [high, low]
-    return above_minimum(robot, np.concatenate(parts), "steps")
+    highest, count = robot.reference_limits()[1], len(clock(robot, dwell=dwell))
+    first = np.tile(base * highest, (count, 1))
+    each = one_by_one(highest, base, np.repeat([top, base], count))
+    return above_minimum(robot, np.concatenate([first, each]), "steps")
 
 
 def multisine(

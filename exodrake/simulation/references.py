@@ -98,14 +98,14 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     if machine.signal[first.signal].axis == TENDONS and not others:
         return function(robot, **options)
     low, high = robot.reference_limits()
-    channels = machine.axes.of(machine.signal[first.signal].axis)
+    channels = machine.channels(first.signal)
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
     first_rows = low + shares.tension * (high - low)
     rows = {first.kind: smooth(first_rows, machine.frame) if any(c.rate_of for c in others) else first_rows}
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"
-        held = first_rows[0] if start else np.zeros(machine.width(machine.signal[column.signal].axis))
+        held = first_rows[0] if start else np.zeros(len(machine.channels(column.signal)))
         rows[column.kind] = np.tile(held, (len(first_rows), 1))
         if column.rate_of:
             rows[column.kind] = np.gradient(rows[column.rate_of], machine.frame, axis=0)
@@ -121,9 +121,7 @@ def smooth(rows: np.ndarray, frame: float) -> np.ndarray:
 
 def reference_rows(machine: Machine, log: Log) -> np.ndarray:
     """References of a log (n, references) [SI], in the order of `machine.references`."""
-    return np.column_stack(
-        [log.array(c.kind, machine.axes.of(machine.signal[c.signal].axis)) for c in machine.references]
-    )
+    return np.column_stack([log.array(c.kind, machine.channels(c.signal)) for c in machine.references])
 
 
 def from_log(path: str | Path, robot: Robot | None = None) -> Reference:

@@ -90,10 +90,9 @@ def log_of(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of its machine."""
     machine, signals, units = recording.robot.machine, {}, {}
     for column in machine.columns:
-        values = recording.signals[column.signal]
-        channels = machine.axes.of(machine.signal[column.signal].axis)
-        signals |= {f"{column.kind}_{channel}": values[:, i] for i, channel in enumerate(channels)}
-        units |= {f"{column.kind}_{channel}": machine.signal[column.signal].unit for channel in channels}
+        names = machine.log_names([column])
+        signals |= dict(zip(names, recording.signals[column.signal].T, strict=True))
+        units |= dict.fromkeys(names, machine.signal[column.signal].unit)
     return Log(recording.time, signals, units, source=recording.reference.name)
 
 

@@ -27,7 +27,7 @@ def command(out: Path, quick: bool, docs: Path | None, seed: int) -> None:
     """
     from rich.console import Console
 
-    from exodrake.core.files import write_text
+    from exodrake.core.files import make_folder, write_text
     from studies.paper.claim import FULL, QUICK
     from studies.paper.page import claims_csv, docs_page, page
     from studies.paper.reproduce import reproduce
@@ -42,16 +42,6 @@ def command(out: Path, quick: bool, docs: Path | None, seed: int) -> None:
         write_text(path, text)
     show(found)
     click.echo("wrote " + ", ".join(str(path) for path in contents))
-
-
-def make_folder(out: Path) -> None:
-    """Makes the folder of the results. InputError if that cannot be."""
-    from exodrake.core.errors import InputError
-
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made ({error.strerror})") from None
 
 
 def show(found: Reproduction) -> None:

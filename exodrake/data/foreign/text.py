@@ -21,17 +21,14 @@ LOOK, LINES = 1_000_000, 20  # bytes, and lines in them, by which separator and 
 
 def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
     """The mapped columns of a text file, and those whose cells hold mapped lists."""
-    check_size(sum(data.count(end) for end in (b"\n", b"\r", mapped.separator.encode())), source)
-    rows = _rows(data, source, mapped)
-    first = next(rows, [])
-    names = _names(first, mapped.heading, source)
+    names, rows = _table(data, source, mapped)
     if len(set(names)) < len(names):
         raise InputError(f"{source}: column {next(name for name in names if names.count(name) > 1)!r} comes twice")
     wanted = {column.foreign for column in mapped.columns} | {mapped.time}
     holding = wanted | {name.rpartition("[")[0] for name in wanted if name}
     picked = {name: index for index, name in enumerate(names) if name in holding}
     cells: dict[str, list[str]] = {name: [] for name in picked}
-    for number, row in enumerate(rows if mapped.heading else chain([first], rows)):
+    for number, row in enumerate(rows):
         if len(row) != len(names):
             raise InputError(f"{source}: row {number + 1} has {len(row)} cells, wanted {len(names)}")
         for name, index in picked.items():
@@ -42,6 +39,14 @@ def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]
     for absent in sorted(wanted - set(columns) - {None}, key=str):
         raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]})")
     return columns
+
+
+def _table(data: bytes, source: str, mapped: Mapped) -> tuple[list[str], Iterator[list[str]]]:
+    """Names of the columns, and rows of cells. InputError as `_rows` and `_names`, and for too many cells."""
+    check_size(sum(data.count(end) for end in {b"\n", b"\r", mapped.separator.encode()}), source)
+    rows = _rows(data, source, mapped)
+    first = next(rows, [])
+    return _names(first, mapped.heading, source), rows if mapped.heading else chain([first], rows)
 
 
 def _rows(data: bytes, source: str, mapped: Mapped) -> Iterator[list[str]]:
@@ -124,12 +129,9 @@ def guessed(data: bytes) -> Mapped:
 def read_all(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a text table; a column of lists as `name[0]`, `name[1]` ..."""
     guess = guessed(data)
-    check_size(sum(data.count(end) for end in {b"\n", b"\r", b",", guess.separator.encode()}), source)
-    rows = _rows(data, source, guess)
-    first = next(rows, [])
-    names = _names(first, guess.heading, source)
+    names, rows = _table(data, source, guess)
     columns: dict[str, np.ndarray] = {}
-    body = [row for row in (rows if guess.heading else chain([first], rows)) if len(row) == len(names)]
+    body = [row for row in rows if len(row) == len(names)]
     for k, name in enumerate(names):
         cells = [row[k].strip() for row in body]
         parts = {name: cells}

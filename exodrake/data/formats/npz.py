@@ -40,7 +40,8 @@ def read_arrays(data: bytes, source: str) -> dict[str, np.ndarray]:
     except InputError:
         raise
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        reason = (str(error) or type(error).__name__).splitlines()[0]
+        known = data.startswith((b"PK", b"\x93NUMPY"))  # else NumPy takes the file for a pickle
+        reason = (str(error) or type(error).__name__).splitlines()[0] if known else "it does not begin as one"
         raise InputError(f"{source}: not a whole NumPy file of numbers ({reason})") from None
 
 

@@ -106,8 +106,7 @@ def compare(case: Case, robot: Robot) -> Comparison:
 
 def compared_columns(machine: Machine, logs: list[Log]) -> tuple[str, ...]:
     """Columns of the kinds that a diagnosis compares that every log has, in the machine's order."""
-    axis = {c.kind: machine.axes.of(machine.signal[c.signal].axis) for c in machine.columns}
-    wanted = [f"{kind}_{channel}" for kind in machine.compared for channel in axis[kind]]
+    wanted = machine.log_names(machine.column(kind) for kind in machine.compared)
     return tuple(c for c in wanted if all(c in log.signals for log in logs))
 
 

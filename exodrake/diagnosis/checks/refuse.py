@@ -40,7 +40,7 @@ def check_case(case: Case, machine: Machine) -> None:
 def check_channels(log: Log, file: str, machine: Machine) -> None:
     """InputError naming a required column of one of the machine's wires or joints that the log lacks."""
     for column in machine.columns:
-        channels = machine.axes.of(machine.signal[column.signal].axis)
+        channels = machine.channels(column.signal)
         for channel in channels if column.required else ():
             name = f"{column.kind}_{channel}"
             if name not in log.signals:
@@ -57,7 +57,7 @@ def check_repeats(case: Case, machine: Machine) -> None:
     logs = {item.file: item.log for item in case.logs}
     repeats = [(item, logs[item.repeats]) for item in case.logs if item.repeats]
     for reference in machine.references:
-        channels = machine.axes.of(machine.signal[reference.signal].axis)
+        channels = machine.channels(reference.signal)
         for item, repeated in repeats:
             own, other = (log.array(reference.kind, channels) for log in (item.log, repeated))
             rows = min(len(own), len(other))

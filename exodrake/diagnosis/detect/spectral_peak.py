@@ -59,8 +59,8 @@ class Peak:
 
     @property
     def certain(self) -> bool:
-        """Whether it is a tremor's."""
-        return self.prominence > PROMINENT and self.steady > ALIKE
+        """Whether it is a tremor's; slower ones are a wearer's movements."""
+        return self.prominence > PROMINENT and self.steady > ALIKE and self.frequency >= LOWEST
 
     def bands(self, nyquist: float) -> Bands:
         """Frequencies [Hz] that it and its overtone hold, up to the highest that a log shows."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, chain_pose
-from exodrake.identification.kinematics.labels import Swap
 from exodrake.identification.kinematics.layout import JOINTS, SEGMENTS, Layout
 from exodrake.identification.kinematics.markers import Recording
 from exodrake.identification.kinematics.rigid import apply, motion, rotation
@@ -60,14 +59,12 @@ class Faults:
         artefact: Skin motion of each marker, in a random direction [m/rad].
         dropouts: Gaps per marker and minute.
         gap: Duration of a gap [s].
-        swaps: Swapped labels.
     """
 
     noise: float = 0.0
     artefact: float = 0.0
     dropouts: float = 0.0
     gap: float = 0.05
-    swaps: tuple[Swap, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,10 +93,13 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
         seed: Of the random numbers.
 
     Raises:
-        InputError: For fewer than 3 s or 5 Hz.
+        InputError: For a duration outside 3 s to an hour, a rate outside 5 to 1000 Hz, or faults below 0.
     """
-    if duration < 3 or rate < 5:
-        raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz is too short; at least 3 s at 5 Hz")
+    if not (3 <= duration <= 3600 and 5 <= rate <= 1000):
+        raise InputError(f"synthesise: {duration:g} s at {rate:g} Hz, wanted 3 to 3600 s at 5 to 1000 Hz")
+    for name, value in vars(faults).items():
+        if not 0 <= value < np.inf:
+            raise InputError(f"synthesise: {name} is {value:g}, wanted a number from 0")
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration * rate)) / rate
     angles = wanted_angles(time, hand)
@@ -113,7 +113,7 @@ def synthesise(hand: Hand, faults: Faults, duration: float, rate: float, seed: i
         places.append(apply(carried, rest[name] + _skin_motion(len(rest[name]), nearest, faults.artefact, rng)))
     positions = apply(_hand_motion(time), np.concatenate(places, axis=1))
     names = (*layout.finger, *layout.thumb)
-    recording = Recording(names, time, _faulty(positions, names, time, faults, rng), f"synthetic, seed {seed}")
+    recording = Recording(names, time, _faulty(positions, time, faults, rng), f"synthetic, seed {seed}")
     seen = [a.seen_from(triad_pose(rest[n])) for a, n in zip(axes, ("base", "base", "proximal", "middle"), strict=True)]
     return recording, Truth(angles, tuple(seen), hand.lengths)  # type: ignore[arg-type]
 
@@ -162,20 +162,14 @@ def _hand_motion(time: np.ndarray) -> np.ndarray:
     return motion(rotation(axis, 0.7 + 0.25 * np.sin(0.7 * time)), shift)
 
 
-def _faulty(
-    positions: np.ndarray, names: tuple[str, ...], time: np.ndarray, faults: Faults, rng: np.random.Generator
-) -> np.ndarray:
-    """Add noise, gaps and swaps, in this order."""
+def _faulty(positions: np.ndarray, time: np.ndarray, faults: Faults, rng: np.random.Generator) -> np.ndarray:
+    """Add noise, then gaps, to positions (frames, markers, 3) [m]."""
     seen = positions + faults.noise * rng.standard_normal(positions.shape)
     step = time[1] - time[0]
-    for marker in range(len(names)):
+    for marker in range(positions.shape[1]):
         count = rng.poisson(faults.dropouts * time[-1] / 60) if faults.dropouts else 0
         for first in rng.integers(0, len(time), size=count):
             seen[first : first + max(1, round(faults.gap / step)), marker] = np.nan
-    for swap in faults.swaps:
-        a, b = (names.index(name) for name in swap.names)
-        span = slice(swap.first, swap.last + 1)
-        seen[span, [a, b]] = seen[span, [b, a]]
     return seen
 
 

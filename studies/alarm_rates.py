@@ -1,7 +1,7 @@
 """Error rates of the alarm: on healthy robots that its limits were not made from, and on robots with one effect.
 
-python -m exodrake.monitor.check healthy --seed 22 --robots 60      # share that raises an alarm in 20 minutes
-python -m exodrake.monitor.check effects --seed 23 --robots 3       # share of effects that do, at typical values
+python -m studies.alarm_rates healthy --seed 22 --robots 60      # share that raises an alarm in 20 minutes
+python -m studies.alarm_rates effects --seed 23 --robots 3       # share of effects that do, at typical values
 """
 
 from __future__ import annotations
