@@ -189,7 +189,7 @@ def search_labels(safety):
     return labels(safety.machine)
 
 
-def test_search_is_seeded_safe_and_tells_more_than_the_motion_at_hand(contest, few):
+def test_search_is_seeded_safe_and_distinguishes_more_than_one_speed(contest, few):
     one, again, other = (design(contest, 20.0, seed) for seed in (1, 1, 2))
     assert np.array_equal(one.reference.tension, again.reference.tension)
     assert not np.array_equal(one.reference.tension, other.reference.tension)
@@ -197,8 +197,9 @@ def test_search_is_seeded_safe_and_tells_more_than_the_motion_at_hand(contest, f
     low, high = contest.problem.robot.reference_limits()
     course = one.reference.tension[:, :1]
     assert (course >= low).all() and (course <= high).all()
-    old = information(contest, contest.problem.fit[0].reference)
-    assert old is not None and one.information.criterion > old.criterion
+    stage = stage_of(contest.problem.robot, contest.problem.fit)
+    speed = information(contest, stage.reference(0.2 + 0.6 * np.linspace(0.0, 1.0, 8001)[:, None]).tension)
+    assert speed is not None and one.information.criterion > speed.criterion
 
 
 def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):
