@@ -27,10 +27,10 @@ FOUND = """What kept designed motions from resolving cases, and what was done:
   chi-square of 7.1, and Coulomb friction, which it contains, 1.5. It now goes on from the simpler law, and leaves 1.2.
 - T came from snaps. Where the finger snaps over, the least difference of two robots moves the snap in time, which a
   linear refit cannot follow. Of a motion for u5/case_04 (T = 9,349) half of the difference lay in 15 of 1,500 frames;
-  one for u3s/case_28 promised T = 506,615 of a clock's skew against a delay, and left both. T now must exceed what
+  one for u3/case_28 promised T = 506,615 of a clock's skew against a delay, and left both. T now must exceed what
   plausible changes of the parameters miss the linearisation by.
 - What the true law leaves counted as if it did not grow with the motion. It now is in proportion to what the effects
-  contribute, so that a strong motion alone is worth nothing.
+  contribute, so that a strong motion alone gains nothing.
 - Pieces of 6 s held no slow reversals, and the search kept few directions of the refit. There are pieces of 7 and 15 s
   and triangles now, and the directions of each motion that was found are kept.
 - A better law was not held against one that used its tolerances less, or had fewer parameters: `levels.py`."""
