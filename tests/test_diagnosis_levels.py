@@ -11,6 +11,7 @@ from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.levels import exceeding, local_levels
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
+from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.scan import scan
 
 FRAMES, NOMINAL, CASES = 400, 3, 200
@@ -63,10 +64,25 @@ def test_large_error_is_rejected_by_the_fit():
     assert all(levels(seed, extra=1.5).fit < ALPHA for seed in range(5))
 
 
+def test_retuned_robots_of_the_tolerances_have_the_covariance_of_bayesian_regression():
+    """Estimates (J'J + P)^-1 J'(J x + w) of x ~ N(0, P^-1) in white noise w: covariance (J'J + P)^-1 J'J P^-1."""
+    rng = np.random.default_rng(4)
+    jacobian, prior = 0.1 * rng.standard_normal((NOMINAL, FRAMES)), 0.5
+    likelihood = likelihood_of(lambda row: row[:NOMINAL] @ jacobian)
+    e = explanation(likelihood, nominal(NOMINAL, prior), np.zeros(NOMINAL), jacobian)
+    project = Projection(likelihood, e, linearisation(e, rng.standard_normal((1, FRAMES)), [probe("effect", (0,))]))
+    noise = rng.standard_normal((20_000, FRAMES)) / likelihood.weights
+    found, gram = (
+        np.cov(project.retuned(noise, rng)),
+        (jacobian * likelihood.weights) @ (jacobian * likelihood.weights).T,
+    )
+    np.testing.assert_allclose(found, np.linalg.inv(gram + np.eye(NOMINAL) / prior**2) @ gram * prior**2, atol=0.01)
+
+
 def test_exceeding_is_the_tail_of_scipys_log_normal():
     draws = np.random.default_rng(1).lognormal(1.0, 0.3, 200_000)
     for quantile in (0.5, 0.1, 1e-3):
-        value = stats.lognorm.isf(quantile, 0.3, scale=np.e)
+        value = float(stats.lognorm.isf(quantile, 0.3, scale=np.e))
         assert exceeding(draws, value) == pytest.approx(quantile, rel=0.05)
     assert exceeding(draws, 1e9) < 1e-30  # smaller than 1 / draws
 

@@ -187,9 +187,12 @@ def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> 
         c: (outputs, n).
         m: (outputs, noises).
     """
-    from scipy.linalg import solve_discrete_lyapunov
-
-    covariance = solve_discrete_lyapunov(a, n @ n.T)
+    covariance = n @ n.T  # P = A P A' + N N' by doubling; scipy's solver is ill-conditioned for states in SI
+    while np.abs(a).max() > np.finfo(float).tiny:
+        more = a @ covariance @ a.T
+        covariance, a = covariance + more, a @ a
+        if np.abs(more).max() <= np.finfo(float).eps * np.abs(covariance).max():
+            break
     return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
 
 

@@ -36,7 +36,12 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
     metavar="FILE",
     help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",
 )
-@click.option("--seed", type=int, default=None, help="Measure the frequency response with sensor noise of this seed.")
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=None,
+    help="Measure the frequency response with sensor noise of this seed.",
+)
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for figures and analysis.json.")
 @click.option("--json", "target", type=OutputFile(), default=None, help="File for all numbers.")
 @click.option(

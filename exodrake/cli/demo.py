@@ -24,7 +24,7 @@ def command(seed: int, out: Path) -> None:
     from rich.console import Console
     from rich.markup import escape
 
-    from exodrake.cli.simulate import check_folder
+    from exodrake.core.files import check_folder
 
     check_folder(out)
     fresh(out)

@@ -40,8 +40,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
     """
     from rich.console import Console
 
-    from exodrake.cli.simulate import check_folder
-    from exodrake.core.files import write_folder
+    from exodrake.core.files import check_folder, write_folder
     from exodrake.data.log_file import log_bytes
     from exodrake.estimator.file import load
     from exodrake.estimator.quick_estimator import quick_estimator

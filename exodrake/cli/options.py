@@ -38,9 +38,6 @@ OTHERS: dict[str, str] = {
 class OutputFile(click.Path):
     """A file to be written, which is refused before the work if it is a folder, or its own folder is absent."""
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the file."""
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
@@ -54,12 +51,9 @@ class OutputFile(click.Path):
 class OutputFolder(click.Path):
     """A folder to be written, which is refused before the work if it cannot be one."""
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the folder."""
-        from exodrake.cli.simulate import check_folder
+        from exodrake.core.files import check_folder
 
         path = Path(os.fsdecode(super().convert(value, param, ctx)))
         check_folder(path)

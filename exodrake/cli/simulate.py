@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -44,7 +43,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from exodrake.cli.run_summary import show, warn
-    from exodrake.core.files import write_folder
+    from exodrake.core.files import check_folder, write_folder
     from exodrake.data.log_file import log_bytes
 
     scenario = scenario_of(protocol, reference, file, robot)
@@ -142,16 +141,3 @@ def files_of(
         html = recording_html(log, robot, title, other=nominal, names=names, details=details)
         files["recording.html"] = html.encode()
     return files
-
-
-def check_folder(folder: Path) -> None:
-    """InputError unless the folder is one, or can be made, and takes files."""
-    from exodrake.core.errors import InputError
-
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: a file, wanted a folder")
-    parent = folder
-    while not parent.exists():
-        parent = parent.parent
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise InputError(f"{folder}: {parent} takes no files")

@@ -102,6 +102,17 @@ def make_folder(folder: str | Path) -> None:
         raise InputError(f"{folder}: cannot be made ({_reason(error)})") from None
 
 
+def check_folder(folder: Path) -> None:
+    """InputError unless the folder is one, or can be made, and takes files."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: a file, wanted a folder")
+    parent = folder
+    while not parent.exists():
+        parent = parent.parent
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise InputError(f"{folder}: {parent} takes no files")
+
+
 def write_folder(folder: str | Path, contents: dict[str, bytes]) -> list[Path]:
     """Write files into a folder together: all are there before the first is moved to its place.
 

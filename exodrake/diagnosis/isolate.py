@@ -81,7 +81,7 @@ class Isolator:
         if found.nominal.levels.sufficient or found.retuned.levels.kept or found.retuned.levels.burst:
             return found.without_effects()
         found = found.with_round(tested(likelihood, tests, singles))
-        if not found.left and found.retuned.levels.moved > found.tests.calibration.moved:
+        if not found.left and found.retuned.levels.moved > found.retuned.levels.most_moved:
             found = self.restarted(found, zero)
         if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
             return found

@@ -184,11 +184,15 @@ class Tests:
     def most_moved(self, project: Projection, law: np.ndarray) -> float:
         """Largest plausible mean square change of the nominal parameters, in tolerances.
 
-        That of healthy robots, or that of the tolerances with what errors of the effects' laws (draws, samples) add.
+        That of healthy robots drawn from the tolerances and retuned, or that of the tolerances with what errors of the
+        effects' laws (draws, samples) add.
         """
         e = project.explanation
-        if not e.effects or not e.nominal:
+        if not e.nominal:
             return self.calibration.moved
+        if not e.effects:
+            found = project.retuned(self.noise, np.random.default_rng(3)) / e.prior_std[:, None]
+            return max(self.calibration.moved, float(np.quantile(np.mean(found**2, axis=0), 1.0 - ALPHA)))
         moves = project.response(law)[: e.nominal] / e.prior_std[: e.nominal, None]
         return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))
 

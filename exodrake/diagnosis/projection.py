@@ -72,6 +72,11 @@ class Projection:
         """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
         return self.inverse @ self.pull(rows, rng.standard_normal((len(rows), len(self.precision))))[1]
 
+    def retuned(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Coordinates (fitted, n) that a fit finds of robots drawn from the priors, by rows (n, samples) of noise."""
+        drawn = rng.standard_normal((len(rows), len(self.precision)))  # in standard deviations of the priors
+        return drawn.T / np.sqrt(self.precision)[:, None] + self.inverse @ self.pull(rows, -drawn)[1]
+
     def gain(self, slope: np.ndarray, probe: Probe) -> np.ndarray:
         """Sum of squares (n,) that the directions of a probe take up."""
         normal = self.curvature[np.ix_(probe.rows, probe.rows)]
