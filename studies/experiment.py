@@ -20,6 +20,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
+from studies.experiment_page import DESIGNED, RANDOM, page
 
 if TYPE_CHECKING:
     from exodrake.blind.robot_spec import RobotSpec
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from exodrake.diagnosis.rival import Rival
     from exodrake.experiment.contest import Contest
 
-DESIGNED, RANDOM = "designed", "random"
 LOG_SEED = 9  # of the noise of further logs
 
 
@@ -128,90 +128,6 @@ def ambiguous(folder: Path) -> list[Path]:
 def left_in(answer: dict[str, Any]) -> frozenset[str]:
     """Effects of the explanations that a stored answer leaves."""
     return frozenset(i for c in answer["candidates"] if c["left"] for i in c["id"].split(" + "))
-
-
-def is_true(row: dict[str, Any], name: str) -> bool:
-    """Whether an explanation is the true one."""
-    return sorted(name.split(" + ")) == sorted(row["truth"])
-
-
-def resolved(row: dict[str, Any], motion: str) -> bool:
-    """Whether one explanation is left after a motion, and it is the true one."""
-    after = row["after"][motion]
-    return after["verdict"] == "NAMED" and is_true(row, after["class"][0])
-
-
-def in_principle(row: dict[str, Any]) -> bool:
-    """Whether after one of the motions the true law takes up most of what each other law of the class leaves."""
-    from exodrake.diagnosis.calibration import calibration_of
-    from exodrake.machines.robot_file import load_robot
-
-    limit, class_ = calibration_of(load_robot().machine).taken, row["before"]["class"]
-    taken = [
-        [after["taken"].get(name, 0.0) for name in class_ if not is_true(row, name)] for after in row["after"].values()
-    ]
-    return any(is_true(row, name) for name in class_) and any(shares and min(shares) > limit for shares in taken)
-
-
-def page(rows: dict[str, dict[str, Any]], command: str) -> str:
-    """The page, from what was measured by case."""
-    used = {name: row for name, row in rows.items() if "after" in row}
-    possible = [row for row in used.values() if in_principle(row)]
-    lines = ["# The next experiment, measured", "", TEXT.format(command=command), ""]
-    lines += ["| motion | resolved, of all | of those that can be | one left, but not the true one | promised |"]
-    lines += ["|---|---|---|---|---|"]
-    for motion in (DESIGNED, RANDOM):
-        named = sum(row["after"][motion]["verdict"] == "NAMED" for row in used.values())
-        right = sum(resolved(row, motion) for row in used.values())
-        mean = f"{np.mean([row['promised'][motion][0] for row in used.values()]):.0%}" if used else "-"
-        shares = " | ".join(share(list(some), motion) for some in (used.values(), possible))
-        lines.append(f"| {motion} | {shares} | {named - right} | {mean} |")
-    lines += [
-        "",
-        "| case | true | class before | T designed, random | after the designed | after a random one | can be |",
-    ]
-    lines += ["|---|---|---|---|---|---|---|"]
-    for name, row in used.items():
-        left = ", ".join(f"{row['promised'][motion][1]:.0f}" for motion in (DESIGNED, RANDOM))
-        after = "the same log | the same log" if row.get("same") else " | ".join(map(said, row["after"].values()))
-        start = f"{', '.join(row['truth']) or 'none'} | {', '.join(row['before']['class'])}"
-        lines.append(f"| {name} | {start} | {left} | {after} | {'yes' if in_principle(row) else 'no'} |")
-    if decided := {name: row for name, row in rows.items() if name not in used}:
-        lines += ["", "No longer ambiguous, without a further log:", ""]
-        lines += [
-            f"- {name}, {', '.join(row['truth']) or 'healthy'}: {said(row['before'])}" for name, row in decided.items()
-        ]
-    return "\n".join(lines) + "\n"
-
-
-def share(rows: list[dict[str, Any]], motion: str) -> str:
-    """How many of some cases a motion resolved, with the 95 % interval."""
-    from scipy.stats import binomtest
-
-    if not rows:
-        return "0 of 0"
-    right = sum(resolved(row, motion) for row in rows)
-    low, high = binomtest(right, len(rows)).proportion_ci(method="wilson")
-    return f"{right} of {len(rows)} ({low:.0%} to {high:.0%})"
-
-
-def said(after: dict[str, Any]) -> str:
-    """A verdict with what is left."""
-    return f"{after['verdict']} {', '.join(after['class'])}".strip()
-
-
-TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its class
-(the logs reject all others before). Those that still are ambiguous get one further log, of the motion that `exodrake
-experiment` designs or of a random one as long, and are diagnosed again with it in full length. Resolved: one
-explanation is left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log
-once it is refitted, in variances of noise; promised is the probability that follows from it. Where T is below that of
-chance for every motion the two laws write the same log, and no experiment is run: a slack tendon that never loses its
-tension is an offset of an encoder. A case can be resolved in principle if after one of the motions the true law takes
-up more of what each rival leaves than an absent effect takes up of what a true law leaves (`taken` of the
-calibration). Else the simulator's robot follows neither law more closely than the other: its garment yields and
-stiffens a little, so that the library's stiffening wire fits it better than the library's yielding garment.
-
-    {command}"""
 
 
 @click.command(cls=OneLineErrors)

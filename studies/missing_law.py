@@ -51,8 +51,9 @@ Robots of the [blind check](howto/blind.md)'s reference simulator, with all para
 are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
 point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
 ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
-encoder, motor or tendon, which meet at the spool. "Distinguished" rests on a test that is not calibrated: it says yes
-of the wrong parts below, too.
+encoder, motor or tendon, which meet at the spool. The runner-up is distinguished where the law
+takes up more of what it leaves above noise than an absent effect takes up of what a true law leaves (`taken` of the
+calibration).
 
     {command}
 
@@ -188,6 +189,11 @@ def summary(rows: list[Row]) -> str:
                 f"- {title}: right part {right} of {len(own)}; the law closes {percent(closed)} of the gap that "
                 f"retuning leaves on held-out motions of another kind (median; nothing found counts as 0)."
             )
+    named = [r for r in rows if r.found and r.runner_up and r.kind in ("library", "outside")]
+    if named:
+        shares = [[r.apart for r in named if r.right is right] for right in (True, False)]
+        right, wrong = (f"{sum(some)} of {len(some)}" for some in shares)
+        lines.append(f"- The runner-up counts as distinguished beside {right} right parts and {wrong} wrong ones.")
     healthy = [r for r in rows if r.kind == "healthy"]
     if healthy:
         lines.append(f"- Healthy robots: something is discovered in {sum(r.found for r in healthy)} of {len(healthy)}.")
@@ -218,6 +224,7 @@ def main(out: Path, cases: str, real: Path | None) -> None:
     wanted = [n for n in cases.split(",") if n] or every
     store = out.with_suffix(".jsonl")
     known = {d["name"]: d for d in map(json.loads, store.read_text().splitlines())} if store.is_file() else {}
+    known = {name: row for name, row in known.items() if "lead" in row}
     for name in wanted:
         if name not in known:
             row = measured(name, real)

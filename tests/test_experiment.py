@@ -82,11 +82,11 @@ def test_information_adds_over_motions():
     assert pair_of(d, columns, weights).left == pytest.approx(left)
 
 
-def planted(left, contributed, error, granted, richer=((False, False), (False, False))):
+def planted(left, contributed, error, granted, richer=((False, False), (False, False)), bent=0.0):
     """Information of a motion by hand: T both ways, and what the laws contribute, err by and are granted."""
     pair = pair_of(np.full(4, np.sqrt(left / 4.0)), np.zeros((0, 4)), np.ones(4))
     laws = Laws(np.zeros(2), np.ones(2), np.full(2, error), np.full(2, granted), 0.6, np.array(richer))
-    return Information({(0, 1): pair, (1, 0): pair}, np.full(2, contributed), laws)
+    return Information({(0, 1): pair, (1, 0): pair}, np.full(2, contributed), np.full(2, bent), laws)
 
 
 def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask_for():
@@ -101,6 +101,11 @@ def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask
 def test_what_a_law_is_granted_rejects_it_where_less_than_a_share_would():
     """Granted 0.15^2 of 9000 less the 90 that the truth leaves: T* = 112.5, not 135."""
     assert planted(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
+
+
+def test_a_motion_that_no_linearisation_describes_distinguishes_nothing():
+    """What plausible changes of the parameters miss it by counts as a true law's excess does: (100 + 100) 0.6 / 0.4."""
+    assert planted(64.0, 9000.0, 0.1, 0.15, bent=100.0).required(0, 1) == pytest.approx(300.0)
 
 
 def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
@@ -184,7 +189,7 @@ def search_labels(safety):
     return labels(safety.machine)
 
 
-def test_search_is_seeded_safe_and_tells_more_than_the_motion_at_hand(contest, few):
+def test_search_is_seeded_safe_and_distinguishes_more_than_one_speed(contest, few):
     one, again, other = (design(contest, 20.0, seed) for seed in (1, 1, 2))
     assert np.array_equal(one.reference.tension, again.reference.tension)
     assert not np.array_equal(one.reference.tension, other.reference.tension)
@@ -192,8 +197,9 @@ def test_search_is_seeded_safe_and_tells_more_than_the_motion_at_hand(contest, f
     low, high = contest.problem.robot.reference_limits()
     course = one.reference.tension[:, :1]
     assert (course >= low).all() and (course <= high).all()
-    old = information(contest, contest.problem.fit[0].reference)
-    assert old is not None and one.information.criterion > old.criterion
+    stage = stage_of(contest.problem.robot, contest.problem.fit)
+    speed = information(contest, stage.reference(0.2 + 0.6 * np.linspace(0.0, 1.0, 8001)[:, None]).tension)
+    assert speed is not None and one.information.criterion > speed.criterion
 
 
 def test_search_refuses_what_no_limit_allows(contest, few, monkeypatch):

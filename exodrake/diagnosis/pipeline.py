@@ -170,7 +170,7 @@ def answer(
 ) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
     since = since_of(problem, found, decision)
-    decision = named_by_change(problem, found, decision, since)
+    decision = named_by_change(found, decision, since)
     case, best = problem.case, decision.best
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()

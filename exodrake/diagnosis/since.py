@@ -4,8 +4,8 @@ A series is a quantity session by session: the amplitudes of the effects of the 
 RETUNE the nominal parameters that moved; where no effect is named, the residual's power, too. Each is tested for a
 change (`change_point`), with Bonferroni's correction for their number. A robot that changed has no constant
 explanation, so its case may be UNKNOWN: then the single effect is followed that leaves least with amplitudes of its
-own in each session. If it changed, leaves what noise and the error of its law leave, and takes up most of what every
-other one leaves so, it is NAMED after all (`named_by_change`).
+own in each session. If so it leaves what noise and the error of its law leave, and takes up most of what every other
+one leaves so, it is NAMED after all (`named_by_change`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from exodrake.diagnosis.moved import moved
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.result import NAMED, UNKNOWN
-from exodrake.diagnosis.session_series import RESIDUAL, Series, series_of, tested
+from exodrake.diagnosis.session_series import Series, series_of, tested
 from exodrake.diagnosis.sessions import Session, dated_sessions, estimates, windows
 from exodrake.diagnosis.verdict import Decision, fitted
 
@@ -128,15 +128,13 @@ def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> tup
     return found.tested[0][best].explanation, 1.0 - least / max(other, 1e-9)
 
 
-def named_by_change(problem: Problem, found: Isolation, decision: Decision, since: Since | None) -> Decision:
-    """The decision, NAMED where one effect that changed from session to session explains what no constant one does."""
-    clearest = since.clearest if since else None
-    if since is None or clearest is None or not since.effect or since.unit != "d":
-        return decision
-    taken = found.tests.calibration.taken
-    if clearest.name == RESIDUAL or not (since.p > ALPHA and since.lead > taken):
+def named_by_change(found: Isolation, decision: Decision, since: Since | None) -> Decision:
+    """The decision, NAMED where one effect with an amplitude for each session explains what no constant one does."""
+    if since is None or not since.effect or since.unit != "d":
         return decision
     best = next(t for t in found.tested[0] if t.explanation.name == since.effect)
+    if best.levels.consistent or since.p <= ALPHA or since.lead <= found.tests.calibration.taken:
+        return decision
     leaves = f"leaves what noise and the error of its law leave (p = {since.p:.2g})"
     reason = f"{since.effect} changed: with an amplitude for each session it {leaves}"
     return Decision(NAMED, best, (best,), (reason,), fitted(found, best))

@@ -17,9 +17,11 @@ i is a richer law of the same effects, where i takes up a share q of what j leav
 
     T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
 
-z: chance. The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in
-a new motion. A richer law j of a true i leaves as little as i does and is dropped as needless where it takes up
-nothing: as probable as the reverse.
+z: chance. T is that of a linear refit, which a snap or a stop makes worthless: there, small changes of parameters move
+a jump in time. So T must exceed q / (1 - q) times B_i + B_j, too, what a change by as much as the present logs leave
+uncertain misses the linearisation by. The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and
+more as E_i and C_j differ in a new motion. A richer law j of a true i leaves as little as i does and is dropped as
+needless where it takes up nothing: as probable as the reverse.
 """
 
 from __future__ import annotations
@@ -37,6 +39,7 @@ from exodrake.experiment.contest import Contest, Laws, contributed, effective
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
+DRAWS = 2  # of changes of the parameters: assumed
 DIRECTIONS, WEAK = 16, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
@@ -75,16 +78,19 @@ class Information:
     Attributes:
         pairs: (true, rival) -> information.
         contributed: (explanations,) C, what the effects of each contribute in the present logs and these.
+        bent: (explanations,) B, what plausible changes of the parameters of each miss the linearisation by in these.
         laws: what the present logs tell of the laws.
     """
 
     pairs: dict[tuple[int, int], Pair]
     contributed: np.ndarray
+    bent: np.ndarray
     laws: Laws
 
     def __add__(self, other: Information) -> Information:
         pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
-        return replace(self, pairs=pairs, contributed=self.contributed + other.contributed - self.laws.contributed)
+        contributed = self.contributed + other.contributed - self.laws.contributed
+        return replace(self, pairs=pairs, contributed=contributed, bent=self.bent + other.bent)
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
@@ -97,7 +103,8 @@ class Information:
         excess = float(laws.error[true] ** 2 * self.contributed[true])
         granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
         beaten = np.inf if laws.richer[true, rival] else excess * laws.share / (1.0 - laws.share)
-        return max(min(beaten, granted - excess), 0.0)
+        bent = float(self.bent[true] + self.bent[rival]) * laws.share / (1.0 - laws.share)
+        return max(min(beaten, granted - excess), bent)
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
@@ -163,14 +170,16 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
         derivatives(likelihood, e, spread, row)
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
     ]
-    if not all(np.isfinite(part).all() for part in (rows, *errors, *columns)):
+    each = zip(contest.explanations, contest.spreads, rows, columns, strict=True)
+    bent = np.array([nonlinearity(likelihood, *one) for one in each])
+    if not all(np.isfinite(part).all() for part in (rows, bent, *errors, *columns)):
         return None
     frames, pairs = effective(contest.likelihood), {}
     weights = np.full(rows.shape[1], 1.0 / frames)
     for i, j in permutations(range(len(rows)), 2):
         pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
     laws = contest.laws
-    return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, laws)
+    return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, bent / frames, laws)
 
 
 def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -183,6 +192,18 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
     steps = np.where(outside, -steps, steps)
     rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
     return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
+
+
+def nonlinearity(
+    likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
+) -> float:
+    """Mean sum of squares that drawn changes of the parameters along `spread` miss the linearisation by."""
+    draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
+    moved = np.clip(e.x + draws @ spread.T, *e.bounds)
+    along = np.linalg.lstsq(spread, (moved - e.x).T, rcond=None)[0].T
+    rows = np.array([apply(e.values, e.parameters, x) for x in moved])
+    missed = likelihood.residual(rows) - residual - along @ columns
+    return float(np.mean(np.sum(missed**2, axis=1)))
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:
