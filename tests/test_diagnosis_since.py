@@ -9,8 +9,9 @@ from report_synthetic import diagnosis, simulated_logs
 from scipy.stats import binomtest
 
 import exodrake as exo
+from exodrake.core.confidence import ALPHA
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.change_point import LEVEL, RAMP, STEP, Change, ChangePoint
+from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.result import NAMED
 from exodrake.diagnosis.session_series import Series
@@ -30,10 +31,10 @@ def test_steady_series_change_at_the_level_of_the_test_whatever_their_scatter(sc
     rng, times = np.random.default_rng(1), np.array([0.0, 1, 2, 3, 5, 8, 9, 10])
     root = np.tril(rng.normal(0.2, 0.1, (8, 8))) + np.diag(rng.uniform(0.5, 2.0, 8))
     series = 7.0 + scatter * root @ rng.standard_normal((8, 2000))
-    alarms = int((ChangePoint(times, root @ root.T).p_values(series) < LEVEL).sum())
-    assert binomtest(alarms, 2000, LEVEL, alternative="greater").pvalue > 1e-3
+    alarms = int((ChangePoint(times, root @ root.T).p_values(series) < ALPHA).sum())
+    assert binomtest(alarms, 2000, ALPHA, alternative="greater").pvalue > 1e-3
     if scatter > 1.0:
-        assert binomtest(alarms, 2000, LEVEL / 2, alternative="greater").pvalue < 0.05
+        assert binomtest(alarms, 2000, ALPHA / 2, alternative="greater").pvalue < 0.05
 
 
 @pytest.mark.parametrize("shape, size", [(STEP, 8.0), (RAMP, 2.0)])
@@ -54,7 +55,7 @@ def test_a_clear_step_is_dated_to_its_gap_and_a_clear_ramp_to_its_slope():
     times, rng = np.array([0.0, 1, 2, 4, 5, 6, 7]), np.random.default_rng(0)
     scan = ChangePoint(times, 0.01**2 * np.eye(7))
     step = scan(1.0 * (times > 3) + 0.01 * rng.standard_normal(7), rng)
-    assert step.shape == STEP and step.began == (3.0, 2.0, 4.0) and step.p < LEVEL
+    assert step.shape == STEP and step.began == (3.0, 2.0, 4.0) and step.p < ALPHA
     assert step.after[0] == pytest.approx(1.0, abs=0.02) and np.isnan(step.rate[0])
     ramp = scan(2.0 + 0.5 * np.maximum(times - 2.0, 0) + 0.01 * rng.standard_normal(7), rng)
     assert ramp.shape == RAMP and ramp.began[1] <= 2.0 <= ramp.began[2]
