@@ -79,7 +79,7 @@ def test_counts_and_margins_of_a_table_of_cases(case):
         assert found.delay_margin == pytest.approx(delays[k], rel=5e-3)
 
 
-def test_a_conditionally_stable_loop_is_told():
+def test_a_conditionally_stable_loop_is_reported():
     whole, model, _ = from_control(*CASES["conditionally stable"][:3])
     (note,) = margin_remarks(model, (margins(whole, 0),))
     assert "conditionally stable" in note

@@ -156,7 +156,7 @@ def test_step_figures_of_a_second_order_system():
     assert spectral_radius(np.diag([0.2, -0.9])) == pytest.approx(0.9)
 
 
-def test_friction_is_told_as_a_kink_and_simulation_decides():
+def test_friction_is_reported_as_a_kink_and_simulation_decides():
     """Stuck wires make one-sided slopes differ and the poles meaningless; the loop itself returns to rest."""
     loop = FrameMap.of(exo.load_robot().splice("tendon.coulomb_friction"))
     point = operating_point(loop)

@@ -9,7 +9,7 @@ PERIOD = 0.02
 
 
 @pytest.mark.parametrize("frequency, left", [(2.0, 1.0), (7.0, 0.0), (12.0, 1.0)])
-def test_a_stopped_band_takes_what_is_in_it_and_nothing_else(frequency, left):
+def test_a_notched_band_takes_what_is_in_it_and_nothing_else(frequency, left):
     time = PERIOD * np.arange(4000)
     wave = np.sin(2 * np.pi * frequency * time)[None, :, None]
     kept = filters.without(((6.0, 8.0),), wave, PERIOD)

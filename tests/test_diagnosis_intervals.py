@@ -53,7 +53,7 @@ def test_pooled_value_of_independent_channels_has_the_error_of_a_mean():
     assert value == 2.0 and std == pytest.approx(0.1)
 
 
-def test_pitch_is_told_near_palm_down_or_palm_up(machine):
+def test_pitch_is_reported_near_palm_down_or_palm_up(machine):
     effect = machine.effect("finger.gravity")
     parameters = effect_parameters(machine, effect)
     at = next(i for i, p in enumerate(parameters) if p.name == "finger.gravity.pitch")

@@ -98,7 +98,7 @@ def test_effect_beside_a_tremor_is_named_with_it():
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
 
 
-def test_effect_that_looks_hopeless_from_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch):
+def test_effect_without_promise_at_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch):
     """Retuning goes to the ends of its tolerances for half a stiffness, and from there the truth may not be seen."""
     found_from_retuned = Isolator.singles
 

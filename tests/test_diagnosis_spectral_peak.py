@@ -39,7 +39,7 @@ def test_healthy_robot_has_no_tremor(robot):
     assert not found.detected and not found.notched and "finger.tremor" not in found.tried
 
 
-def test_line_in_every_log_is_told_from_noise(robot):
+def test_line_in_every_log_is_distinguished_from_noise(robot):
     problem = make_problem(case_of(robot, 3, frames=200), robot)
     rng = np.random.default_rng(2)
     columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame

@@ -397,7 +397,7 @@ def test_latency_counts_frames() -> None:
         assert timing_command_latency.sent(12.0, history, 12, 0.0, 0.5, frames) == pytest.approx(wanted)
 
 
-def test_lottery_decides_on_lost_frames() -> None:
+def test_uniform_draws_decide_on_lost_frames() -> None:
     assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.1, 0.15) == 0.5
     assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.2, 0.15) == 1.0
     assert timing_jitter.sent(1.0, (1.0, 0.0), 0, 0.0, 0.5, 0.5) == pytest.approx(0.75)

@@ -105,7 +105,7 @@ def test_shift_below_the_tolerance_is_left_alone(healthy):
     assert not trained()[1].zeros(shifted(healthy[0], np.full(3, TOLERANCE / 2))).moved
 
 
-def test_estimate_of_a_log_corrects_unless_asked_not_to():
+def test_estimate_of_a_log_corrects_unless_switched_off():
     estimator = trained()[1]
     log = as_log(worn_sweeps(3, seed=11, rows=60, zero=np.array([0, 1e-3, 0])))
     corrected, kept = estimate(estimator, log), estimate(estimator, log, correct=False)

@@ -112,7 +112,7 @@ def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them(
     assert lag == pytest.approx(play, rel=0.1)
 
 
-def test_nothing_is_found_on_a_machine_as_told():
+def test_nothing_is_found_on_a_nominal_machine():
     robot = load_robot("tendon_sheath")
     assert diagnose(case_of(robot, "tendon_sheath", range(2)), robot).verdict == "NO_GAP"
 
@@ -162,7 +162,7 @@ def test_presliding_friction_encloses_the_area_of_its_parallelogram():
     assert work == pytest.approx(2.0 * force * (way - 2.0 * presliding), rel=1e-3)
 
 
-def test_friction_that_builds_up_is_told_from_friction_that_does_not():
+def test_friction_that_builds_up_is_distinguished_from_friction_that_does_not():
     robot = load_robot("emps")
     planted = {
         "carriage.viscous_friction": {"coefficient": 150.0},

@@ -38,7 +38,7 @@ def test_scalars_are_those_of_yaml_1_2(text, value):
         (b"a: 1\n'a': 2", ["line 2", "'a'", "twice"]),
         (b"a: {b: 1, b: 1}", ["'b'", "twice"]),
         (b"? [1]\n: 2", ["no name"]),
-        (b"[" * 10**6, ["deeper"]),
+        (b"[" * 10**6, ["nested"]),
         (b"a: 1\n---\nb: 1", ["second document"]),
         (b"x" * (MAX_BYTES + 1), ["bytes"]),
         (b'"\\a": 1\n"\\a": 2', ["'\\x07'"]),

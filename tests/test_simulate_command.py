@@ -43,7 +43,7 @@ def test_the_log_is_lossless(made):
     assert exo.read_log(made[0] / "log.csv").equals(exo.simulate(robot, exo.protocol(SHORT), seed=3))
 
 
-def test_the_nominal_run_is_the_same_without_what_was_asked_for(made):
+def test_the_nominal_run_is_the_same_without_the_options(made):
     """The same references and noise; the ghost and the heading of the recording say so."""
     nominal = exo.read_log(made[0] / "nominal.csv")
     assert nominal.equals(exo.simulate(exo.load_robot(), SHORT, seed=3))
@@ -144,7 +144,7 @@ def test_scenario_text_reads_back(tmp_path):
     assert read_scenario(tmp_path / "s.yaml") == scenario
 
 
-def test_the_shelf_is_printed():
+def test_the_effect_library_is_printed():
     output = run("effects").output
     assert all(effect.id in output for effect in EFFECTS)
     described = json.loads(run("effects", "--json").output)

@@ -30,6 +30,7 @@ from exodrake.diagrams.exogenous import Exogenous
 from exodrake.diagrams.host import HOST, SAMPLE, Host
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.leaf_spec import InputSpec, wide_port
+from exodrake.diagrams.part_spec import alone
 from exodrake.diagrams.parts import part_class
 from exodrake.diagrams.signal_log import FINE_LOG, SignalLog, logged
 
@@ -141,12 +142,6 @@ def wide_ports(machine: Machine, replaced: set[str]) -> dict[str, InputSpec]:
             places = {name: slice(where[name].start - first, where[name].stop - first) for name in writes}
             found[wide_port(writes)] = InputSpec(last - first, places)
     return found
-
-
-def alone(machine: Machine, name: str) -> InputSpec:
-    """An input port for one signal or start vector."""
-    width = width_of(machine, name)
-    return InputSpec(width, {name: slice(0, width)})
 
 
 def inputs_of(machine: Machine, part: Part, wide: Mapping[str, InputSpec]) -> dict[str, InputSpec]:

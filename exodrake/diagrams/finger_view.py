@@ -6,6 +6,7 @@ diagram = build_diagram(robot, reference, systems=[FingerView(robot, meshcat)])
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,13 @@ from pydrake.geometry import (
     Shape,
     Sphere,
 )
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.diagrams.binding import weak_method
-from exodrake.diagrams.meshcat.scene import draw_ground
+from exodrake.diagrams.meshcat.scene import draw_ground, pose
 from exodrake.diagrams.meshcat.shapes import along, finger_skeleton, span, turn
 
 BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity of the skin
@@ -98,7 +99,8 @@ class FingerPoses(LeafSystem):
         self.links: list[list[FrameId]] = [self._links(scene_graph, piece) for piece in self.pieces]
         self._draw_bones(scene_graph)
         self.DeclareVectorInputPort("angle", len(bones.joints))
-        self.DeclareAbstractOutputPort("pose", empty_poses, weak_method(self._poses), {self.all_input_ports_ticket()})
+        empty = partial(AbstractValue.Make, FramePoseVector())
+        self.DeclareAbstractOutputPort("pose", empty, weak_method(self._poses), {self.all_input_ports_ticket()})
 
     def _frame(self, scene_graph: SceneGraph, name: str) -> FrameId:
         """A moving frame of the world."""
@@ -176,13 +178,3 @@ class FingerPoses(LeafSystem):
                 middle = start + half + k / (LINKS - 1) * (end - start - 2.0 * half)
                 found.set_value(frame, segments[piece.first] @ pose(middle, rotation))
         value.set_value(found)
-
-
-def empty_poses() -> AbstractValue:
-    """A value for the output port."""
-    return AbstractValue.Make(FramePoseVector())
-
-
-def pose(position: np.ndarray, rotation: np.ndarray | None = None) -> RigidTransform:
-    """A transform from a position (3,) [m] and a rotation matrix (3, 3)."""
-    return RigidTransform(RotationMatrix(np.eye(3) if rotation is None else rotation), position)

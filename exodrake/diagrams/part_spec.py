@@ -72,10 +72,10 @@ def initial_memory(machine: Machine, part: Part, parameters: np.ndarray, start: 
     return scratch[: memory_size(machine, part)]
 
 
-def separate_inputs(machine: Machine, part: Part) -> dict[str, InputSpec]:
-    """An input port for each signal and start vector read."""
-    widths = {name: width_of(machine, name) for name in table_reads(part)}
-    return {name: InputSpec(width, {name: slice(0, width)}) for name, width in widths.items()}
+def alone(machine: Machine, name: str) -> InputSpec:
+    """An input port for one signal or start vector."""
+    width = width_of(machine, name)
+    return InputSpec(width, {name: slice(0, width)})
 
 
 def updates_of(
@@ -124,7 +124,7 @@ def part_spec(
         substeps: plant ticks per slot.
         inputs: the input ports; None: one for each signal read.
     """
-    ports = dict(separate_inputs(machine, part) if inputs is None else inputs)
+    ports = dict({name: alone(machine, name) for name in table_reads(part)} if inputs is None else inputs)
     parameters, start = np.array(values[parameters_of(machine, part)]), start_arrays(machine, values)
     return LeafSpec(
         name=part.name,

@@ -162,9 +162,4 @@ def parse_effect(text: str, robot: Robot) -> tuple[str, dict[str, dict[str, floa
     if at and not chosen:
         raise InputError(f"{text!r}: no channel after @")
     there = robot.splice(identity, given, chosen).effect_values(robot.machine.effect(identity))
-    return identity, {name: one_or_channels(values) for name, values in there.items()}
-
-
-def one_or_channels(values: dict[str, float]) -> dict[str, float] | float:
-    """Values per channel, or the one value of a number without channels."""
-    return values.get("", values)
+    return identity, {name: values.get("", values) for name, values in there.items()}

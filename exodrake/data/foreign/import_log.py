@@ -129,7 +129,8 @@ def imported(tracks: dict[str, Track], mapped: Mapped, source: str) -> Imported:
 
 def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> dict[str, Track]:
     """Mapped columns of a table, on its time column or, without one, on its row number."""
-    names = {name: slashed(name, table) for name in wanted_of(mapped)}
+    wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
+    names = {name: slashed(name, table) for name in wanted}
     for name, found in names.items():
         if found not in table:
             raise InputError(f"{source}: no column {name!r} (it has {', '.join(table)[:400]})")
@@ -148,11 +149,6 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> dic
             raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
     fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
     return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}
-
-
-def wanted_of(mapped: Mapped) -> list[str]:
-    """Foreign names that a mapping asks for."""
-    return [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
 
 
 def _shared(tracks: dict[str, Track], source: str, moved: set[str]) -> tuple[np.ndarray, dict[str, np.ndarray]]:

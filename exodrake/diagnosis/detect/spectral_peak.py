@@ -112,8 +112,8 @@ class WanderingPhase:
 
         machine, still = problem.robot.machine, values.copy()
         still[[machine.index[name] for name in self.torques]] = 0.0
-        shaken, calm = problem.predict(np.array([values, still]), trial)
-        line = shaken - calm - outside(self.bands, shaken - calm, machine.frame)
+        with_tremor, without = problem.predict(np.array([values, still]), trial)
+        line = with_tremor - without - outside(self.bands, with_tremor - without, machine.frame)
         steps = rng.normal(0.0, np.sqrt(self.rate * machine.frame), len(line))
         phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
         return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
