@@ -6,11 +6,14 @@ from collections.abc import Iterator
 from _figures import Shown, effect_figure
 
 from exodrake.cli.effects import describe, plausible
+from exodrake.cli.new_arm import SCAFFOLD
 from exodrake.core.display import display_of
 from exodrake.core.effect import Effect
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
+from exodrake.machines.serial_arm import FORMS, arm_machine
 
 INDEX = """\
 # The effects
@@ -22,9 +25,20 @@ with the RMS difference in noise standard deviations.
 """
 
 
+ARMS_PATH = "reference/effects/arms/index.md"
+ARMS = """\
+# Effects of serial arms
+
+What an arm of `exodrake new-machine DIR --urdf FILE` may have beyond its model, in the forms `inverse`, `closed-loop`
+and `cable`; channels and ranges are those of the `cable_arm`. The sensors of its efforts and positions have the errors
+of any signal as well. `exodrake effects --machine DIR` lists those of one arm.
+"""
+
+
 def effect_paths() -> dict[str, list[str]]:
     """Machine -> paths of the pages of its effects."""
-    return {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_names()}
+    found = {name: [path_of(name, effect) for effect in load_robot(name).machine.effects] for name in machine_names()}
+    return found | {"serial arms": [ARMS_PATH]}
 
 
 def path_of(machine: str, effect: Effect) -> str:
@@ -35,7 +49,7 @@ def path_of(machine: str, effect: Effect) -> str:
 def effect_pages() -> Iterator[tuple[str, str | bytes]]:
     """Generate (path, content) of the index, and of the page and figure of each effect."""
     index = INDEX
-    for name in effect_paths():
+    for name in machine_names():
         robot = load_robot(name)
         index += f"\n## {name}\n\n| effect | what it is | clearest in |\n|---|---|---|\n"
         for effect in robot.machine.effects:
@@ -46,7 +60,22 @@ def effect_pages() -> Iterator[tuple[str, str | bytes]]:
             index += f"| {link} | {effect.summary} | {words_of(robot, column)}, {size} |\n"
             yield path_of(name, effect), effect_page(robot, effect, shown)
             yield path_of(name, effect).removesuffix("md") + "svg", svg
+    index += "\n## Serial arms\n\n[Effects of arms](effects/arms/index.md) that `exodrake new-machine --urdf` makes.\n"
+    yield ARMS_PATH, arms_page()
     yield "reference/effects.md", index
+
+
+def arms_page() -> str:
+    """Effects of arms in all forms on a page, but for those of their sensors, which any signal has."""
+    found: dict[str, tuple[Machine, Effect]] = {}
+    for form in FORMS:
+        machine = arm_machine("cable_arm", {"urdf": "cable_arm.urdf", "form": form}, SCAFFOLD, "cable_arm")
+        own = (effect for effect in machine.effects if effect.block in ("arm", "cable", "gear_motor"))
+        found = {effect.id: (machine, effect) for effect in own} | found
+    page = ARMS
+    for machine, effect in (found[name] for name in sorted(found)):
+        page += "\n".join([f"\n## {effect.id}", "", sentence(effect.summary), "", *body(machine, effect, "###")])
+    return page
 
 
 def words_of(robot: Robot, column: str) -> str:
@@ -59,10 +88,7 @@ def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:
     """Format one effect: figure, equation, parameters, signature and source."""
     machine = robot.machine
     page = describe(machine, effect)
-    title, _, rest = page["equation"].partition("\n\n")
-    if not title.lower().startswith(page["summary"].lower()):
-        title, rest = f"{page['summary']}.", page["equation"]
-    title = " ".join(title.split())
+    title = " ".join(titled(page)[0].split())
     values = ", ".join(f"`{p.name}` {p.initial:.3g}{'' if p.unit == '-' else ' ' + p.unit}" for p in effect.parameters)
     at = f" on {shown.channel}" if shown.channel else ""
     lines = [f"# {effect.id}", "", title[:1].upper() + title[1:], ""]
@@ -71,17 +97,36 @@ def effect_page(robot: Robot, effect: Effect, shown: Shown) -> str:
     lines += ["Below: the difference, with a band of two noise standard deviations.", ""]
     if shown.motion != "swings":
         lines += [f"    exodrake simulate {shown.motion} --effect {effect.id}{'@' * bool(at)}{shown.channel}", ""]
-    lines += ["## Equation", "", "```{.text .wrap}", rest or title, "```", ""]
-    lines += ["## Parameters", "", "| parameter | range | initial | null value | one per |", "|---|---|---|---|---|"]
+    return "\n".join([*lines, *body(machine, effect, "##")])
+
+
+def titled(page: dict) -> tuple[str, str]:
+    """Title and text of an effect's equation."""
+    title, _, rest = page["equation"].partition("\n\n")
+    if not title.lower().startswith(page["summary"].lower()):
+        return f"{page['summary']}.", page["equation"]
+    return title, rest or title
+
+
+def body(machine: Machine, effect: Effect, level: str) -> list[str]:
+    """Equation, parameters, signature and source of an effect, under headings of a level."""
+    page = describe(machine, effect)
+    rest = page["equation"].partition("\n\n")[2] or page["equation"]
+    lines = [f"{level} Equation", "", "```{.text .wrap}", rest, "```", ""]
+    lines += [
+        f"{level} Parameters",
+        "",
+        "| parameter | range | initial | null value | one per |",
+        "|---|---|---|---|---|",
+    ]
     for number, row in zip(effect.parameters, page["parameters"], strict=True):
         absent = f"{number.null:g}" if number is effect.parameters[0] else ""
         per = ", ".join(row["channels"]) or "robot"
         lines.append(f"| `{number.name}` | {plausible(number)} | {number.initial:.4g} | {absent} | {per} |")
-    lines += ["", "## In logs", "", sentence(page["signature"]), ""]
+    lines += ["", f"{level} In logs", "", sentence(page["signature"]), ""]
     if effect.not_tried:
         lines += [f"A diagnosis does not try it unless `--effects` names it: {effect.not_tried}.", ""]
-    lines += ["## Source", "", sentence(linked(page["source"])), ""]
-    return "\n".join(lines)
+    return [*lines, f"{level} Source", "", sentence(linked(page["source"])), ""]
 
 
 def sentence(text: str) -> str:

@@ -14,7 +14,7 @@ from mkdocs.structure.files import File, Files
 
 from exodrake import PUBLIC
 from exodrake.cli.main import COMMANDS, cli
-from exodrake.diagnosis.levels import decision_numbers
+from exodrake.diagnosis.level_table import decision_numbers
 from exodrake.machines.robot_file import load_robot
 
 # heading -> names on the Python page, in order; names in no group come last

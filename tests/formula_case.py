@@ -38,7 +38,7 @@ def likelihood_of(formula, frames=(400,), columns=1, noise=(), scale=1.0, measur
     logs = measured or [np.zeros((n, columns)) for n in frames]
     trials = tuple(Trial(f"{k}.csv", "fit", np.zeros((len(y), 1)), y) for k, y in enumerate(logs))
     case = SimpleNamespace(repeat_groups=(), fit_logs=[SimpleNamespace(log=y) for y in logs])
-    machine = SimpleNamespace(name="formula", frame=FRAME, tolerances=(), effect=lambda identity: None)
+    machine = SimpleNamespace(name="formula", frame=FRAME, tolerances=(), separate=False, effect=lambda identity: None)
     names = tuple(f"angle_{k}" for k in range(columns))
     problem = SimpleNamespace(
         fit=trials, columns=names, case=case, robot=SimpleNamespace(machine=machine), counted={}, judged=trials

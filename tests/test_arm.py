@@ -179,7 +179,7 @@ def ticks(robot, efforts, q, count=1, dt=1e-4, rotor=None):
 
 
 def test_forward_dynamics_agree_with_a_plant_of_the_same_robot(closed):
-    robot = closed.with_parameters({"arm.rotor_inertia": 0.07})
+    robot = closed.with_parameters({"arm.rotor_inertia": 0.07, "arm.stop_low": -9.0, "arm.stop_high": 9.0})
     plant = multibody_arm(robot)
     for q, efforts, _ in states(5, 3):
         context = plant.CreateDefaultContext()
@@ -212,6 +212,37 @@ def test_an_elastic_joint_rests_where_its_spring_carries_the_link(closed):
     assert rests["speed"] == pytest.approx(np.zeros(3), abs=1e-9) and rests["angle"] == pytest.approx(q, abs=1e-12)
     assert rests["rotor"] == pytest.approx(q + compliance * weight)
     assert np.abs(ticks(robot, np.zeros(3), q, count=50, rotor=q + 0.5 * compliance * weight)["speed"]).max() > 1e-3
+
+
+@pytest.mark.parametrize("end, sign", [(-1.0, 1.0), (2.0, -1.0)])
+def test_a_link_rests_on_its_end_stop_where_the_spring_carries_it(closed, end, sign):
+    """Limits of J3 are -1 and 2 in the URDF; with half the stiffness the link sinks."""
+    chain, stiffness = read_urdf_of(closed), 5.0
+    held = {"arm.dry_friction.turntable": 1e6, "arm.dry_friction.lift2": 1e6}
+
+    def weight(q):
+        return moved(chain, q, np.zeros(3), np.zeros(3))[0][2]
+
+    turned = (np.array([turn, 0.1, end]) for turn in np.linspace(0.0, 2.0 * np.pi, 24))
+    q = next(q for q in turned if sign * weight(q) > 0.05)  # the weight presses the link on this stop
+    for _ in range(50):
+        q[2] = end - weight(q) / stiffness
+    speeds = []
+    for share in (1.0, 0.5):
+        robot = closed.with_parameters({**held, "arm.stop_stiffness.J3": share * stiffness})
+        speeds.append(ticks(robot, np.zeros(3), q, count=20)["speed"])
+    assert speeds[0] == pytest.approx(np.zeros(3), abs=1e-9) and sign * speeds[1][2] < -1e-3
+
+
+def test_an_end_stop_that_a_link_leaves_does_not_pull_it(closed):
+    stops = {"arm.stop_stiffness": 1.0, "arm.stop_damping": 1e3}
+    robot = closed.with_parameters(stops)
+    part, n = robot.machine.parts[0], of_part(robot, robot.machine.parts[0])
+    x = np.zeros(sum(robot.machine.part_size(part)))
+    for speed, pushes in ((0.5, False), (-0.5, True)):
+        x[arm_forward.place_of(3, arm_forward.ANGLE, 2)] = -1.1
+        x[arm_forward.place_of(3, arm_forward.SPEED, 2)] = speed
+        assert (arm_forward.stopped(x, n, 2, 3) > 0.0) == pushes
 
 
 def test_both_engines_agree_to_the_last_bit(closed):

@@ -35,6 +35,7 @@ from exodrake.diagnosis.calibration import (
     calibration_text,
 )
 from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
+from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate
 
@@ -210,15 +211,20 @@ def test_command_prints_and_writes_the_calibration(tmp_path):
     assert str(tmp_path) not in file.read_text()
 
 
-def test_shipped_calibration_states_its_command_and_rates():
-    found = calibration_of(load_robot().machine)
-    assert found.source.startswith("exodrake calibrate --robot exo_index --cases 99") and not calibration_notes(
-        load_robot().machine
-    )
-    rates = read_yaml(calibration.machine_folders()["exo_index"] / "calibration.yaml")["rates"]
-    for counted in rates.values():
-        expected = rate([True] * counted["k"] + [False] * (counted["n"] - counted["k"]))
-        assert counted == expected
+@pytest.mark.parametrize("name", machine_names())
+def test_shipped_calibration_states_its_command_and_rates(name):
+    machine, file = load_robot(name).machine, calibration.machine_folders()[name] / "calibration.yaml"
+    found, content = calibration_of(machine), read_yaml(file)
+    words = found.source.split(", ")[0].split()
+    assert words[:4] == ["exodrake", "calibrate", "--robot", name] and not calibration_notes(machine)
+    assert found == Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
+    for counted in content["rates"].values():
+        assert counted == rate([True] * counted["k"] + [False] * (counted["n"] - counted["k"]))
+    count = {key: counted["n"] for key, counted in content["rates"].items()}
+    assert count["false alarm on healthy"] + count["effect not seen"] == int(words[words.index("--cases") + 1])
+    kinds = ("truth named alone", "other law: its family named alone", "outside: UNKNOWN")
+    seen = count["effect not seen"] - content["rates"]["effect not seen"]["k"]
+    assert sum(count[kind] for kind in kinds) == seen
 
 
 def test_machine_without_experiments_asks_for_a_case():

@@ -12,10 +12,12 @@ SCAFFOLD = Path(__file__).parent / "scaffold_arm"
 WIDEST = 1.0  # rad, or half a range, either way of the middle that a protocol asks for: assumed, a moderate motion
 NOISE = 0.01  # of a moderate motion's effort: assumed
 SMALLEST = 0.002  # of the largest effort of all joints, for joints that hardly need any: assumed
+ANGLE_NOISE = 2e-5  # rad at the joint, of encoders at rest: assumed
 FILTER = 10.0  # Hz, of a derivative: assumed
 WHAT = {
     "inverse": "its efforts predicted from measured motion (inverse dynamics)",
     "closed-loop": "moved by motors under a PD controller (forward dynamics)",
+    "cable": "moved by motors through cables under a PD controller (forward dynamics)",
 }
 
 
@@ -52,40 +54,63 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
 def texts_of(chain: Chain, form: str) -> dict[str, str]:
     """What the files say of the joints."""
     from exodrake.machines.arm_defaults import middle, typical_efforts, units
+    from exodrake.machines.cable_arm import RATIO
 
     unit, efforts, names = units(chain), typical_efforts(chain), chain.names
-    noise = NOISE * efforts.clip(SMALLEST / NOISE * efforts.max())
+    cable, inverse = form == "cable", form == "inverse"
+    noise = NOISE * efforts.clip(SMALLEST / NOISE * efforts.max()) * (RATIO if cable else 1.0)
     reach = [min(WIDEST, 0.45 * (j.upper - j.lower)) for j in chain.joints]
     places = middle(chain)
-    before = "joint_" if unit["position"] == "-" else ""
-    inverse = form == "inverse"
-    given = ("position", "effort") if inverse else ("position_ref", "position", "effort")
-    foreign = {"position_ref": "cmd", "position": "pos", "effort": "effort"}
-    shown = {"position": unit["position"], "effort": unit["effort"]}
+    before = "joint_" if unit["position"] == "-" and not cable else ""
     columns = [
-        f'  {joint}_{foreign[kind]}: {{name: {before}{kind}_{joint}, unit: "{shown[kind.split("_")[0]]}"}}'
-        for joint in names for kind in given
+        f'  {joint}_{column}: {{name: {kind}_{joint}, unit: "{u}"}}'
+        for joint in names for column, kind, u in given(form, before, unit["position"], unit["effort"])
     ]  # fmt: skip
-    derived = [line for joint in names for line in derived_of(before, joint, unit, inverse)]
+    derived = [line for joint in names for line in derived_of(before, joint, unit, form)]
     mobility = float(f"{0.01 / efforts.max():.1g}")  # 0.01 rad/s at the level of the largest effort: assumed
-    return {
+    found = {
         "rotors": joined(names, [0.0] * len(names)), "noise": joined(names, noise),
         "repeatability": f"{float(noise.min()) / 10:.2g}",
-        "force": f'"{unit["effort"]}"', "angle": f'"{unit["position"]}"',
-        "inertia": f'"{unit["inertia"]}"',
+        "force": '"N m"' if cable else f'"{unit["effort"]}"',
+        "angle": f'"{unit["position"]}"', "inertia": f'"{unit["inertia"]}"',
         "lowest": joined(names, places - reach), "highest": joined(names, places + reach),
         "limited": "assumed: a moderate motion about the middle of the URDF's limits",
-        "mobility": f"{mobility:g}", "columns": "\n".join(columns),
-        "derived": "\n".join(derived),
+        "mobility": f"{mobility:g}", "columns": "\n".join(columns), "derived": "\n".join(derived),
         "derived_note": "rates of the motion, through a filter whose cut-off you choose" if inverse
-        else "where each joint stands at first",
+        else "where each joint stands at first", "part": "cable" if cable else "arm",
+    }  # fmt: skip
+    return found | cable_texts(chain, unit) if cable else found
+
+
+def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
+    """What the robot file says of motors and cables."""
+    from exodrake.machines.arm_defaults import typical_efforts
+    from exodrake.machines.cable_arm import RATIO, defaults_of
+
+    values = defaults_of(chain, typical_efforts(chain), 0.0)
+    rows = {"stiffness": "stiffness", "pretension": "pretension", "motors": "inertia"}
+    found = {key: joined(chain.names, [values[f"cable.{name}.{j}"] for j in chain.names]) for key, name in rows.items()}
+    return found | {
+        "ratio": f"{RATIO:g}", "motor_noise": f"{ANGLE_NOISE / RATIO:.1g}", "effort": f'"{unit["effort"]}"',
+        "stiffness_unit": f'"{unit["effort/position"]}"',
     }  # fmt: skip
 
 
-def derived_of(before: str, joint: str, unit: dict[str, str], inverse: bool) -> list[str]:
+def given(form: str, before: str, angle: str, force: str) -> list[tuple[str, str, str]]:
+    """Columns of a recording: foreign name behind the joint's, kind, unit."""
+    asked, own = ("cmd", f"{before}position_ref", angle), [("pos", f"{before}position", angle)]
+    if form == "cable":
+        motors = [("motor_pos", "motor_position", "rad"), ("motor_effort", "motor_effort", "N m")]
+        return [("cmd", "position_ref", angle), *motors, ("pos", "position", angle)]
+    return [*([] if form == "inverse" else [asked]), *own, ("effort", f"{before}effort", force)]
+
+
+def derived_of(before: str, joint: str, unit: dict[str, str], form: str) -> list[str]:
     """Lines of the columns that are made of others."""
     place = f"{before}position_{joint}"
-    if not inverse:
+    if form == "cable":
+        return [f"  position_start_{joint}: {{of: position_ref_{joint}, take: first}}"]
+    if form != "inverse":
         return [f"  {before}position_start_{joint}: {{of: {place}, take: first}}"]
     speed = f"{before}velocity_{joint}"
     tail = [f', unit: "{unit[kind]}"' if before else "" for kind in ("velocity", "acceleration")]

@@ -20,13 +20,14 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
 @click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
-@click.option("--form", default="inverse", show_default=True, help="Of an arm: inverse or closed-loop.")
+@click.option("--form", default="inverse", show_default=True, help="Of an arm: inverse, closed-loop or cable.")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
 def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str, tip: str) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
 
-    With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion, or
-    `closed-loop`, references through PD controller, motors and forward dynamics.
+    With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion,
+    `closed-loop`, references through PD controller, motors and forward dynamics, or `cable`, with cables between motors
+    and joints.
 
     The folder's name is the machine's. It runs as it is, for instance `exodrake simulate chirp --machine FOLDER`; then
     make it yours. Nothing that exists is overwritten.
@@ -75,7 +76,7 @@ def contents(folder: Path, joints: tuple[str, ...], frame: float) -> dict[str, s
     values = {
         "name": folder.resolve().name, "folder": str(folder), "joints": names, "frame": f"{frame:g}",
         "coupling": "".join(f'    for_machine("joint.coupling_to_{n}", "servo.coupling_to_{n}"),\n' for n in coupling),
-        "most": str(4 if several else 3),
+        "most": str(8 if several else 4),
         "lowest": ", ".join(f"{joint}: {-TURN}" for joint in joints),
         "highest": ", ".join(f"{joint}: {TURN}" for joint in joints),
         "columns": "\n".join(

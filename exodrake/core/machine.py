@@ -55,6 +55,7 @@ class Machine:
         colours: colours of channels in figures; others take theirs from a palette.
         skeleton: what a recording draws, from the robot; None for a machine that is not drawn.
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
+        separate: whether no joint moves another, as where each follows what is commanded or measured.
         defaults: values [SI] by full name of parameters that a robot file need not state.
     """
 
@@ -86,6 +87,7 @@ class Machine:
     skeleton: Callable[[Robot], Skeleton | Shape] | None = None
     loop: Loop | None = None
     defaults: Mapping[str, float] = field(default_factory=dict)
+    separate: bool = False
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:

@@ -66,3 +66,8 @@ def contributions(
 def tolerance_use(e: Explanation) -> float:
     """Mean square change of the nominal parameters in standard deviations of their tolerances [-]."""
     return float(np.mean(e.use[: e.nominal] ** 2)) if e.nominal else 0.0
+
+
+def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
+    """Amplitude (draws,) of the error of the laws, in units of rho, with which noise leaves as much as is left."""
+    return np.sqrt(np.maximum(left - noise, 0.0) / np.maximum(law, 1e-9)).astype(np.float32)

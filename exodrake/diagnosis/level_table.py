@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from exodrake.core.confidence import ALPHA
-from exodrake.diagnosis.calibration import Calibration
+from exodrake.core.machine import Machine
+from exodrake.diagnosis.calibration import Calibration, calibration_of
 from exodrake.diagnosis.isolation import Tested
 from exodrake.diagnosis.levels import LOCAL
 
@@ -47,3 +48,21 @@ def level_table(t: Tested, limits: Calibration) -> tuple[LevelTest, ...]:
     asks = "How much of what it leaves does the best other explanation take up?"
     rows.append(LevelTest(asks, SHARE, p.share, limits.taken, not p.beaten_by))
     return tuple(rows)
+
+
+def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
+    """Every number of the decision: meaning, value and source."""
+    limits = calibration_of(machine)
+    source = limits.source or "development robots of the Exo-Index"
+    return [
+        ("level of each test", f"{ALPHA:g}", "chosen"),
+        ("level of the scan over time", f"{LOCAL:g}", "chosen"),
+        ("rho, relative error of a law", f"{limits.law_error:g}", source),
+        (
+            "rho of a parameter that means the same in every law, and between two simulators of one law",
+            f"{limits.same_meaning:g}",
+            source,
+        ),
+        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
+        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
+    ]

@@ -16,7 +16,8 @@ them.
 
 Another explanation that was fitted, and moves them no further, beats one if it takes up more than noise and the
 difference between two simulators let an effect take up, and a larger share of the excess over noise than a mere error
-of the law lets one.
+of the law lets one. Where no joint moves another (`Machine.separate`) it also does in a joint that leaves too much
+alone: a sum over all joints hides a cause of one behind the errors of the others' laws.
 """
 
 from __future__ import annotations
@@ -27,9 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.confidence import ALPHA
-from exodrake.core.machine import Machine
 from exodrake.diagnosis.calibration import calibration_of, spread
-from exodrake.diagnosis.comparison import contributions, excess, power, richer_law, taken_up, tolerance_use
+from exodrake.diagnosis.comparison import amplitude, contributions, excess, power, richer_law, taken_up, tolerance_use
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
@@ -98,6 +98,18 @@ class Levels:
         return self.kept and (self.complete > ALPHA or self.promise < PROMISING)
 
 
+@dataclass(frozen=True)
+class Compared:
+    """What others take up of what an explanation leaves in a case or in a joint; fields as in `Levels`."""
+
+    complete: float
+    promise: float
+    next_effect: str
+    beaten_by: str
+    no_better: frozenset[str]
+    share: float
+
+
 class Tests:
     """Tests of explanations on one case.
 
@@ -112,6 +124,7 @@ class Tests:
         self.calibration = calibration_of(likelihood.robot.machine)
         self.noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
         self.functions: list[np.ndarray] = []
+        self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
     def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
         """The levels of an explanation; rivals: others that were fitted."""
@@ -126,33 +139,51 @@ class Tests:
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
-        gain, effect = project.gains(e.residual[None])
-        rejected = max(fit, *views) < REJECTED
-        null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
-        share, beaten_by, no_better = 0.0, "", []
         true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= 1.0
-        moved = tolerance_use(e)
-        for rival in (r for r in rivals if tolerance_use(r) <= max(moved, self.calibration.moved, spread(r.nominal))):
+        parts = [self.compared(project, model, rivals, max(fit, *views) < REJECTED, true_law)]
+        for at in self.joints:
+            p = exceeding(power(self.noise[:, at]) + power(law[:, at]), float(power(e.residual[at])))
+            if len(self.joints) * p < ALPHA:  # at the level of all joints (Bonferroni)
+                alone = likelihood.of_samples(at)
+                parts.append(self.compared(Projection(alone, e, self.lin), model, rivals, p < REJECTED, False))
+        most = max(parts, key=lambda part: part.promise)
+        return Levels(
+            fit=fit,
+            views=views,
+            local=min(1.0, len(local) * min(local)),
+            complete=most.complete,
+            promise=most.promise,
+            next_effect=most.next_effect,
+            beaten_by=next((part.beaten_by for part in parts if part.beaten_by), ""),
+            no_better=tuple(r.name for r in rivals if all(r.name in part.no_better for part in parts)),
+            share=max(part.share for part in parts),
+            law_error=float(np.median(needed)),
+            moved=tolerance_use(e),
+            most_moved=self.most_moved(project, np.minimum(needed, 1.0)[:, None] * law),
+        )
+
+    def compared(
+        self, project: Projection, model: np.ndarray, rivals: Sequence[Explanation], rejected: bool, true_law: bool
+    ) -> Compared:
+        """An explanation against rivals that were fitted, and against one more effect by the linearisation.
+
+        Args: project: of the whole case or of a joint; model: (draws, samples) difference between simulators;
+            rejected: whether it leaves so much that no draw tells; true_law: whether its laws may be true.
+        """
+        e, likelihood, beaten_by = project.explanation, project.likelihood, ""
+        gain, effect = project.gains(e.residual[None])
+        null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
+        share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
+        for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
             taken, total = taken_up(likelihood, e, rival)
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
                 no_better.append(rival.name)
             elif total > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
-        return Levels(
-            fit=fit,
-            views=views,
-            local=min(1.0, len(local) * min(local)),
-            complete=0.0 if rejected else exceeding(null, float(gain[0])),
-            promise=float(gain[0]) / max(excess(likelihood, e), 1e-9),
-            next_effect=effect[0],
-            beaten_by=beaten_by,
-            no_better=tuple(no_better),
-            share=share,
-            law_error=float(np.median(needed)),
-            moved=moved,
-            most_moved=self.most_moved(project, np.minimum(needed, 1.0)[:, None] * law),
-        )
+        complete = 0.0 if rejected else exceeding(null, float(gain[0]))
+        promise = float(gain[0]) / max(excess(likelihood, e), 1e-9)
+        return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
 
     def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
         """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
@@ -210,11 +241,6 @@ class Tests:
         return np.atleast_2d(np.cov(moves[e.nominal :]))
 
 
-def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
-    """Amplitude (draws,) of the error of the laws, in units of rho, with which noise leaves as much as is left."""
-    return np.sqrt(np.maximum(left - noise, 0.0) / np.maximum(law, 1e-9)).astype(np.float32)
-
-
 def exceeding(draws: np.ndarray, value: float) -> float:
     """p-value of a value under the draws (n,) of its null, log-normal, so that it may be smaller than 1 / n."""
     from scipy.stats import norm
@@ -226,21 +252,3 @@ def exceeding(draws: np.ndarray, value: float) -> float:
 def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
     """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
     return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]
-
-
-def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
-    """Every number of the decision: meaning, value and source."""
-    limits = calibration_of(machine)
-    source = limits.source or "development robots of the Exo-Index"
-    return [
-        ("level of each test", f"{ALPHA:g}", "chosen"),
-        ("level of the scan over time", f"{LOCAL:g}", "chosen"),
-        ("rho, relative error of a law", f"{limits.law_error:g}", source),
-        (
-            "rho of a parameter that means the same in every law, and between two simulators of one law",
-            f"{limits.same_meaning:g}",
-            source,
-        ),
-        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
-        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
-    ]

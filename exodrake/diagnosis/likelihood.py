@@ -69,6 +69,7 @@ class Likelihood:
     views: tuple[View, ...]
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     stage: str = ""
+    counted: np.ndarray | None = None  # (samples,) which samples count in the cost; all if None
 
     @property
     def robot(self) -> Robot:
@@ -101,6 +102,18 @@ class Likelihood:
                 parts.append(mask.ravel())
         return np.concatenate(parts)
 
+    def samples_of_joints(self) -> list[np.ndarray]:
+        """Which samples (samples,) of a residual belong to each joint that is measured; none if that is one alone."""
+        channels = {column.rsplit("_", 1)[1] for view in self.views for column in view.problem.columns}
+        found = []
+        for joint in (j for j in self.robot.machine.axes.joints if j in channels and len(channels) > 1):
+            parts = []
+            for view in self.views:
+                own = np.array([column.endswith(f"_{joint}") for column in view.problem.columns])
+                parts += [np.tile(own, len(trial.measured)) for trial in view.problem.fit]
+            found.append(np.concatenate(parts))
+        return found
+
     def chi2(self, residual: np.ndarray) -> np.ndarray:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
@@ -112,7 +125,8 @@ class Likelihood:
     @cached_property
     def weights(self) -> np.ndarray:
         """Weight of each sample in the cost (samples,)."""
-        return np.concatenate([np.full(v.samples, 1.0 / v.scale, dtype=np.float32) for v in self.views])
+        whole = np.concatenate([np.full(v.samples, 1.0 / v.scale, dtype=np.float32) for v in self.views])
+        return whole if self.counted is None else whole * self.counted
 
     def cost(self, residual: np.ndarray, x: np.ndarray, prior_std: np.ndarray) -> float:
         """Half the sum of squares of the weighted residual (samples,) and of x in units of its prior."""
@@ -145,7 +159,11 @@ class Likelihood:
         frames = max(CORRELATION / self.robot.machine.frame, 1.0)
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
-        return Likelihood(views, self.simulated, self.stage)
+        return Likelihood(views, self.simulated, self.stage, self.counted)
+
+    def of_samples(self, counted: np.ndarray) -> Likelihood:
+        """The likelihood in which only some samples (samples,) count."""
+        return Likelihood(self.views, self.simulated, self.stage, counted)
 
 
 def output_error(problem: Problem, stage: str = "") -> Likelihood:

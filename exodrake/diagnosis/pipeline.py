@@ -30,6 +30,7 @@ from exodrake.diagnosis.motions import with_motions
 from exodrake.diagnosis.moved import retuned
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
+from exodrake.diagnosis.prune import pruned
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
@@ -93,7 +94,7 @@ def isolated(
         start, again = retune(short)
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
-    found = Isolator(short, start, simulated, progress).isolate(max(most, 0))
+    found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
     if share < 1.0 and found.left and overlooks(whole, found.left[0]):
         return isolated(problem, progress, 1.0)
     return whole, found

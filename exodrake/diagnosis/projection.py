@@ -21,7 +21,7 @@ class Projection:
     """What is left of residuals once fitted parameters are free, and the largest share one more effect takes up."""
 
     def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
-        self.explanation, self.weights = e, likelihood.weights
+        self.explanation, self.likelihood, self.weights = e, likelihood, likelihood.weights
         self.columns, self.precision = whole_jacobian(likelihood, e), 1.0 / e.prior_std**2
         self.fitted = (self.columns * self.weights).astype(np.float32)
         self.directions = lin.directions * self.weights

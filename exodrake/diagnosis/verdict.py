@@ -13,6 +13,7 @@ from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.prune import fitted, spurious
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 
 
@@ -35,17 +36,11 @@ class Decision:
     fitted: Fitted | None = None
 
 
-def fitted(found: Isolation, tested: Tested) -> Fitted:
-    """Parameters of the effects of an explanation with their covariance."""
-    e = tested.explanation
-    return Fitted(e.parameters[e.nominal :], e.x[e.nominal :], found.tests.covariance(e))
-
-
 def decide(problem: Problem, found: Isolation) -> Decision:
     """The verdict of an isolation."""
     detected = tuple(d.reason for d in problem.detected if d.certain)
     fits = {t: fitted(found, t) if t.explanation.effects else None for t in found.left}
-    left = tuple(t for t, fit in fits.items() if not (fit and spurious(problem, t, fit)))
+    left = tuple(t for t, fit in fits.items() if not (fit and spurious(t, fit, problem.counted)))
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
     if not left and not detected:
@@ -65,11 +60,6 @@ def decide(problem: Problem, found: Isolation) -> Decision:
         return Decision(NAMED, best, left, (*detected, kept(best)), fits[best])
     names = ", ".join(t.explanation.name for t in left)
     return Decision(AMBIGUOUS, best, left, (*detected, f"the logs reject none of these: {names}"), fits[best])
-
-
-def spurious(problem: Problem, tested: Tested, fit: Fitted) -> bool:
-    """Whether an effect of an explanation may as well be absent; one that was counted is not."""
-    return any(fit.of(effect).holds_null() for effect in tested.explanation.effects if effect not in problem.counted)
 
 
 def kept(t: Tested) -> str:

@@ -7,12 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from exodrake.machines.urdf import Chain
+from exodrake.machines.urdf_elements import Joint
 from exodrake.systems import rigid_arm
 
 GRAVITY = 9.81  # m/s2, as Drake has it
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed
 SHARE = 0.05  # of friction in the largest effort: assumed
 BANDWIDTH = 2.0 * np.pi * 2.0  # rad/s of the nominal position loops: assumed
+STOP = 2.0 * np.pi * 20.0  # rad/s of a link on its end stop, half of critically damped: assumed, stiff rubber
+FAR = 1e6  # rad or m: no end stop
 POSTURES = 20  # at which efforts are evaluated
 TURNS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s2", "effort": "N m", "inertia": "kg m2"}
 SLIDES = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "effort": "N", "inertia": "kg"}
@@ -67,6 +70,13 @@ def moved(chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarra
     return efforts, w[rigid_arm.WIDTH * n :].reshape(n, n)
 
 
+def stops(joint: Joint, channel: str) -> dict[str, float]:
+    """Where the end stops of a joint stand [rad]; far away for one without limits."""
+    there = np.isfinite(joint.upper - joint.lower) and joint.upper > joint.lower
+    return {f"arm.stop_low.{channel}": joint.lower if there else -FAR,
+            f"arm.stop_high.{channel}": joint.upper if there else FAR}  # fmt: skip
+
+
 def middle(chain: Chain) -> np.ndarray:
     """Middle of each joint's range (n,); 0 of one without limits."""
     ends = [(j.lower, j.upper) if np.isfinite(j.upper - j.lower) else (0.0, 0.0) for j in chain.joints]
@@ -90,15 +100,21 @@ def scales(efforts: np.ndarray, unit: Mapping[str, str]) -> dict[str, tuple[floa
     }  # fmt: skip
 
 
+def inertias(chain: Chain) -> np.ndarray:
+    """What the drive of each joint moves (n,) with the arm in the middle of its ranges [kg m2] or [kg]."""
+    rest = np.zeros(len(chain.names))
+    return np.diag(moved(chain, middle(chain), rest, rest)[1])
+
+
 def drive_defaults(chain: Chain, efforts: np.ndarray, frame: float) -> dict[str, float]:
     """Gains of a moderate bandwidth, a controller that knows the arm, motors that reach its efforts and limits."""
-    inertia = np.diag(moved(chain, middle(chain), np.zeros(len(efforts)), np.zeros(len(efforts)))[1])
     found = stated(chain, "drive") | {"drive.kp": 1.0, "drive.kd": 1.0, "drive.period": frame}
-    for channel, joint, m, most in zip(chain.names, chain.joints, inertia, efforts, strict=True):
+    for channel, joint, m, most in zip(chain.names, chain.joints, inertias(chain), efforts, strict=True):
         limit = joint.effort if 0.0 < joint.effort < np.inf else 10.0 * most
         found |= {
             f"drive.stiffness.{channel}": m * BANDWIDTH**2, f"drive.viscosity.{channel}": 2.0 * m * BANDWIDTH,
-            f"drive.feedforward.{channel}": 1.0, f"arm.compliance.{channel}": 0.0,
+            f"drive.feedforward.{channel}": 1.0, f"arm.stop_stiffness.{channel}": m * STOP**2,
+            f"arm.stop_damping.{channel}": m * STOP, **stops(joint, channel), f"arm.compliance.{channel}": 0.0,
             f"motor.torque_constant.{channel}": 1.0, f"motor.ratio.{channel}": 1.0,
             f"motor.current_max.{channel}": limit, f"motor.time_constant.{channel}": 0.0,
         }  # fmt: skip

@@ -91,5 +91,6 @@ def joint_machine(
         segments=(Segment(part, "angle"),),
         max_effects=max_effects,
         reference_limits=("angle_min", "angle_max"),
+        separate=True,
         skeleton=lambda robot: axes_side_by_side(robot.machine.axes.joints, "angle", "angle"),
     )

@@ -1,35 +1,39 @@
 """Machines of one serial arm, described by the `arm` section of a robot file and a URDF file beside it; no code.
 
     machine: my_arm
-    arm: {urdf: arm.urdf, form: inverse, frame: 0.005}          # or form: closed-loop; tip: LINK where joints branch
+    arm: {urdf: arm.urdf, form: inverse, frame: 0.005}      # or closed-loop, or cable; tip: LINK where joints branch
 
 `inverse`: motion is measured and the effort predicted from it. `closed-loop`: references go through PD controller,
-motors and forward dynamics. Parameters that the URDF states need not be in the robot file. A linear or rotary axis is
-an arm of one joint.
+motors and forward dynamics. `cable`: the same with cables between motors and joints (`cable_arm.py`). Parameters that
+the URDF states need not be in the robot file. A linear or rotary axis is an arm of one joint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller, Gain, Loop
-from exodrake.core.machine import Column, Machine
-from exodrake.core.part import Part
+from exodrake.core.machine import Machine
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.segment import Segment
-from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
-from exodrake.core.skeleton import Shape
-from exodrake.effects import effects_of
+from exodrake.core.signal import JOINTS, Axes, Signal
+from exodrake.machines.arm_columns import (
+    both_std,
+    columns,
+    drawn,
+    effects_in,
+    noise_std,
+    reading,
+    renamed,
+    shape,
+    signals,
+)
 from exodrake.machines.arm_defaults import (
     SWING,
-    TURNS,
     drive_defaults,
     losses,
     middle,
@@ -38,11 +42,11 @@ from exodrake.machines.arm_defaults import (
     typical_efforts,
     units,
 )
+from exodrake.machines.cable_arm import cable_machine
 from exodrake.machines.urdf import Chain, read_urdf
 from exodrake.systems import arm_drive, arm_forward, arm_inverse, gear_motor
-from exodrake.systems.reading import sensor
 
-FORMS = ("inverse", "closed-loop")
+FORMS = ("inverse", "closed-loop", "cable")
 SLOWEST, TICK = 10.0, 5e-4  # s: longest frame; the plant's tick at most, so that a wrist's resonance is resolved
 SECTION = mapping(
     {"urdf": text(), "form": text(FORMS), "frame": number(above=0.0, high=SLOWEST), "tip": text()}, required=("urdf",)
@@ -70,57 +74,15 @@ def arm_machine(name: str, section: Any, folder: Path, source: str) -> Machine:
     if not path.is_relative_to(folder.resolve()):
         raise InputError(f"{source}: urdf {section['urdf']} lies outside the folder of the robot file")
     chain = read_urdf(path, section.get("tip", ""))
-    build = inverse_machine if section.get("form", FORMS[0]) == FORMS[0] else closed_machine
-    return build(name, chain, section.get("frame", FRAME))
+    form, frame = section.get("form", FORMS[0]), section.get("frame", FRAME)
+    if form == "cable":
+        return cable_machine(name, chain, slots_of(frame), frame)
+    return (inverse_machine if form == FORMS[0] else closed_machine)(name, chain, frame)
 
 
-def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """By how much the efforts of equal motions differ [N m]; the noise of each joint comes from simulated runs."""
-    return {"effort": parameter("torque.repeatability")}
-
-
-def both_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """The same, and that of positions [rad]."""
-    return {"position": parameter("encoder.repeatability"), **noise_std(parameter)}
-
-
-def signals(unit: Mapping[str, str], *names: str) -> tuple[Signal, ...]:
-    """Signals of the joints; the unit is that of the kind with which the name begins."""
-    return tuple(Signal(name, unit[name.split("_")[0]], JOINTS) for name in names)
-
-
-def drawn(*names: str) -> tuple[Signal, ...]:
-    """Noise of the sensors of these quantities, and what may be lost of their readings."""
-    noise = (Signal(f"noise_{name}", "-", JOINTS, NORMAL) for name in names)
-    return (*noise, *(Signal(f"arrival_{name}", "-", JOINTS, UNIFORM) for name in names))
-
-
-def columns(chain: Chain, shown: Mapping[str, str], rates: Mapping[str, str]) -> tuple[Column, ...]:
-    """Log columns: kind -> signal; rates: kind -> the one whose rate it is. Kinds of mixed joints say so."""
-    before, unit = "joint_" if len(set(chain.sliding)) > 1 else "", units(chain)
-    return tuple(
-        Column(
-            before + kind, signal, required=kind != "effort_ref", unit=unit["effort"] if "effort" in kind else "",
-            rate_of=before + rates[kind] if kind in rates else "",
-        )
-        for kind, signal in shown.items()
-    )  # fmt: skip
-
-
-def reading(name: str, signal: str, unit: Mapping[str, str], slot: int, frame: float, size: float, count: int) -> Part:
-    """A sensor of a signal of the joints."""
-    joined = (signal, f"noise_{signal}", f"arrival_{signal}", f"{signal}_read")
-    return sensor(name, joined, unit[signal], slot, frame, size, count)
-
-
-def effects_in(unit: Mapping[str, str], parts: tuple[Part, ...], without: tuple[str, ...]) -> tuple[Effect, ...]:
-    """The effects of the parts but for some, those that are made for turning joints in the units of these."""
-    own = {TURNS["position"]: unit["position"], TURNS["inertia"]: unit["inertia"], "rad/(N m)": unit["position/effort"]}
-    return tuple(
-        replace(e, parameters=tuple(replace(p, unit=own.get(p.unit, p.unit)) for p in e.parameters))
-        for e in effects_of(parts)
-        if e.id not in without
-    )
+def slots_of(frame: float) -> int:
+    """Slots of a frame [s], four at least."""
+    return max(4, round(np.ceil(frame / TICK)))
 
 
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
@@ -146,22 +108,17 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         compared=(found[-1].kind,),
         noise_std=lambda parameter: renamed(noise_std(parameter), found),
         segments=(Segment("arm", found[-1].kind),),
-        max_effects=4,
+        max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
+        separate=True,
         defaults=stated(chain, "arm") | losses(chain),
     )
-
-
-def renamed(noise: dict[str, float], found: tuple[Column, ...]) -> dict[str, float]:
-    """Noise by the kind of its column."""
-    return {column.kind: noise[key] for column in found for key in noise if column.kind.removeprefix("joint_") == key}
 
 
 def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in closed loop: controller, motors, forward dynamics, encoders and torque sensors."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
-    slots = max(4, round(np.ceil(frame / TICK)))
     encoder = reading("encoder", "position", unit, 1, frame, SWING, count)
     torque = reading("torque", "effort", unit, 3, frame, float(efforts.max()), count)
     forward = arm_forward.part(count, 0, scales(efforts, unit), unit)
@@ -183,13 +140,13 @@ def closed_machine(name: str, chain: Chain, frame: float) -> Machine:
         columns=found,
         effects=effects_in(unit, parts, CROSSTALK),
         frame=frame,
-        slots=slots,
+        slots=slots_of(frame),
         noise=tuple(f"{part}.sigma.{j}" for part in ("encoder", "torque") for j in chain.names),
         resolution=tuple(f"{part}.step.{j}" for part in ("encoder", "torque") for j in chain.names),
         compared=(position, effort),
         noise_std=lambda parameter: renamed(both_std(parameter), found),
         segments=(Segment("drive", effort, (position,)), Segment("arm", position, (effort,))),
-        max_effects=4,
+        max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,
         loop=loop_of(chain),
@@ -205,20 +162,4 @@ def loop_of(chain: Chain) -> Loop:
         part="drive", held="effort", gains=gains, gentle={"drive.kp": 0.5, "drive.kd": 1.0}, step=STEP,
         points={"middle": dict(zip(chain.names, middle(chain).tolist(), strict=True))},
         controllers=(Controller("PD", gains),), resolution="encoder.step", nonlinear={"arm.coulomb_friction": {}},
-    )  # fmt: skip
-
-
-def shape(robot: Any) -> Shape:
-    """What a recording draws: the joints of the robot's parameters, in order."""
-
-    def rows(*names: str) -> np.ndarray:
-        return np.column_stack([robot.channels(f"arm.{name}") for name in names])
-
-    tip = np.array([robot[f"arm.tip_{axis}"] for axis in "xyz"])
-    column = next(c for c in robot.machine.columns if c.kind.endswith("position") and c.signal != "position_ref")
-    origins = rows("x", "y", "z")
-    return Shape(
-        robot.machine.axes.joints, origins, rows("roll", "pitch", "yaw"),
-        rows("axis_x", "axis_y", "axis_z"), robot.channels("arm.sliding"), np.vstack([origins[1:], tip]),
-        np.array([robot["arm.base_roll"], robot["arm.base_pitch"]]), column.kind, robot.machine.compared[-1],
     )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.levels import decision_numbers
+from exodrake.diagnosis.level_table import decision_numbers
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Table

@@ -5,7 +5,7 @@
 
 Euler's rule for the speeds, then for the positions with the new speeds. Dry friction sits at the drive: it takes speed
 away after the push, at most all of it, on all rigid joints at once (projected Gauss-Seidel). Positions are measured at
-the drives.
+the drives. Beyond its limits a link meets a spring and a damper, which push it back and never pull.
 """
 
 import sys
@@ -59,7 +59,18 @@ def drive(x, z, n, e, j, count, dt, given):
         push = spring
     else:
         x[WIDTH * count + count * j + j] += inertia
-    x[place_of(count, PUSH, j)] = push - effort(x, j)
+    x[place_of(count, PUSH, j)] = push + stopped(x, n, j, count) - effort(x, j)
+
+
+def stopped(x, n, j, count):
+    """Effort of the end stops on link j [N m]: spring and damper, which push and do not pull."""
+    place, speed = x[place_of(count, ANGLE, j)], x[place_of(count, SPEED, j)]
+    above, below = place - n.stop_high[j], n.stop_low[j] - place
+    if above > 0.0:
+        return -max(0.0, n.stop_stiffness[j] * above + n.stop_damping[j] * speed)
+    if below > 0.0:
+        return max(0.0, n.stop_stiffness[j] * below - n.stop_damping[j] * speed)
+    return 0.0
 
 
 def accelerate(x, count, dt):
@@ -131,11 +142,12 @@ def part(count: int, slot: int, scales: dict[str, tuple[float, str]], unit: dict
         count: of joints.
         slot: in which it learns where it stands.
         scales: of its friction.
-        unit: of position, velocity, effort, inertia, effort/speed and position/effort.
+        unit: of position, velocity, effort, inertia, effort/speed, effort/position and position/effort.
     """
     per_joint = {
         "rotor_inertia": unit["inertia"], "damping": unit["effort/speed"], "dry_friction": unit["effort"],
-        "compliance": unit["position/effort"],
+        "compliance": unit["position/effort"], "stop_low": unit["position"], "stop_high": unit["position"],
+        "stop_stiffness": unit["effort/position"], "stop_damping": unit["effort/speed"],
     }  # fmt: skip
     angle, rate = unit["position"], unit["velocity"]
     own = ("angle", angle), ("speed", rate), ("rotor", angle), ("rotor_speed", rate), ("push", "-"), ("impulse", "-")

@@ -1,0 +1,71 @@
+"""Effects that a set does not need, taken out again: one that came first may stand for those that came later.
+
+    while an effect of a kept set of three or more may as well be absent:
+        fit the set without it; go on with that if the logs do not reject it and the larger set does not beat it
+
+Smaller sets were tried on the way up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from exodrake.diagnosis.intervals import Fitted
+from exodrake.diagnosis.isolation import Isolation, Tested, tested
+from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.refine import Explanation, minimise
+
+LEAST = 3  # effects of a set that is looked at
+STEPS, TOL = 5, 5e-4  # of a fit, as where sets grow
+
+
+def fitted(found: Isolation, t: Tested) -> Fitted:
+    """Parameters of the effects of an explanation with their covariance."""
+    e = t.explanation
+    return Fitted(e.parameters[e.nominal :], e.x[e.nominal :], found.tests.covariance(e))
+
+
+def spurious(t: Tested, fit: Fitted, counted: Collection[str]) -> list[str]:
+    """Effects of an explanation that may as well be absent; those that were counted are not."""
+    return [effect for effect in t.explanation.effects if effect not in counted and fit.of(effect).holds_null()]
+
+
+def pruned(found: Isolation) -> Isolation:
+    """The isolation whose kept sets have no effect that they do not need."""
+    if len(found.tested) < LEAST or not found.left:
+        return found
+    counted = found.likelihood.views[0].problem.counted
+    made = [needed(found, t, counted) for t in found.left]
+    size = min(len(t.explanation.effects) for t in made)
+    smallest = {frozenset(t.explanation.effects): t for t in made if len(t.explanation.effects) == size}
+    left = tuple(sorted(smallest.values(), key=lambda t: t.cost))
+    new = tuple(t for t in left if t not in found.left)
+    return replace(found, tested=(*found.tested, new), left=left) if new else found
+
+
+def needed(found: Isolation, t: Tested, counted: Collection[str]) -> Tested:
+    """The explanation without the effects that it does not need."""
+    if len(t.explanation.effects) < LEAST:
+        return t
+    for effect in spurious(t, fitted(found, t), counted):
+        found.likelihood.stage = "refine again"
+        start = without(found, t.explanation, effect)
+        smaller = minimise(found.likelihood.scaled_to(t.explanation.residual), start, STEPS, TOL)
+        (again,) = tested(found.likelihood, found.tests, [smaller], [t.explanation])
+        if again.levels.kept:
+            return needed(found, again, counted)
+    return t
+
+
+def without(found: Isolation, e: Explanation, effect: str) -> Explanation:
+    """An explanation with one effect at its null value."""
+    machine = found.likelihood.robot.machine
+    kept = [i for i, p in enumerate(e.parameters) if p.effect != effect]
+    values = e.values
+    for row in without_effect(machine, e.values, machine.effect(effect)):
+        values = np.where(row != e.values, row, values)
+    effects, parameters = tuple(i for i in e.effects if i != effect), tuple(e.parameters[i] for i in kept)
+    return replace(e, effects=effects, parameters=parameters, values=values).at(found.likelihood, e.x[kept])
