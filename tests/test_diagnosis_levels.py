@@ -7,12 +7,11 @@ from scipy import stats
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
-from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.levels import exceeding, local_levels
+from exodrake.diagnosis.comparison import exceeding, taken_up
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
 from exodrake.diagnosis.projection import Projection
-from exodrake.diagnosis.scan import scan
+from exodrake.diagnosis.scan import local_levels, scan
 
 FRAMES, NOMINAL, CASES = 400, 3, 200
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +11,18 @@ from exodrake.core.machine import Machine
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import Explanation
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What others take up of what an explanation leaves in a case or in a joint; fields as in `Levels`."""
+
+    complete: float
+    promise: float
+    next_effect: str
+    beaten_by: str
+    no_better: frozenset[str]
+    share: float
 
 
 def power(rows: np.ndarray) -> np.ndarray:
@@ -71,3 +84,11 @@ def tolerance_use(e: Explanation) -> float:
 def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
     """Amplitude (draws,) of the error of the laws, in units of rho, with which noise leaves as much as is left."""
     return np.sqrt(np.maximum(left - noise, 0.0) / np.maximum(law, 1e-9)).astype(np.float32)
+
+
+def exceeding(draws: np.ndarray, value: float) -> float:
+    """p-value of a value under the draws (n,) of its null, log-normal, so that it may be smaller than 1 / n."""
+    from scipy.stats import norm
+
+    logs = np.log(np.maximum(draws, 1e-12))
+    return float(norm.sf(np.log(max(value, 1e-12)), logs.mean(), max(logs.std(ddof=1), 1e-12)))

@@ -29,13 +29,23 @@ import numpy as np
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.calibration import calibration_of, spread
-from exodrake.diagnosis.comparison import amplitude, contributions, excess, power, richer_law, taken_up, tolerance_use
+from exodrake.diagnosis.comparison import (
+    Compared,
+    amplitude,
+    contributions,
+    exceeding,
+    excess,
+    power,
+    richer_law,
+    taken_up,
+    tolerance_use,
+)
 from exodrake.diagnosis.discrepancy import random_functions
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
-from exodrake.diagnosis.scan import scan
+from exodrake.diagnosis.scan import local_levels, scan
 
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
@@ -98,18 +108,6 @@ class Levels:
         return self.kept and (self.complete > ALPHA or self.promise < PROMISING)
 
 
-@dataclass(frozen=True)
-class Compared:
-    """What others take up of what an explanation leaves in a case or in a joint; fields as in `Levels`."""
-
-    complete: float
-    promise: float
-    next_effect: str
-    beaten_by: str
-    no_better: frozenset[str]
-    share: float
-
-
 class Tests:
     """Tests of explanations on one case.
 
@@ -167,8 +165,12 @@ class Tests:
     ) -> Compared:
         """An explanation against rivals that were fitted, and against one more effect by the linearisation.
 
-        Args: project: of the whole case or of a joint; model: (draws, samples) difference between simulators;
-            rejected: whether it leaves so much that no draw tells; true_law: whether its laws may be true.
+        Args:
+            project: of the whole case or of a joint.
+            model: (draws, samples) difference between simulators.
+            rivals: that were fitted.
+            rejected: whether it leaves so much that no draw tells.
+            true_law: whether its laws may be true.
         """
         e, likelihood, beaten_by = project.explanation, project.likelihood, ""
         gain, effect = project.gains(e.residual[None])
@@ -239,16 +241,3 @@ class Tests:
         errors = np.maximum(needed, np.float32(TYPICAL))[:, None] * law
         moves = project.moves(self.noise + errors, np.random.default_rng(2))
         return np.atleast_2d(np.cov(moves[e.nominal :]))
-
-
-def exceeding(draws: np.ndarray, value: float) -> float:
-    """p-value of a value under the draws (n,) of its null, log-normal, so that it may be smaller than 1 / n."""
-    from scipy.stats import norm
-
-    logs = np.log(np.maximum(draws, 1e-12))
-    return float(norm.sf(np.log(max(value, 1e-12)), logs.mean(), max(logs.std(ddof=1), 1e-12)))
-
-
-def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
-    """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
-    return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.likelihood import Likelihood
 
 WINDOW = 2.0  # s (selection.md)
@@ -32,3 +33,8 @@ def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
             means = np.maximum(means, np.abs(log.mean(axis=1)).max(axis=1) * np.sqrt(frames))
             found = np.maximum(found, np.stack([power, means], axis=1))
     return found
+
+
+def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:
+    """p-value of each statistic of a scan (1, statistics) under draws (n, statistics)."""
+    return [exceeding(column, value) for column, value in zip(draws.T, found[0], strict=True)]

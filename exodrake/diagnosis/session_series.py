@@ -9,9 +9,9 @@ import numpy as np
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.change_point import Change, ChangePoint
-from exodrake.diagnosis.comparison import power
+from exodrake.diagnosis.comparison import exceeding, power
 from exodrake.diagnosis.intervals import Z90
-from exodrake.diagnosis.levels import Tests, exceeding
+from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation

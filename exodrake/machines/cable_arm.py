@@ -41,6 +41,17 @@ LOSS = 1e-3  # s, of a steel cable: 5 % of critical damping at that resonance: a
 TAUT = 2.0  # pretension in efforts of a moderate motion: assumed, so that no strand goes slack in one
 SENSORS = {"position": "link_encoder", "motor_position": "encoder", "motor_effort": "torque"}  # by kind of column
 SEEN = ("link_position", *list(SENSORS)[1:])  # the signals that they measure
+COLUMNS = (
+    Column("position", "link_position_read", required=False),
+    Column("motor_effort_ref", "motor_effort_ref", required=False, unit="N m"),
+    Column("motor_position", "motor_position_read"),
+    Column("motor_effort", "motor_effort_read", unit="N m"),
+)
+SEGMENTS = (
+    Segment("drive", "motor_effort", ("motor_position",)),
+    Segment("cable", "motor_position", ("motor_effort",)),
+    Segment("arm", "position", ("motor_position",)),
+)
 LEFT_OUT = ("arm.joint_compliance", "arm.rotor_inertia")  # which the cables and motors are themselves
 
 
@@ -65,13 +76,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         signals=(*given, *noises, *inner_signals(unit)),
         parts=parts,
         inputs=(*(s.name for s in given), *(s.name for s in noises)),
-        columns=(
-            *(Column(s.name, s.name) for s in given),
-            Column("position", "link_position_read", required=False),
-            Column("motor_effort_ref", "motor_effort_ref", required=False, unit="N m"),
-            Column("motor_position", "motor_position_read"),
-            Column("motor_effort", "motor_effort_read", unit="N m"),
-        ),
+        columns=(*(Column(s.name, s.name) for s in given), *COLUMNS),
         effects=effects_in(unit, parts, (*crosstalk, *friction, *LEFT_OUT)),
         frame=frame,
         slots=max(6, slots),
@@ -79,11 +84,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         resolution=tuple(f"{sensor}.step.{j}" for sensor in SENSORS.values() for j in chain.names),
         compared=tuple(SENSORS),
         noise_std=lambda parameter: {kind: parameter(f"{sensor}.repeatability") for kind, sensor in SENSORS.items()},
-        segments=(
-            Segment("drive", "motor_effort", ("motor_position",)),
-            Segment("cable", "motor_position", ("motor_effort",)),
-            Segment("arm", "position", ("motor_position",)),
-        ),
+        segments=SEGMENTS,
         max_effects=6,
         reference_limits=("position_min", "position_max"),
         skeleton=shape,

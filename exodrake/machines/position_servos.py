@@ -67,20 +67,20 @@ def joint_machine(
     Args:
         name: of the machine.
         part: name of the part that moves the joints.
-        joints: names of the joints.
+        joints: their names.
         library: its effects; the generic ones of its sensors join those whose family is not among them.
-        frame: frame period [s].
-        max_effects: effects that a diagnosis may name together.
+        frame: its period [s].
+        max_effects: that a diagnosis may name together.
         settings: `BEND` if logs state the bend of each joint's sheath.
     """
-    *_, reading = parts = parts_of(part, joints, frame, settings)
+    given, (*_, reading) = (*REFERENCES, *settings), (parts := parts_of(part, joints, frame, settings))
     return Machine(
         name=name,
         axes=Axes((), joints),
-        signals=(*REFERENCES, *settings, *DRAWN, *COMPUTED),
+        signals=(*given, *DRAWN, *COMPUTED),
         parts=parts,
-        inputs=tuple(s.name for s in (*REFERENCES, *settings, *DRAWN)),
-        columns=(*(Column(s.name, s.name) for s in (*REFERENCES, *settings)), COLUMN),
+        inputs=tuple(s.name for s in (*given, *DRAWN)),
+        columns=(*(Column(s.name, s.name) for s in given), COLUMN),
         effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),
         frame=frame,
         slots=4,

@@ -181,6 +181,16 @@ FRICTION = ("pushed", "braked", "settle")
 POINTS = ("ratio", "by_previous", "by_next", "taken", "stiff", "tensioned")
 
 
+def parameters(unit: dict[str, str]) -> type:
+    """Parameters of the transmission, each with a value for a joint; unit: of effort and effort/position."""
+    per_joint = {
+        **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
+        "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
+    }  # fmt: skip
+    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
+    return NamedTuple("Parameters", fields)
+
+
 def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part:
     """The transmission as a part.
 
@@ -190,15 +200,10 @@ def part(slot: int, friction: float, speed: float, unit: dict[str, str]) -> Part
         speed: of a motor in a moderate motion [rad/s], for the same.
         unit: of position, effort and effort/position of the joints.
     """
-    per_joint = {
-        **dict.fromkeys(("ratio", "by_previous", "by_next"), "-"), "stiffness": unit["effort/position"],
-        "pretension": unit["effort"], "loss": "s", "inertia": "kg m2", "damping": "N m s/rad", "dry_friction": "N m",
-    }  # fmt: skip
-    fields = [(name, Annotated[tuple, Unit(u, JOINTS)]) for name, u in per_joint.items()]
     return Part(
         name="cable",
         module=sys.modules[__name__],
-        parameters=NamedTuple("Parameters", fields),
+        parameters=parameters(unit),
         states=(
             State("angle", JOINTS, unit="rad"), State("speed", JOINTS, unit="rad/s"),
             State("stretch", JOINTS, unit=unit["position"]), State("placed", width=2),

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.discovery.evidence import Eliminated, weights_of
 from exodrake.diagnosis.discovery.fit import Screened
-from exodrake.diagnosis.levels import DRAWS, exceeding
+from exodrake.diagnosis.levels import DRAWS
 from exodrake.diagnosis.likelihood import Likelihood
 
 
