@@ -86,6 +86,7 @@ def test_answer_has_the_keys_that_programs_of_others_read(found):
     assert all({"id", "wires", "joints", "parameters", "probability"} <= set(row) for row in answer["effects"])
 
 
+@pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])
 def test_simulated_time_is_affordable_and_adds_up(found):
     total = sum(found().simulated.values())
     assert 0.0 < total <= AFFORDABLE and found().simulated_time == pytest.approx(total)

@@ -167,8 +167,10 @@ def test_a_figure_shows_an_effect_beyond_the_noise(name):
 
 
 def test_every_effect_of_every_machine_has_a_page_of_its_own():
-    paths = [path for found in effect_paths().values() for path in found]
+    found = effect_paths()
+    paths = [path for name in machine_names() for path in found[name]]
     assert len(set(paths)) == len(paths) == sum(len(exo.load_robot(name).machine.effects) for name in machine_names())
+    assert found.keys() - machine_names() == {"serial arms"}
 
 
 def test_sources_of_effects_lead_into_the_page_on_physics():

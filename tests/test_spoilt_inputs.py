@@ -50,7 +50,7 @@ def test_a_mat_file_that_crashes_the_reader_costs_itself_alone(tmp_path):
 
 @pytest.mark.parametrize("name", ["hang", "crash", "cut"])
 def test_c3d_files_that_hang_crash_or_end_early_are_refused(tmp_path, monkeypatch, name):
-    monkeypatch.setattr(child, "SECONDS", 4.0)
+    monkeypatch.setattr(child, "CPU_TIME", 4.0)
     damaged = C3D[:COUNT] + b"\xff\xff\xff\x7f" + C3D[COUNT + 4 :]
     data = {"hang": (HERE / "hang.c3d").read_bytes(), "crash": damaged, "cut": C3D[: -126 * 14 * 16]}[name]
     (tmp_path / f"{name}.c3d").write_bytes(data)
@@ -61,7 +61,7 @@ def test_c3d_files_that_hang_crash_or_end_early_are_refused(tmp_path, monkeypatc
 
 
 def test_a_call_that_does_not_end_or_takes_all_memory_is_ended(monkeypatch):
-    monkeypatch.setattr(child, "SECONDS", 1.0)
+    monkeypatch.setattr(child, "CPU_TIME", 1.0)
     monkeypatch.setattr(child, "PATIENCE", 2.0)
     assert "does not come to an end" in refusal(child.in_child, time.sleep, 100, source="a", size=0)
     monkeypatch.setattr(child, "PATIENCE", 500.0)
