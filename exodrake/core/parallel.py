@@ -13,6 +13,7 @@ import logging
 import os
 import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
@@ -185,13 +186,30 @@ class LokyWorkers:
 
     def close(self) -> None:
         """End the tasks in flight and release the workers."""
-        self._executor().shutdown(wait=True, kill_workers=True)
+        with quiet_manager():
+            self._executor().shutdown(wait=True, kill_workers=True)
 
     def _executor(self) -> Any:
         """The executor of this process: a new one if there is none, or a crash has broken it."""
         from joblib.externals.loky import get_reusable_executor
 
         return get_reusable_executor(self.jobs, env=ONE_THREAD, initializer=ignore_interrupts)
+
+
+@contextmanager
+def quiet_manager() -> Iterator[None]:
+    """Keep loky's thread from printing a traceback if the workers that it waits for are killed under it."""
+    before = threading.excepthook
+
+    def report(args: threading.ExceptHookArgs) -> None:
+        if args.thread is None or type(args.thread).__module__.partition(".")[0] != "joblib":
+            before(args)
+
+    threading.excepthook = report
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
 def ignore_interrupts() -> None:
