@@ -67,8 +67,8 @@ class FrameMap:
         """The frame map of a robot. InputError if a parameter is missing, or the machine declares no loop."""
         if robot.machine.loop is None:
             raise InputError(
-                f"{robot.machine.name}: no closed loop to analyse (the machine declares none: its parts follow "
-                "their references without a controller that is simulated)"
+                f"{robot.machine.name}: no closed loop to analyse (the machine does not say which signals and gains "
+                "make one: its field `loop`)"
             )
         return FrameMap(robot, prepared(robot, quantisation=False), compile_machine(robot.machine))
 
