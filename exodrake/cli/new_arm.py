@@ -98,11 +98,11 @@ def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
 
 def given(form: str, before: str, angle: str, force: str) -> list[tuple[str, str, str]]:
     """Columns of a recording: foreign name behind the joint's, kind, unit."""
-    asked, own = ("cmd", f"{before}position_ref", angle), [("pos", f"{before}position", angle)]
+    reference, own = ("cmd", f"{before}position_ref", angle), [("pos", f"{before}position", angle)]
     if form == "cable":
         motors = [("motor_pos", "motor_position", "rad"), ("motor_effort", "motor_effort", "N m")]
         return [("cmd", "position_ref", angle), *motors, ("pos", "position", angle)]
-    return [*([] if form == "inverse" else [asked]), *own, ("effort", f"{before}effort", force)]
+    return [*([] if form == "inverse" else [reference]), *own, ("effort", f"{before}effort", force)]
 
 
 def derived_of(before: str, joint: str, unit: dict[str, str], form: str) -> list[str]:

@@ -37,7 +37,7 @@ NOTCHED = 1.2  # Hz, half the band left out when other causes are sought: the le
 SLOWEST = 0.3  # Hz, that a band begins at: slower motion is the reference's
 OVERTONES = 2  # the peak itself and its octave: a muscle's pull is no pure sine
 LAG = 0.5  # s, over which the phase is seen to wander: longer than the band's filter remembers
-LEAST = 0.05  # of a phase that is not lost after that
+LEAST = 0.05  # coherence after that lag, below which the phase counts as lost: assumed
 LAW = 0.2  # relative standard deviation of a torque whose waveform is not known
 
 
@@ -87,8 +87,8 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
         return problem
     bands = peak.bands(0.5 / problem.robot.machine.frame)
     found = detection_of(problem, effect, values, peak)
-    torques = tuple(name for name in found.values if name.startswith(f"{effect.id}.{effect.parameters[0].name}"))
-    found = replace(found, noise=WanderingPhase(torques, bands, phase_rate(problem, left, peak)))
+    torques = problem.robot.machine.effect_indices(effect.id, effect.parameters[0].name).values()
+    found = replace(found, noise=WanderingPhase(tuple(torques), bands, phase_rate(problem, left, peak)))
     return replace(problem.without(bands), detected=(*problem.detected, found))
 
 
@@ -97,12 +97,12 @@ class WanderingPhase:
     """Draws of what a tremor of wandering phase leaves beyond its simulation of one frequency.
 
     Attributes:
-        torques: names of its amplitudes.
+        torques: positions of its amplitudes in the flat parameter vector.
         bands: that it holds [Hz].
         rate: of the variance of its phase [rad^2/s].
     """
 
-    torques: tuple[str, ...]
+    torques: tuple[int, ...]
     bands: Bands
     rate: float
 
@@ -110,11 +110,11 @@ class WanderingPhase:
         """The tremor of a robot (parameters,) with a phase that walks, less that without: (n, columns) [SI]."""
         from scipy.signal import hilbert
 
-        machine, still = problem.robot.machine, values.copy()
-        still[[machine.index[name] for name in self.torques]] = 0.0
+        frame, still = problem.robot.machine.frame, values.copy()
+        still[list(self.torques)] = 0.0
         with_tremor, without = problem.predict(np.array([values, still]), trial)
-        line = with_tremor - without - outside(self.bands, with_tremor - without, machine.frame)
-        steps = rng.normal(0.0, np.sqrt(self.rate * machine.frame), len(line))
+        line = with_tremor - without - outside(self.bands, with_tremor - without, frame)
+        steps = rng.normal(0.0, np.sqrt(self.rate * frame), len(line))
         phase = rng.uniform(0.0, 2.0 * np.pi) + np.cumsum(steps)
         return np.real(hilbert(line, axis=0) * (np.exp(1j * phase) - 1.0)[:, None])
 
@@ -193,8 +193,8 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     x[joints] *= np.sqrt(shares)
     robot = apply(values, parameters, x)
     found = {problem.robot.machine.parameters[i].name: float(robot[i]) for p in parameters for i in p.index}
-    moved = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
-    torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in moved}
+    affected = affected_channels(x[joints], np.diag((LAW * x[joints]) ** 2))
+    torques = {parameters[joints[k]].channels[0]: torque(float(x[joints[k]])) for k in affected}
     half = 0.5 / WINDOW
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     mean = torque(float(np.mean([item.value for item in torques.values()])))
