@@ -18,6 +18,7 @@ from exodrake.blind.score import score
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.data.case_folder import read_case
+from exodrake.diagnosis import many
 from exodrake.diagnosis.many import diagnose_one
 from tests.short_sets import RUN, answers, write_set
 
@@ -74,6 +75,20 @@ def test_killed_and_taken_up_again_gives_the_same_answers(uninterrupted, tmp_pat
     assert running.run(tmp_path / "set", jobs=2) == {}
     assert answers(tmp_path / "set") == uninterrupted
     assert kept.items() <= written(tmp_path / "set").items()
+
+
+def test_an_answer_written_as_the_interruption_comes_is_counted(tmp_path, monkeypatch):
+    write_set(tmp_path / "set", healthy=2)
+    counts, write = [], many.write_folder
+
+    def interrupted(*arguments):
+        write(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(many, "write_folder", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        running.run(tmp_path / "set", progress=lambda *count: counts.append(count))
+    assert counts == [(0, 0, 2), (1, 0, 2)]
 
 
 def test_a_case_that_fails_is_recorded_tried_again_and_counted(tmp_path):

@@ -106,6 +106,11 @@ class ResultStore:
             self.failed[place.name] = outcome.reason
         self.progress(self.answered, len(self.failed), len(self.places))
 
+    def recount(self) -> None:
+        """Count the files themselves, since an interruption may come between writing an answer and counting it."""
+        self.answered = sum(stored(place) is not None for place in self.places.values())
+        self.progress(self.answered, len(self.failed), len(self.places))
+
 
 def diagnose_all(
     places: Mapping[Path, Path],
@@ -140,8 +145,12 @@ def diagnose_all(
     store, sent = ResultStore(places, waiting, progress), []
     tasks = ((case, robot, wanted, tried) for case in readable(waiting, robot, store, sent, allow_outside))
     with closing(each(diagnose_one, tasks, jobs, cluster)) as outcomes:
-        for outcome in outcomes:
-            store.add(sent[outcome.number], outcome)
+        try:
+            for outcome in outcomes:
+                store.add(sent[outcome.number], outcome)
+        except KeyboardInterrupt:
+            store.recount()
+            raise
     return store.failed
 
 
