@@ -22,6 +22,7 @@ from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.problem import Problem
+from exodrake.diagnosis.prune import fitted, spurious
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
@@ -95,12 +96,17 @@ class Isolator:
                 return found
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
             parent = next(t for t in again if t.explanation is found.tested[-1][0].explanation)
-            if found.left and not parent.levels.beaten_by:
+            if found.left and not (parent.levels.beaten_by and self.needed(larger)):
                 return found
             if any(t.levels.kept for t in again):
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
         return found
+
+    def needed(self, larger: Isolation) -> bool:
+        """Whether some set of the last size has no effect that may as well be absent, or none is kept."""
+        counted = self.problem.counted
+        return not larger.left or not all(spurious(t, fitted(larger, t), counted) for t in larger.left)
 
     def singles(self, found: Isolation, screened: Sequence[Predicted]) -> list[Explanation]:
         """The most promising single effects, fitted, and what would be added to the best of them."""

@@ -78,8 +78,12 @@ class Isolation:
 
     @property
     def sufficient(self) -> bool:
-        """Whether some explanations of the last size are left, and none of them lacks an effect."""
-        return bool(self.left) and all(t.levels.sufficient for t in self.left)
+        """Whether some explanations of the last size are left, and none lacks an effect other than the best one's."""
+        if not self.left:
+            return False
+        best = self.left[0]
+        others = (t for t in self.left if t.levels.next_effect not in best.explanation.effects)
+        return best.levels.sufficient and all(t.levels.sufficient for t in others)
 
     @property
     def explanations(self) -> list[Explanation]:

@@ -84,6 +84,8 @@ def rejected(t: Tested) -> str:
     if p.moved > p.most_moved:
         name = t.explanation.name
         return f"the best explanation, {name}, moves nominal parameters further than their tolerances allow"
+    if not p.beaten_by:
+        return f"the best explanation, {t.explanation.name}, takes up too little of what a smaller one leaves"
     return f"{p.beaten_by} removes {p.share:.0%} of what the best explanation, {t.explanation.name}, leaves"
 
 
