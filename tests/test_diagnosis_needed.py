@@ -5,7 +5,8 @@ from collections import defaultdict
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
-from exodrake.diagnosis.isolate import SHARE, Isolator
+from exodrake.diagnosis.isolate import Isolator
+from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.verdict import rejected

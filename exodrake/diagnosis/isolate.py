@@ -26,7 +26,6 @@ from exodrake.diagnosis.prune import fitted, spurious
 from exodrake.diagnosis.refine import Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
-SHARE = 0.35  # of each fit log that is used
 REFINED = 5  # sets of effects of one size that are fitted
 EXCHANGED = 2  # other sets than the best one beside which an effect is tried that was found beside the best
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance

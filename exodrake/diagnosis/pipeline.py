@@ -21,13 +21,14 @@ from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.intervals import describe
-from exodrake.diagnosis.isolate import SHARE, Isolator
+from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.level_table import level_table
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.motions import with_motions
 from exodrake.diagnosis.moved import retuned
+from exodrake.diagnosis.part_used import SHARE, affordable, notes_on_length, overlooks
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.prune import pruned
@@ -37,9 +38,6 @@ from exodrake.diagnosis.rivals import rivals_of
 from exodrake.diagnosis.since import named_by_change, since_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
-
-# times the reduced chi-square of the part used: assumed; that of 40 healthy development robots: 0.91 to 1.02
-MORE = 1.2
 
 
 def diagnose(
@@ -83,9 +81,11 @@ def isolated(
     Args:
         problem: the case.
         progress: called with the stage and what it works on.
-        share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none.
+        share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none, as
+            far as that is affordable.
     """
     progress(Stage.RETUNE, "")
+    share = min(share, affordable(problem))
     start, simulated = retune(problem.shortened(share))
     whole = detect(problem, start.robot)
     short = whole.shortened(share)
@@ -95,17 +95,9 @@ def isolated(
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
-    if share < 1.0 and found.left and overlooks(whole, found.left[0]):
+    if share < affordable(problem) and found.left and overlooks(whole, found.left[0]):
         return isolated(problem, progress, 1.0)
     return whole, found
-
-
-def overlooks(problem: Problem, kept: Tested) -> bool:
-    """Whether a robot without an effect leaves more in the whole logs than in the part that was used."""
-    if kept.explanation.effects:
-        return False
-    left = problem.residual(kept.explanation.robot[None], problem.fit)[0]
-    return float(np.mean(left**2)) > MORE * max(float(kept.chi2[0]), 1.0)
 
 
 def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
@@ -193,7 +185,12 @@ def answer(
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=(*case.notes, *suspicions(case, problem.robot), *calibration_notes(problem.robot.machine)),
+        notes=(
+            *case.notes,
+            *suspicions(case, problem.robot),
+            *notes_on_length(problem, best),
+            *calibration_notes(problem.robot.machine),
+        ),
         run_time=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),

@@ -23,6 +23,7 @@ from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
 from exodrake.diagnosis.moved import moved
+from exodrake.diagnosis.part_used import DATED, affordable
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.result import NAMED, UNKNOWN
@@ -90,7 +91,11 @@ class Since:
 
 
 def since_of(problem: Problem, found: Isolation, decision: Decision) -> Since | None:
-    """What the sessions of a case say; None of a case without dates whose logs are several or short."""
+    """What the sessions of a case say; None of a case without dates whose logs are several or short.
+
+    Of logs too long for that, their first part counts.
+    """
+    problem = problem.shortened(affordable(problem, DATED))
     sessions = dated_sessions(problem.case, [trial.name for trial in problem.fit])
     unit = "d"
     if not sessions:

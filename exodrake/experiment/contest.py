@@ -19,10 +19,10 @@ from exodrake.core.errors import InputError
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.comparison import contributions, power, richer_law
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.isolate import SHARE
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_parameters
+from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.projection import Projection, normal_matrix
 from exodrake.diagnosis.refine import Explanation, whole_jacobian

@@ -66,7 +66,8 @@ def joint_machine(
 
     Args:
         name: of the machine.
-        part: name of the part that moves the joints, whose names are `joints`.
+        part: name of the part that moves the joints.
+        joints: their names.
         library: its effects; the generic ones of its sensors join those whose family is not among them.
         frame: its period [s].
         max_effects: that a diagnosis may name together.
