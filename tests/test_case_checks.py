@@ -202,6 +202,7 @@ def test_every_machine_is_checked(name):
 def test_fast_noise_is_the_standard_deviation_of_white_noise():
     noise = 0.3 * np.random.default_rng(0).standard_normal(20_000)
     assert fast_noise(noise + np.linspace(0.0, 50.0, 20_000) ** 3) == pytest.approx(0.3, rel=0.03)
+    assert fast_noise(np.repeat(0.1 * np.arange(40), 500)) == 0.0
 
 
 def test_gain_and_offset_agree_with_planted_values():
