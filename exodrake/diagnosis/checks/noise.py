@@ -77,6 +77,6 @@ def carries_noise(channel: Channel) -> bool:
 
 
 def fast_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white noise in a signal (n,) that moves slowly, by fourth differences; 0 if rounding."""
+    """Standard deviation of white noise in a signal (n,) that moves slowly, by fourth differences; 0 if rounding."""
     found = mad_std(np.diff(values, ORDER)) / np.sqrt(GAIN)
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
