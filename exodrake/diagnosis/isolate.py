@@ -70,7 +70,7 @@ class Isolator:
         zero = start.at(likelihood, np.zeros(len(start.x)))
         tests = Tests(likelihood, lin, zero.residual - retuned.residual)
         nominal, best = (tested(likelihood, tests, [e])[0] for e in (zero, retuned))
-        found = Isolation(likelihood, tests, nominal, best)
+        found = Isolation(likelihood, tests, nominal, best, lin)
         if found.nominal.levels.sufficient or found.retuned.levels.sufficient or not max_effects or not self.effects:
             return found.without_effects()
         screened = NormalMatrix(likelihood, retuned, lin).singles()

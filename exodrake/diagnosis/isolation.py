@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.levels import Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.select import Predicted
 
@@ -47,6 +48,7 @@ class Isolation:
         likelihood: views of the case.
         tests: tests of the last round.
         nominal, retuned: robots without an effect.
+        beside_retuned: directions of all effects beside the retuned robot.
         screened: each effect alone as the linearisation predicts it, best first.
         tested: tested explanations of 1, 2, ... effects, best first.
         left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
@@ -56,6 +58,7 @@ class Isolation:
     tests: Tests
     nominal: Tested
     retuned: Tested
+    beside_retuned: Linearisation
     screened: tuple[Predicted, ...] = ()
     tested: tuple[tuple[Tested, ...], ...] = ()
     left: tuple[Tested, ...] = ()
