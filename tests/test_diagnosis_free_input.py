@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.free_input import CELL, SAMPLE, Cells, free_courses
+from exodrake.diagnosis.free_input import CELL, Cells, free_courses
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.localise import channels_of
@@ -26,7 +26,7 @@ def test_evidence_is_the_density_of_the_normal_law():
     offset, jacobian = 2.0 * rng.standard_normal(samples), rng.standard_normal((nominal, samples))
     responses, prior_std = rng.standard_normal((2, samples)), np.array([0.5, 2.0])
     trial = SimpleNamespace(measured=np.zeros((cells * CELL, columns)))
-    model = Cells(offset, jacobian, prior_std, [trial], ["tension", "angle", "angle"], SAMPLE)
+    model = Cells(offset, jacobian, prior_std, [trial], ["tension", "angle", "angle"], frames=1)
     variance, scale = np.array([1.5, 3.0]), np.array([0.7, 1.9])
     products = model.products(model.cut(responses))
     value = model.solved(products, variance, scale)[0]

@@ -102,15 +102,14 @@ class Cells:
     Args:
         offset: (samples,) residual with nominal parameters at 0, as the Jacobian expects it.
         jacobian: (nominal, samples) its derivatives. prior_std: (nominal,).
-        trials: logs. kinds: of their columns; each has a residual variance of its own. frame: [s].
+        trials: logs. kinds: of their columns; each has a residual variance of its own. frames: that make a sample.
     """
 
     def __init__(
         self, offset: np.ndarray, jacobian: np.ndarray, prior_std: np.ndarray, trials: Sequence[Trial],
-        kinds: Sequence[str], frame: float,
+        kinds: Sequence[str], frames: int,
     ) -> None:  # fmt: skip
-        self.trials, self.precision = trials, prior_std**-2.0
-        self.frames = max(round(SAMPLE / frame), 1)
+        self.trials, self.precision, self.frames = trials, prior_std**-2.0, frames
         names = list(dict.fromkeys(kinds))
         kind = np.tile([names.index(k) for k in kinds], CELL)
         self.kinds = [np.flatnonzero(kind == k) for k in range(len(names))]
@@ -237,10 +236,10 @@ def free_courses(likelihood: Likelihood, lin: Linearisation, e: Explanation) -> 
         e: the explanation.
     """
     problem = likelihood.views[-1].problem
-    frame = problem.robot.machine.frame
-    if sum(len(trial.measured) for trial in problem.fit) < LEAST * CELL * SAMPLE / frame:
+    offset, jacobian = (likelihood.split(rows)[-1] for rows in (e.residual - e.x @ e.jacobian, e.jacobian))
+    frames = max(round(SAMPLE / problem.robot.machine.frame), 1)
+    if sum(len(trial.measured) // (CELL * frames) for trial in problem.fit) < LEAST:
         return []
-    offset = likelihood.split(e.residual - e.x @ e.jacobian)[-1]
-    cells = Cells(offset, likelihood.split(e.jacobian)[-1], e.prior_std, problem.fit, problem.kinds, frame)
+    cells = Cells(offset, jacobian, e.prior_std, problem.fit, problem.kinds, frames)
     found = [cells.course(given) for given in inputs_of(likelihood, lin, e)]
     return sorted((c for c in found if c is not None and c.gain > 0.0), key=lambda c: -c.gain)
