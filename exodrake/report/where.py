@@ -21,16 +21,18 @@ JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
 # conditions with two or three levels, and how these are called
 LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
 
-FREE = "inputs of unknown course in each block take up of the prediction errors"
-
 
 def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
     found = diagnosis.where
     if found.block == "none":
         return {"wiring": None, "blocks": None, "segments": None, "conditions": None, "scatter": None}
-    close = "effects of each block close, as linearised or fitted"
-    caption = f"Share of the gap that {close if diagnosis.effects else FREE} (Shapley value)."
+    by = (
+        "effects of each block close, as linearised or fitted"
+        if diagnosis.effects
+        else "free inputs of each block take up"
+    )
+    caption = f"Share of the gap that {by} (Shapley value)."
     condition = top_condition(diagnosis, runs)
     return {
         "wiring": wiring(diagnosis, runs),
