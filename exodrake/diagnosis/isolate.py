@@ -59,8 +59,8 @@ class Isolator:
     def isolate(self, max_effects: int) -> Isolation:
         """Explanations of growing size until some are left."""
         start = self.start
-        likelihood = likelihood_of(self.problem, start.robot)
-        likelihood.simulated, likelihood.stage = self.simulated, "linearise"
+        likelihood = likelihood_of(self.problem, start.robot, self.simulated)
+        likelihood.stage = "linearise"
         self.progress(Stage.LINEARISE, "")
         lin = linearise(likelihood, start.values, start.x, start.parameters, self.effects)
         start = replace(start, residual=lin.residual, jacobian=lin.jacobian)
