@@ -23,7 +23,7 @@ from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import fitted, spurious
-from exodrake.diagnosis.refine import Explanation, minimise
+from exodrake.diagnosis.refine import SETTLED, Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
 REFINED = 5  # sets of effects of one size that are fitted
@@ -136,7 +136,7 @@ class Isolator:
         likelihood.stage = "linearise again"
         lin = self.linearised(likelihood, best)
         likelihood.stage = "refine again"
-        tests = Tests(likelihood, lin, found.tests.moved)
+        tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
         more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
@@ -147,7 +147,7 @@ class Isolator:
         """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
         first = [self.first_steps(likelihood, self.starts(likelihood, known, p)) for p in found]
         cost = [likelihood.mean_log(e.residual) for e in first]
-        near = [c < min(cost) + BEHIND for c in cost]
+        near = [c < min(cost) + BEHIND and e not in SETTLED for c, e in zip(cost, first, strict=True)]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
         if not done:
@@ -174,8 +174,8 @@ class Isolator:
         for others in (np.array([p.start for p in own]), e.x[count:], low, high):
             alike = [known.get((p.name.split(".")[-1], p.channels)) for p in own]
             x = [o if value is None else p.coordinate(value) for p, o, value in zip(own, others, alike, strict=True)]
-            starts.append(e.at(likelihood, np.r_[best.x[:count], np.clip(x, low, high)]))
-        first = replace(min(starts, key=lambda s: s.cost(likelihood)), jacobian=best.jacobian)
+            starts.append(np.r_[best.x[:count], np.clip(x, low, high)])
+        first = min(e.at_each(likelihood, starts), key=lambda s: s.cost(likelihood)).with_jacobian(best.jacobian)
         return min(e, self.refined(likelihood, first, STEPS), key=lambda s: s.cost(likelihood))
 
     def exchanged(
@@ -201,7 +201,7 @@ class Isolator:
         """The explanation fitted on with a new nominal Jacobian."""
         count = e.nominal
         jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
-        return self.refined(likelihood, replace(e, jacobian=jacobian), STEPS)
+        return self.refined(likelihood, e.with_jacobian(jacobian), STEPS)
 
     def refined(self, likelihood: Likelihood, start: Explanation, steps: int) -> Explanation:
         """The explanation fitted."""
@@ -225,7 +225,7 @@ class Isolator:
         initial = np.array([p.start for p in probe.parameters])
         starts = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
         starts += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
-        return [joined.at(likelihood, np.clip(x, low, high)) for x in starts]
+        return joined.at_each(likelihood, list(np.clip(starts, low, high)))
 
     def linearised(self, likelihood: Likelihood, e: Explanation) -> Linearisation:
         """Directions of all other effects beside an explanation; its nominal Jacobian is kept."""

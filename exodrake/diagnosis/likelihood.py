@@ -86,6 +86,10 @@ class Likelihood:
         self.simulated[self.stage] += len(rows) * sum(duration(view.problem) for view in self.views)
         return np.concatenate([view.residual(rows) for view in self.views], axis=1)
 
+    def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Difference quotients (rows, samples), float32, of robots that are `steps` (rows,) off the one of `base`."""
+        return ((self.residual(rows) - base) / steps[:, None]).astype(np.float32)
+
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """A residual (..., samples) cut into one for each view."""
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)

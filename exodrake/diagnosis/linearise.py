@@ -120,7 +120,7 @@ def linearise(
 def nominal_jacobian(
     likelihood: Likelihood, values: np.ndarray, nominal: tuple[Parameter, ...], x: np.ndarray, base: np.ndarray
 ) -> np.ndarray:
-    """Derivatives (nominal, samples) of the residual by the nominal parameters.
+    """Derivatives (nominal, samples), float32, of the residual by the nominal parameters.
 
     Args:
         likelihood: views of the case.
@@ -133,7 +133,7 @@ def nominal_jacobian(
         return np.zeros((0, len(base)))
     steps = STEP * np.array([p.scale for p in nominal])
     rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)])
-    return (likelihood.residual(rows) - base) / steps[:, None]
+    return likelihood.derivatives(rows, base, steps)
 
 
 def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:
