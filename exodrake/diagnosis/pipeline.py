@@ -91,7 +91,7 @@ def isolated(
     short = whole.shortened(share)
     certain = sum(d.certain for d in whole.detected)
     if certain:
-        start, again = retune(short)
+        start, again = retune(short, start)
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
