@@ -17,7 +17,7 @@ from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 
-AFFORDABLE = 630  # robots simulated in both views: 60,000 s of a blind case, of which 48 s are used
+AFFORDABLE = 560  # robots simulated in both views: 53,000 s of a blind case, of which 48 s are used
 
 
 def test_planted_friction_is_named_with_its_coefficient():

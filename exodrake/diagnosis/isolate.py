@@ -140,7 +140,8 @@ class Isolator:
         likelihood.stage = "refine again"
         tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
-        more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
+        if more and taken_up(likelihood, best, more[0])[1] >= PROMISING:
+            more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
         return found.with_round(tested(likelihood, tests, more), parent)
@@ -157,11 +158,10 @@ class Isolator:
         near = [c < min(*cost, least) + BEHIND and e not in SETTLED for c, e in zip(cost, first, strict=True)]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
-        if not done:
-            return done
-        least, closer = likelihood.mean_log(done[0].residual), likelihood.scaled_to(done[0].residual)
+        closer = likelihood.scaled_to(done[0].residual) if done else likelihood
         for k, e in enumerate(done[:FRESH]):
-            if CONVERGED < likelihood.mean_log(e.residual) < least + NEAR:
+            left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
+            if CONVERGED < left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
                 done[k] = self.refreshed(closer, e)
         done = [self.unstuck(likelihood, e, done) for e in done]
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
@@ -192,8 +192,6 @@ class Isolator:
 
         The best single effect may stand for one of two, which shows only beside the other one.
         """
-        if not found:
-            return found
         effect = found[0].effects[-1]
         own = [i for i, p in enumerate(found[0].parameters) if p.effect == effect]
         more = list(found)
