@@ -5,7 +5,7 @@ import pytest
 from diagnosis_cases import friction_problem
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import PROBE, linearise, probes, without_effect
+from exodrake.diagnosis.linearise import PROBE, linearise, probes, renewed, without_effect
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 
 
@@ -73,6 +73,23 @@ def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(prob
     assert {probe.effect for probe in lin.probes} == {effect.id for effect in effects}
     simulated = 1 + len(lin.directions)  # robots, 6 s each
     assert likelihood.simulated["here"] == pytest.approx(simulated * 300 * problem.robot.machine.frame)
+
+
+def test_renewed_directions_are_new_where_there_are_new_ones_and_old_elsewhere(problem):
+    """Three effects at one robot, the second of them at another one; the third is in that robot already."""
+    likelihood, effects, values = output_error(problem), problem.robot.machine.effects[:3], problem.silent()
+    other = problem.robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
+    old = linearise(likelihood, values, np.zeros(0), (), effects)
+    new = linearise(likelihood, problem.silent(other), np.zeros(0), (), effects[1:2])
+    found = renewed(old, new, {effects[2].id})
+    assert {p.effect for p in found.probes} == {e.id for e in effects[:2]} and found.residual is new.residual
+    wanted = {id(p.x): (p, old) for p in old.probes if p.effect == effects[0].id} | {
+        id(p.x): (p, new) for p in new.probes
+    }
+    assert len(found.probes) == len(wanted)
+    for probe in found.probes:
+        own, lin = wanted[id(probe.x)]
+        np.testing.assert_array_equal(found.directions[probe.rows], lin.directions[own.rows])
 
 
 def test_probes_stay_within_the_bounds_of_a_fit(problem):

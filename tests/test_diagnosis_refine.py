@@ -11,7 +11,7 @@ from scipy.optimize import least_squares, lsq_linear
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
-from exodrake.diagnosis.refine import Explanation, bounded, minimise
+from exodrake.diagnosis.refine import SETTLED, Explanation, bounded, minimise, whole_jacobian
 
 
 def test_bounded_minimum_is_that_of_scipy():
@@ -50,6 +50,18 @@ def test_corrected_jacobian_ends_at_scipys_minimum():
     wanted = least_squares(lambda x: np.concatenate([formula(x), x[:3]]), start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     assert found.x == pytest.approx(wanted.x, abs=2e-3)
     assert found.cost(likelihood) == pytest.approx(wanted.cost, rel=1e-4)
+
+
+def test_settled_fit_keeps_the_derivatives_of_its_last_steps():
+    """Of one linear amplitude beside a nominal parameter; what follows simulates nothing for them."""
+    rng = np.random.default_rng(3)
+    matrix, noise = rng.standard_normal((2, 400)), 0.1 * rng.standard_normal(400)
+    likelihood = likelihood_of(lambda row: (row - [0.5, 2.0]) @ matrix + noise)
+    start = explanation(likelihood, (*nominal(1, 1.0), amplitude("a", 1)), np.zeros(2), matrix[:1], ("a",))
+    found = minimise(likelihood, start, 5, 1e-6)
+    simulated = sum(likelihood.simulated.values())
+    assert found in SETTLED and whole_jacobian(likelihood, found) == pytest.approx(matrix, abs=1e-4)
+    assert sum(likelihood.simulated.values()) == simulated
 
 
 def test_fit_stays_within_bounds():

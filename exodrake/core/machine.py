@@ -12,7 +12,7 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
 from exodrake.core.measured import Column, Observer
 from exodrake.core.parameter import ParameterInfo, Tolerance, channels_of, full_name
-from exodrake.core.part import Field, Part, module_name, part_modules
+from exodrake.core.part import Field, Part, State, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
 from exodrake.core.wiring import check_effects, check_schedule, check_signals
@@ -192,8 +192,16 @@ class Machine:
 
     def part_size(self, part: Part) -> tuple[int, int]:
         """Lengths of a part's own state and of the states of the effects on it."""
-        own = sum(self.width(s.axis) * s.width for s in part.states)
-        return own, sum(self.width(s.axis) * s.width for e in self.effects_on(part) for s in e.states)
+        return self.part_sizes[part.name]
+
+    @cached_property
+    def part_sizes(self) -> dict[str, tuple[int, int]]:
+        """`part_size` of each part by its name."""
+
+        def size(states: Iterable[State]) -> int:
+            return sum(self.width(s.axis) * s.width for s in states)
+
+        return {p.name: (size(p.states), size(s for e in self.effects_on(p) for s in e.states)) for p in self.parts}
 
     @property
     def variant_names(self) -> tuple[str, ...]:

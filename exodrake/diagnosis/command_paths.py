@@ -49,12 +49,11 @@ def best_path(drive: Drive, log: Record, moved: np.ndarray, spread: np.ndarray, 
 
 def path_errors(drive: Drive, log: Record, moved: np.ndarray, lost: np.ndarray) -> np.ndarray:
     """Errors (frames, channels) of the changes of position with the commands (n, channels) that are lost."""
-    state, before, errors = drive.state.copy(), np.zeros(moved.shape[1]), np.zeros(moved.shape)
-    position = drive.position(state)
+    states, before, errors = drive.state[None].copy(), np.zeros((1, moved.shape[1])), np.zeros(moved.shape)
     for n in range(len(moved)):
         held = np.where(lost[n], before, log.command[n])
-        after = drive.frame(state, before, held, log.loads_at(n))
-        errors[n], position, before = after - position - moved[n], after, held
+        errors[n] = drive.moves(states, before, held, log.loads_at(n))[0] - moved[n]
+        before = held
     return errors
 
 
@@ -124,7 +123,5 @@ class Paths:
         states = self.states[parent[:, drive.channel], np.arange(len(drive.state))]
         before = self.held[parent, channel]
         held = np.where(lost, before, log.command[n])
-        ends = [drive.position(state) for state in states]
-        for k, state in enumerate(states):
-            ends[k] = drive.frame(state, before[k], held[k], log.loads_at(n)) - ends[k]
-        return Paths(states, held, lost, cost + 0.5 * ((np.array(ends) - moved) / spread) ** 2)
+        errors = drive.moves(states, before, held, log.loads_at(n)) - moved
+        return Paths(states, held, lost, cost + 0.5 * (errors / spread) ** 2)

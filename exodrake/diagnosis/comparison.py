@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -74,6 +75,16 @@ def contributions(
         whole: (...) outputs of the explanation itself.
     """
     return {i: simulate(without_effect(machine, e.robot, machine.effect(i))) - whole for i in e.effects}
+
+
+CONTRIBUTIONS: WeakKeyDictionary[Explanation, dict[str, np.ndarray]] = WeakKeyDictionary()
+
+
+def residual_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, np.ndarray]:
+    """Contribution (channels, samples) of each effect of an explanation to its residual, simulated once."""
+    if e not in CONTRIBUTIONS:
+        CONTRIBUTIONS[e] = contributions(likelihood.robot.machine, e, likelihood.residual, e.residual)
+    return CONTRIBUTIONS[e]
 
 
 def tolerance_use(e: Explanation) -> float:

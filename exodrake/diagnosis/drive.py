@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.drive_code import compile_moves
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.core.machine import Machine
 from exodrake.core.segment import CommandLink
@@ -23,29 +23,27 @@ class Drive:
 
     def __init__(self, machine: Machine, values: np.ndarray, link: CommandLink) -> None:
         part = next(b for b in machine.parts if b.name == link.part)
-        (task,) = (t for t in part.tasks if not t.slots)
-        module, self.slots, self.dt = compile_machine(machine), machine.slots, machine.slot
-        self.update = getattr(module, f"{part.name}__leaf__{task.function}")
-        self.hold = getattr(module, f"{part.name}__leaf__hold")
+        self.compiled, self.slots, self.dt = compile_moves(machine, part, link).moves, machine.slots, machine.slot
         self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
         self.state = np.zeros(sum(machine.part_size(part)))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        self.signals = {name: np.zeros(len(machine.channels(name))) for name in held_signals(part)}
-        self.moved, self.received, self.reads = link.moved, link.received, outer_reads(part, task.reads)
+        self.signals = [np.zeros(len(machine.channels(name))) for name in held_signals(part)]
+        (task,) = (t for t in part.tasks if not t.slots)
+        self.loads = [name for name in outer_reads(part, task.reads) if name != link.received]
         self.switch = write_slot(machine, link.received) - write_slot(machine, machine.column(link.output).signal)
 
-    def frame(self, state: np.ndarray, before: np.ndarray, after: np.ndarray, loads: Mapping[str, np.ndarray]):
-        """Advances `state` in place by one frame, in which the command changes; returns positions (channels,)."""
-        for tick in range(self.slots):
-            now = {self.received: after if tick >= self.switch else before, **loads}
-            self.update(state, *self.signals.values(), self.p, self.dt, *(now[name] for name in self.reads))
-        return self.signals[self.moved].copy()
+    def moves(
+        self, states: np.ndarray, before: np.ndarray, after: np.ndarray, loads: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
+        """Advances states (n, states) in place by one frame, in which the commands (n, channels) change.
 
-    def position(self, state: np.ndarray) -> np.ndarray:
-        """Positions (channels,) of a state."""
-        self.hold(state, *self.signals.values(), self.p)
-        return self.signals[self.moved].copy()
+        Returns:
+            (n, channels) by how much the positions moved.
+        """
+        moved, given = np.empty(before.shape), (loads[name] for name in self.loads)
+        self.compiled(states, *self.signals, self.p, self.dt, self.slots, self.switch, before, after, *given, moved)
+        return moved
 
 
 def write_slot(machine: Machine, signal: str) -> int:

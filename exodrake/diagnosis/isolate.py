@@ -10,7 +10,7 @@ Retune, linearise once, rank all effects by algebra, fit the best few, test them
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +20,10 @@ from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
-from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, with_effects
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed, with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import fitted, spurious
-from exodrake.diagnosis.refine import Explanation, minimise
+from exodrake.diagnosis.refine import SETTLED, Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
 REFINED = 5  # sets of effects of one size that are fitted
@@ -31,6 +31,7 @@ EXCHANGED = 2  # other sets than the best one beside which an effect is tried th
 FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
+RENEWED = 24  # effects whose directions are taken anew beside an explanation, the most promising by the known ones
 FRESH = 2  # fits with a new nominal Jacobian
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
@@ -59,8 +60,8 @@ class Isolator:
     def isolate(self, max_effects: int) -> Isolation:
         """Explanations of growing size until some are left."""
         start = self.start
-        likelihood = likelihood_of(self.problem, start.robot)
-        likelihood.simulated, likelihood.stage = self.simulated, "linearise"
+        likelihood = likelihood_of(self.problem, start.robot, self.simulated)
+        likelihood.stage = "linearise"
         self.progress(Stage.LINEARISE, "")
         lin = linearise(likelihood, start.values, start.x, start.parameters, self.effects)
         start = replace(start, residual=lin.residual, jacobian=lin.jacobian)
@@ -113,18 +114,19 @@ class Isolator:
         fitted = self.fitted(likelihood, known, screened[:REFINED])
         levels = found.tests(fitted[0])
         further = [p for p in screened[REFINED:] if p.probes[0].effect == levels.next_effect and not levels.sufficient]
-        more = [*fitted, *self.fitted(likelihood, known, further)]
+        more = [*fitted, *self.fitted(likelihood, known, further, likelihood.mean_log(fitted[0].residual))]
         return sorted(more, key=lambda e: likelihood.mean_log(e.residual))
 
     def restarted(self, found: Isolation, zero: Explanation) -> Isolation:
         """The isolation with single effects that look best from the nominal robot, where retuning led astray."""
-        likelihood, tried = found.likelihood, {e.effects for e in found.explanations}
+        likelihood, tried = found.likelihood, {effect for e in found.explanations for effect in e.effects}
         likelihood.stage = "linearise again"
-        others = [effect for effect in self.effects if (effect.id,) not in tried]
-        lin = linearise(likelihood, zero.values, zero.x, zero.parameters, others)
-        zero = replace(zero, residual=lin.residual, jacobian=lin.jacobian)
+        jacobian = nominal_jacobian(likelihood, zero.values, zero.parameters, zero.x, zero.residual)
+        zero = zero.with_jacobian(jacobian)
+        lin = self.linearised(likelihood.scaled_to(zero.residual), zero, found.tests.lin, tried)
         likelihood.stage = "refine again"
         screened = NormalMatrix(likelihood.scaled_to(zero.residual), zero, lin).singles()
+        screened = [p for p in screened if p.probes[0].effect not in tried]
         more = self.fitted(likelihood, zero, screened[:REFINED])
         return replace(found, tested=()).with_round(tested(likelihood, found.tests, [*found.explanations, *more]))
 
@@ -134,27 +136,32 @@ class Isolator:
         best = parent.explanation
         likelihood = found.likelihood.scaled_to(best.residual)
         likelihood.stage = "linearise again"
-        lin = self.linearised(likelihood, best)
+        lin = self.linearised(likelihood, best, found.tests.lin)
         likelihood.stage = "refine again"
-        tests = Tests(likelihood, lin, found.tests.moved)
+        tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
-        more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
+        if more and taken_up(likelihood, best, more[0])[1] >= PROMISING:
+            more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
         return found.with_round(tested(likelihood, tests, more), parent)
 
-    def fitted(self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted]) -> list[Explanation]:
-        """Further effects beside those of an explanation, fitted, best first; those far behind not to the end."""
+    def fitted(
+        self, likelihood: Likelihood, known: Explanation, found: Sequence[Predicted], least: float = np.inf
+    ) -> list[Explanation]:
+        """Further effects beside those of an explanation, fitted, best first; those far behind not to the end.
+
+        least: mean logarithm of chi-squares that others leave.
+        """
         first = [self.first_steps(likelihood, self.starts(likelihood, known, p)) for p in found]
         cost = [likelihood.mean_log(e.residual) for e in first]
-        near = [c < min(cost) + BEHIND for c in cost]
+        near = [c < min(*cost, least) + BEHIND and e not in SETTLED for c, e in zip(cost, first, strict=True)]
         done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
-        if not done:
-            return done
-        least, closer = likelihood.mean_log(done[0].residual), likelihood.scaled_to(done[0].residual)
+        closer = likelihood.scaled_to(done[0].residual) if done else likelihood
         for k, e in enumerate(done[:FRESH]):
-            if CONVERGED < likelihood.mean_log(e.residual) < least + NEAR:
+            left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
+            if CONVERGED < left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
                 done[k] = self.refreshed(closer, e)
         done = [self.unstuck(likelihood, e, done) for e in done]
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
@@ -174,8 +181,8 @@ class Isolator:
         for others in (np.array([p.start for p in own]), e.x[count:], low, high):
             alike = [known.get((p.name.split(".")[-1], p.channels)) for p in own]
             x = [o if value is None else p.coordinate(value) for p, o, value in zip(own, others, alike, strict=True)]
-            starts.append(e.at(likelihood, np.r_[best.x[:count], np.clip(x, low, high)]))
-        first = replace(min(starts, key=lambda s: s.cost(likelihood)), jacobian=best.jacobian)
+            starts.append(np.r_[best.x[:count], np.clip(x, low, high)])
+        first = min(e.at_each(likelihood, starts), key=lambda s: s.cost(likelihood)).with_jacobian(best.jacobian)
         return min(e, self.refined(likelihood, first, STEPS), key=lambda s: s.cost(likelihood))
 
     def exchanged(
@@ -185,8 +192,6 @@ class Isolator:
 
         The best single effect may stand for one of two, which shows only beside the other one.
         """
-        if not found:
-            return found
         effect = found[0].effects[-1]
         own = [i for i, p in enumerate(found[0].parameters) if p.effect == effect]
         more = list(found)
@@ -201,7 +206,7 @@ class Isolator:
         """The explanation fitted on with a new nominal Jacobian."""
         count = e.nominal
         jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
-        return self.refined(likelihood, replace(e, jacobian=jacobian), STEPS)
+        return self.refined(likelihood, e.with_jacobian(jacobian), STEPS)
 
     def refined(self, likelihood: Likelihood, start: Explanation, steps: int) -> Explanation:
         """The explanation fitted."""
@@ -225,10 +230,17 @@ class Isolator:
         initial = np.array([p.start for p in probe.parameters])
         starts = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
         starts += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
-        return [joined.at(likelihood, np.clip(x, low, high)) for x in starts]
+        return joined.at_each(likelihood, list(np.clip(starts, low, high)))
 
-    def linearised(self, likelihood: Likelihood, e: Explanation) -> Linearisation:
-        """Directions of all other effects beside an explanation; its nominal Jacobian is kept."""
-        count = e.nominal
-        others = [effect for effect in self.effects if effect.id not in e.effects]
-        return linearise(likelihood, e.at_nominal, e.x[:count], e.parameters[:count], others, e.jacobian)
+    def linearised(
+        self, likelihood: Likelihood, e: Explanation, known: Linearisation, tried: Collection[str] = ()
+    ) -> Linearisation:
+        """Directions of all other effects beside an explanation, anew where known ones promise most.
+
+        Its nominal Jacobian is kept; no effect in `tried` is taken anew.
+        """
+        ranked = [p.probes[0].effect for p in NormalMatrix(likelihood, e, known).singles()]
+        promising = [effect for effect in ranked if effect not in tried][:RENEWED]
+        effects, count = [effect for effect in self.effects if effect.id in promising], e.nominal
+        lin = linearise(likelihood, e.at_nominal, e.x[:count], e.parameters[:count], effects, e.jacobian, e.residual)
+        return renewed(known, lin, e.effects)

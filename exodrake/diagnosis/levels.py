@@ -23,6 +23,7 @@ alone: a sum over all joints hides a cause of one behind the errors of the other
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,10 +33,10 @@ from exodrake.diagnosis.calibration import calibration_of, spread
 from exodrake.diagnosis.comparison import (
     Compared,
     amplitude,
-    contributions,
     exceeding,
     excess,
     power,
+    residual_contributions,
     richer_law,
     taken_up,
     tolerance_use,
@@ -124,6 +125,12 @@ class Tests:
         self.functions: list[np.ndarray] = []
         self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
+    def beside(self, likelihood: Likelihood, lin: Linearisation) -> Tests:
+        """The tests with other directions and units, and the same draws."""
+        found = copy(self)
+        found.likelihood, found.lin = likelihood, lin
+        return found
+
     def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
         """The levels of an explanation; rivals: others that were fitted."""
         likelihood = self.likelihood.scaled_to(e.residual)
@@ -208,7 +215,7 @@ class Tests:
         e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
         decoded = self.likelihood.views[0].problem.counted
         found = [(self.moved, limits.same_meaning)]
-        for identity, rows in contributions(machine, e, self.likelihood.residual, e.residual).items():
+        for identity, rows in residual_contributions(self.likelihood, e).items():
             effect = machine.effect(identity)
             rho = limits.same_meaning if effect.same_meaning and effect.id not in decoded else limits.law_error
             found += [(project.own(row, effect.id), rho) for row in rows]

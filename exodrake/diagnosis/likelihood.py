@@ -83,9 +83,12 @@ class Likelihood:
 
     def residual(self, rows: np.ndarray) -> np.ndarray:
         """Whitened residuals (rows, samples) [noise_std] of flat parameter vectors (rows, parameters)."""
-        frames = sum(len(trial.reference) for view in self.views for trial in view.problem.fit)
-        self.simulated[self.stage] += len(rows) * frames * self.robot.machine.frame
+        self.simulated[self.stage] += len(rows) * sum(duration(view.problem) for view in self.views)
         return np.concatenate([view.residual(rows) for view in self.views], axis=1)
+
+    def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Difference quotients (rows, samples), float32, of robots that are `steps` (rows,) off the one of `base`."""
+        return ((self.residual(rows) - base) / steps[:, None]).astype(np.float32)
 
     def split(self, residual: np.ndarray) -> list[np.ndarray]:
         """A residual (..., samples) cut into one for each view."""
@@ -174,8 +177,16 @@ def output_error(problem: Problem, stage: str = "") -> Likelihood:
     )
 
 
-def likelihood_of(problem: Problem, values: np.ndarray) -> Likelihood:
-    """The likelihood of a case with the noise of the robot `values` (parameters,), noise and rounding off in it."""
+def duration(problem: Problem) -> float:
+    """Time that a run of all fitted trials takes [s]."""
+    return sum(len(trial.reference) for trial in problem.fit) * problem.robot.machine.frame
+
+
+def likelihood_of(problem: Problem, values: np.ndarray, simulated: defaultdict[str, float] | None = None) -> Likelihood:
+    """The likelihood of a case with the noise of the robot `values` (parameters,), noise and rounding off in it.
+
+    simulated: time simulated so far, by stage [s]; that of the runs with noise is added.
+    """
     views, robots = with_prediction(problem), moved_a_little(problem, values)
     runs = [with_prediction(written_by(problem, robot, seed)) for seed, robot in enumerate(robots)]
     found = []
@@ -184,7 +195,9 @@ def likelihood_of(problem: Problem, values: np.ndarray) -> Likelihood:
         raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
         whitening = whitening_of([log for run in raw for log in run])
         found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw)))
-    return Likelihood(tuple(found))
+    simulated = defaultdict(float) if simulated is None else simulated
+    simulated["noise"] += NOISE_RUNS * duration(problem) * (1 + len(views))  # written, then simulated in each view
+    return Likelihood(tuple(found), simulated)
 
 
 def moved_a_little(problem: Problem, values: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ matrix of the directions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,6 +93,7 @@ def linearise(
     nominal: tuple[Parameter, ...],
     effects: Sequence[Effect],
     jacobian: np.ndarray | None = None,
+    base: np.ndarray | None = None,
 ) -> Linearisation:
     """All directions at a robot.
 
@@ -103,24 +104,36 @@ def linearise(
         nominal: nominal parameters.
         effects: effects to try.
         jacobian: (nominal, samples) known derivatives by the nominal parameters; simulated if None.
+        base: (samples,) known residual of the robot; simulated if None.
     """
     here = apply(values, nominal, x)
-    base = likelihood.residual(here[None])[0]
+    residual: np.ndarray = likelihood.residual(here[None])[0] if base is None else base
     if jacobian is None:
-        jacobian = nominal_jacobian(likelihood, values, nominal, x, base)
-    found, at, directions = [], 0, [np.zeros((0, len(base)), dtype=np.float32)]
+        jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
+    found, at, directions = [], 0, [np.zeros((0, len(residual)), dtype=np.float32)]
     for effect in effects:
         for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
             found.append(probe)
-            directions.append((likelihood.residual(robots) - base).astype(np.float32))
+            directions.append((likelihood.residual(robots) - residual).astype(np.float32))
             at += len(robots)
-    return Linearisation(nominal, x, base, jacobian, np.concatenate(directions), tuple(found))
+    return Linearisation(nominal, x, residual, jacobian, np.concatenate(directions), tuple(found))
+
+
+def renewed(old: Linearisation, new: Linearisation, without: Collection[str]) -> Linearisation:
+    """A linearisation with the directions of an older one for effects that it lacks, but for those in `without`."""
+    known = {p.effect for p in new.probes}.union(without)
+    at, probes, rows = len(new.directions), list(new.probes), []
+    for probe in (p for p in old.probes if p.effect not in known):
+        probes.append(replace(probe, rows=np.arange(at, at := at + len(probe.rows))))
+        rows.append(probe.rows)
+    directions = [new.directions, *(old.directions[some] for some in rows)]
+    return replace(new, directions=np.concatenate(directions), probes=tuple(probes))
 
 
 def nominal_jacobian(
     likelihood: Likelihood, values: np.ndarray, nominal: tuple[Parameter, ...], x: np.ndarray, base: np.ndarray
 ) -> np.ndarray:
-    """Derivatives (nominal, samples) of the residual by the nominal parameters.
+    """Derivatives (nominal, samples), float32, of the residual by the nominal parameters.
 
     Args:
         likelihood: views of the case.
@@ -133,7 +146,7 @@ def nominal_jacobian(
         return np.zeros((0, len(base)))
     steps = STEP * np.array([p.scale for p in nominal])
     rows = np.array([apply(values, nominal, x + step) for step in np.diag(steps)])
-    return (likelihood.residual(rows) - base) / steps[:, None]
+    return likelihood.derivatives(rows, base, steps)
 
 
 def probes(problem: Problem, effect: Effect, here: np.ndarray, at: int) -> list[tuple[Probe, np.ndarray]]:

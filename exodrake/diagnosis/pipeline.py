@@ -91,12 +91,15 @@ def isolated(
     short = whole.shortened(share)
     certain = sum(d.certain for d in whole.detected)
     if certain:
-        start, again = retune(short)
+        start, again = retune(short, start)
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
     if share < affordable(problem) and found.left and overlooks(whole, found.left[0]):
-        return isolated(problem, progress, 1.0)
+        whole, again = isolated(problem, progress, 1.0)
+        for stage, time_before in found.likelihood.simulated.items():
+            again.likelihood.simulated[stage] += time_before
+        return whole, again
     return whole, found
 
 

@@ -6,9 +6,10 @@ with the start and corrected along each step (Broyden 1965); the few columns of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, WeakSet
 
 import numpy as np
 
@@ -81,8 +82,19 @@ class Explanation:
 
     def at(self, likelihood: Likelihood, x: np.ndarray) -> Explanation:
         """The explanation at other coordinates x (parameters,)."""
-        residual = likelihood.residual(apply(self.values, self.parameters, x)[None])[0]
-        return replace(self, x=x, residual=residual)
+        return self.at_each(likelihood, [x])[0]
+
+    def at_each(self, likelihood: Likelihood, points: Sequence[np.ndarray]) -> list[Explanation]:
+        """The explanation at several coordinates x (parameters,), simulated at once."""
+        residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
+        return [replace(self, x=x, residual=residual) for x, residual in zip(points, residuals, strict=True)]
+
+    def with_jacobian(self, jacobian: np.ndarray) -> Explanation:
+        """The explanation with another nominal Jacobian; what was simulated at its coordinates is kept."""
+        found = replace(self, jacobian=jacobian)
+        if self in COLUMNS:
+            COLUMNS[found] = COLUMNS[self]
+        return found
 
 
 def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float) -> Explanation:
@@ -90,22 +102,26 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
     found, damping = start, DAMPING
     for _ in range(steps):
         columns, before = whole_jacobian(likelihood, found), found.cost(likelihood)
+        slope, curvature = slope_and_curvature(likelihood, found, columns)
         for _ in range(TRIES):
-            trial, expected = stepped(likelihood, found, columns, damping)
-            found = corrected(found, trial, expected)
+            trial = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)))
+            found = corrected(found, trial, found.residual + (trial.x - found.x) @ columns)
             if trial.cost(likelihood) < before:
                 break
             damping = max(LARGER * damping, 1e-3)
         else:
+            SETTLED.add(found)
             return found
-        found = replace(trial, jacobian=found.jacobian)
-        damping = max(SMALLER * damping, DAMPING)
+        found, damping = trial.with_jacobian(found.jacobian), max(SMALLER * damping, DAMPING)
         if found.cost(likelihood) > (1.0 - tol) * before:
+            SETTLED.add(found)
+            COLUMNS[found] = columns[found.nominal :]
             break
     return found
 
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
+SETTLED: WeakSet[Explanation] = WeakSet()  # explanations from which a fit gained next to nothing
 
 
 def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
@@ -119,7 +135,7 @@ def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
     """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
     count = here.nominal
     if count == len(here.parameters):
-        return np.zeros((0, len(here.residual)))
+        return np.zeros((0, len(here.residual)), dtype=np.float32)
     steps, rows = [], []
     for i, p in enumerate(here.parameters[count:], start=count):
         step = STEP * p.scale
@@ -128,20 +144,23 @@ def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
         moved[i] += step
         steps.append(step)
         rows.append(apply(here.values, here.parameters, moved))
-    return (likelihood.residual(np.array(rows)) - here.residual) / np.array(steps)[:, None]
+    return likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
 
 
-def stepped(
-    likelihood: Likelihood, here: Explanation, columns: np.ndarray, damping: float
-) -> tuple[Explanation, np.ndarray]:
-    """The explanation after one damped Gauss-Newton step, and the residual that the Jacobian expects there."""
-    weighted, precision = columns * likelihood.weights, 1.0 / here.prior_std**2
-    normal = weighted @ weighted.T + np.diag(precision)
+def slope_and_curvature(
+    likelihood: Likelihood, here: Explanation, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
+    weighted, precision = columns.astype(float) * likelihood.weights, 1.0 / here.prior_std**2
     slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
+    return slope, weighted @ weighted.T + np.diag(precision)
+
+
+def stepped(likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray) -> Explanation:
+    """The explanation after one step within its bounds."""
     low, high = here.bounds - here.x
-    move, _ = bounded(normal + damping * np.diag(np.diag(normal)), slope, low, high)
-    x = np.clip(here.x + move, low + here.x, high + here.x)
-    return here.at(likelihood, x), here.residual + (x - here.x) @ columns
+    move, _ = bounded(curvature, slope, low, high)
+    return here.at(likelihood, np.clip(here.x + move, low + here.x, high + here.x))
 
 
 def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> Explanation:
@@ -152,7 +171,8 @@ def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> Ex
     size = float(weight @ move)
     if size < 1e-6:
         return here
-    return replace(here, jacobian=here.jacobian + np.outer(weight / size, trial.residual - expected))
+    change = np.outer(weight / size, trial.residual - expected).astype(np.float32)
+    return here.with_jacobian(here.jacobian + change)
 
 
 def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import replace
 
 import numpy as np
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import linearise
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 
-RETUNE_ROUNDS = 3  # linearisations
+RETUNE_ROUNDS = 3  # nominal Jacobians at most; the isolation begins with one more
+WORTH = 0.1  # mean logarithm of chi-squares that is left and that one must gain for the next one: assumed
 STEPS, TOL = 4, 1e-3  # of the fit after each
 
 
-def retune(problem: Problem) -> tuple[Explanation, defaultdict[str, float]]:
-    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated time."""
+def retune(problem: Problem, known: Explanation | None = None) -> tuple[Explanation, defaultdict[str, float]]:
+    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated time.
+
+    known: the same before something was detected, where the fit begins; the nominal robot if None.
+    """
     nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
-    found = Explanation((), nominal, np.zeros(len(nominal)), values, np.zeros(0), np.zeros((0, 0)))
+    x = np.zeros(len(nominal)) if known is None else known.x
+    found = Explanation((), nominal, x, values, np.zeros(0), np.zeros((0, 0))).at(likelihood, x)
     for _ in range(RETUNE_ROUNDS):
-        lin = linearise(likelihood, values, found.x, nominal, ())
-        likelihood = likelihood.scaled_to(lin.residual)
-        found = minimise(likelihood, replace(found, residual=lin.residual, jacobian=lin.jacobian), STEPS, TOL)
+        before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
+        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
+        found = minimise(likelihood, found.with_jacobian(jacobian), STEPS, TOL)
+        left = likelihood.mean_log(found.residual)
+        if min(left, before - left) < WORTH:
+            break
     return found, likelihood.simulated

@@ -147,8 +147,8 @@ def named_by_change(found: Isolation, decision: Decision, since: Since | None) -
 
 def whole(problem: Problem, found: Isolation, e: Explanation) -> Tests:
     """Tests of one explanation on all frames of the logs."""
-    likelihood = likelihood_of(problem, e.robot)
-    likelihood.simulated, likelihood.stage = found.likelihood.simulated, "since"
+    likelihood = likelihood_of(problem, e.robot, found.likelihood.simulated)
+    likelihood.stage = "since"
     samples = likelihood.samples
     lin = Linearisation((), np.zeros(0), np.zeros(samples), np.zeros((0, samples)), np.zeros((0, samples)), ())
     return Tests(likelihood, lin, np.zeros(samples))

@@ -28,11 +28,10 @@ class Whitening:
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
         """Whitened residuals [-] of residuals (..., frames, columns)."""
-        from scipy.signal import lfilter
-
-        out = np.empty_like(residuals)
-        for j, (a, std) in enumerate(zip(self.coefficients, self.noise_std, strict=True)):
-            out[..., j] = lfilter(a / std, [1.0], residuals[..., j], axis=-1)
+        taps = (self.coefficients / self.noise_std[:, None]).T
+        out = taps[0] * residuals
+        for lag, tap in enumerate(taps[1 : residuals.shape[-2]], start=1):
+            out[..., lag:, :] += tap * residuals[..., :-lag, :]
         return out
 
 

@@ -123,7 +123,7 @@ def decoded(drive: Drive, log: Record, noise: float, frame: float) -> PacketLoss
         for k, cell in enumerate((shown & ~after_loss, shown & after_loss)):
             events[k], gone[k] = events[k] + cell.sum(), gone[k] + (cell & missed).sum()
         before, after_loss = np.where(missed, before, command), missed
-    explained = path_errors(drive, log, moved, lost)
+    explained = path_errors(drive, log, moved, lost) if lost.any() else errors
     squared = [float(np.sum((e / spread)[around] ** 2 - 1.0)) for e in (errors, explained)]
     return PacketLoss(1.0 - lost, events, gone, np.array(squared))
 
