@@ -188,12 +188,7 @@ def answer(
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=(
-            *case.notes,
-            *suspicions(case, problem.robot),
-            *notes_on_length(problem, best),
-            *calibration_notes(problem.robot.machine),
-        ),
+        notes=notes_of(problem, best),
         run_time=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
@@ -204,6 +199,13 @@ def answer(
         provenance=provenance_of(problem),
         problem=problem,
     )
+
+
+def notes_of(problem: Problem, best: Tested) -> tuple[str, ...]:
+    """What the answer says beside its verdict: of the logs, of the part that was used, of the calibration."""
+    case, machine = problem.case, problem.robot.machine
+    found = suspicions(case, problem.robot)
+    return (*case.notes, *found, *notes_on_length(problem, best), *calibration_notes(machine))
 
 
 def judged(problem: Problem, found: Isolation, best: Tested, rows: np.ndarray) -> list[np.ndarray]:
