@@ -22,10 +22,11 @@ from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rival import Rival
-from exodrake.experiment import design as search
+from exodrake.experiment import design as search, information as inside
 from exodrake.experiment.contest import Laws, contest_of
-from exodrake.experiment.design import design, frames_of
+from exodrake.experiment.design import design
 from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
+from exodrake.experiment.length import frames_of
 from exodrake.experiment.motif import random_motif
 from exodrake.experiment.safety import safety_of
 from exodrake.experiment.stage import limited, stage_of
@@ -103,9 +104,9 @@ def test_what_a_law_is_granted_rejects_it_where_less_than_a_share_would():
     assert planted(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
 
 
-def test_a_motion_that_no_linearisation_describes_distinguishes_nothing():
-    """What plausible changes of the parameters miss it by counts as a true law's excess does: (100 + 100) 0.6 / 0.4."""
-    assert planted(64.0, 9000.0, 0.1, 0.15, bent=100.0).required(0, 1) == pytest.approx(300.0)
+def test_what_no_linearisation_describes_counts_as_left_by_a_true_law():
+    """The truth leaves 0.1^2 of 9000 and 100 more, and must take up a share of 0.6: T* = 190 * 0.6 / 0.4."""
+    assert planted(64.0, 9000.0, 0.1, 1.0, bent=100.0).required(0, 1) == pytest.approx(285.0)
 
 
 def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
@@ -113,6 +114,35 @@ def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
     found = planted(64.0, 9000.0, 0.1, 0.4, ((False, True), (False, False)))
     assert found.required(0, 1) == pytest.approx(1350.0)
     assert found.power(0, 1) == found.power(1, 0) and found.closest == (0, 1)
+
+
+def test_frames_that_no_linearisation_describes_count_little(contest, problem, monkeypatch):
+    """Where drawn robots miss the linearisation by 10 standard deviations of noise, weights are 1 / 201."""
+    reference = problem.fit[0].reference
+    half = len(reference) // 2 * len(problem.columns)
+
+    def planted_miss(missed):
+        monkeypatch.setattr(inside, "nonlinearity", lambda *args: np.tile(missed, (2, 1)))
+        found = information(contest, reference)
+        assert found is not None
+        return found.pairs[0, 1].square
+
+    none = np.zeros(len(reference) * len(problem.columns))
+    first, all_of_it = none.copy(), none + 100.0
+    first[:half] = 100.0
+    whole = planted_miss(none)
+    assert planted_miss(all_of_it) == pytest.approx(whole / 201.0)
+    assert whole / 201.0 < planted_miss(first) < whole
+
+
+def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(contest):
+    """1000 standard deviations of noise in 3 of 1000 frames tell 0.003 log(1 + 1e6) = 0.04, one in all log 2."""
+    runs = np.zeros((2, 1000, contest.records(Reference(contest.problem.fit[0].reference[:2])).shape[2]))
+    snap, steady, at = runs.copy(), runs.copy(), contest.problem.signal_indices
+    snap[1, 500:503, at] = 1000.0 * contest.problem.noise_std[:, None]
+    steady[1][:, at] = contest.problem.noise_std
+    assert contest.difference(snap) == pytest.approx(0.003 * np.log(1.0 + 1e6))
+    assert contest.difference(steady) == pytest.approx(np.log(2.0))
 
 
 def test_equal_explanations_leave_nothing(problem):

@@ -86,9 +86,12 @@ class Contest:
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
 
     def difference(self, records: np.ndarray) -> float:
-        """Mean square difference [noise_std^2] of the two runs of `records` that differ least in the logged columns."""
+        """How far the two runs of `records` that differ least do so in the logged columns, at a first look.
+
+        The mean over frames of log(1 + d), d the mean square difference [noise_std^2]: a snap is a few frames.
+        """
         logs = records[:, :, self.problem.signal_indices] / self.problem.noise_std
-        return min(float(np.mean((a - b) ** 2)) for a, b in combinations(logs, 2))
+        return min(float(np.mean(np.log1p(np.mean((a - b) ** 2, axis=1)))) for a, b in combinations(logs, 2))
 
 
 def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:

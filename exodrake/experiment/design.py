@@ -2,8 +2,9 @@
 
     library: random motifs, and windows of the machine's own experiments or of the case's motion
     sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
-        once of many short motifs, once of a few long ones, of which the better is kept
-    check: the whole motion on every explanation; smaller until it is safe
+        once of many short motifs, once of a few long ones
+    random: motions of the whole length, since one that is not searched for may tell more
+    check: the whole motion on every explanation; smaller until it is safe. The one that tells most is kept
 
 All chance is seeded.
 """
@@ -17,19 +18,18 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
-from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.experiment.contest import Contest
 from exodrake.experiment.information import Information, information, reduced
+from exodrake.experiment.length import default_duration, frames_of
 from exodrake.experiment.motif import Motif, Window, random_motif
 from exodrake.experiment.safety import Safety, safety_of
-from exodrake.experiment.stage import Stage, check_limits, stage_of
+from exodrake.experiment.stage import Stage, stage_of
 from exodrake.simulation.references import protocol
 
-SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 30.0  # s of an experiment
-FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
 RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
+WHOLE = 8  # random motions that the sequences are held against: assumed
 LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
@@ -108,10 +108,13 @@ class Designer:
         """Frames of a piece."""
         return self.whole // self.pieces
 
+    def shares_of(self, reference: Reference) -> np.ndarray:
+        """A known motion in shares (frames, channels) of the span."""
+        return (reference.tension[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
+
     def cut(self, reference: Reference) -> list[Window]:
         """A known motion in windows of a piece's length."""
-        width = len(self.stage.low)
-        shares = (reference.tension[:, :width] - self.stage.low) / (self.stage.high - self.stage.low)
+        shares = self.shares_of(reference)
         starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
         return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
 
@@ -172,48 +175,34 @@ class Designer:
         return chosen
 
     def designed(self) -> Design:
-        """The experiment: the best of sequences of short and of long pieces."""
-        found, rest = [], self.stage.rest
+        """The experiment: the best of sequences of short and of long pieces, and of random motions."""
+        found = [design for shares in self.random() if (design := self.checked(shares))]
         for self.pieces in PIECES:
             chosen = self.improved(self.sequence(self.library()))
-            found.append(self.checked(np.concatenate([piece.course for piece in chosen]), rest))
-            self.follow(found[-1].information)
-        best = max(found, key=lambda d: d.information.criterion)
-        return replace(best, tried=self.tried)
+            if design := self.checked(np.concatenate([piece.course for piece in chosen])):
+                found.append(design)
+                self.follow(design.information)
+        if not found:
+            raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
+        return replace(max(found, key=lambda d: d.information.criterion), tried=self.tried)
 
-    def checked(self, shares: np.ndarray, rest: np.ndarray) -> Design:
-        """The experiment of shares (frames, channels), made smaller until it is safe as a whole."""
-        size, said = 1.0, []
+    def random(self) -> list[np.ndarray]:
+        """Random motions of the whole length, led from and to rest, in shares (frames, channels) of the span."""
+        length, robot = self.whole * self.stage.frame, self.contest.problem.robot
+        texts = [f"random-motion:seed={k},duration={length:g}" for k in self.rng.integers(2**31, size=WHOLE)]
+        return [Window(self.shares_of(protocol(t, robot))).shares(self.whole, self.stage.rest) for t in texts]
+
+    def checked(self, shares: np.ndarray) -> Design | None:
+        """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or None."""
+        self.tried += 1
+        size, rest = 1.0, self.stage.rest
         for _ in range(2 * SHRINKS):
             reference = self.stage.reference(rest + size * (shares - rest))
-            said = self.violations(reference)
-            found = None if said else information(self.contest, reference.tension)
+            found = None if self.violations(reference) else information(self.contest, reference.tension)
             if found is not None:
                 return Design(reference, found, size, self.safety, self.tried)
             size *= SMALLER
-        raise InputError(
-            f"{self.contest.problem.case.name}: no experiment is safe: {said[0] if said else 'it diverges'}"
-        )
-
-
-def check_length(robot: Robot, duration: float | None) -> None:
-    """InputError for a length [s] out of range, and for a machine whose references have no limits."""
-    check_limits(robot)
-    if duration is not None:
-        frames_of(duration, robot.machine.frame)
-
-
-def frames_of(duration: float, frame: float) -> int:
-    """Frames of an experiment; InputError for a length out of range."""
-    low, high = max(SHORTEST, FEWEST * frame), max(LONGEST, MOST * frame)
-    if not low <= duration <= high:
-        raise InputError(f"--duration {duration:g}: wanted {low:g} to {high:g} s for this machine")
-    return round(duration / frame)
-
-
-def default_duration(frame: float) -> float:
-    """Default length [s] of an experiment."""
-    return max(DEFAULT, 2.0 * FEWEST * frame)
+        return None
 
 
 def known_motions(contest: Contest) -> list[Reference]:

@@ -5,9 +5,14 @@ If i is true and j is fitted to the new log and to what is known already, j leav
     T_ij = min_z  (d - J z)' W (d - J z) + z'z  =  d'Wd - d'WJ (1 + J'WJ)^-1 J'Wd
 
 d: whitened difference of their logs. J: derivatives of j's log by its parameters in units of what the present logs
-leave uncertain (`Contest.spreads`). W: one over the variance of a sample,
+leave uncertain (`Contest.spreads`). W: one over the variance of a sample, of noise and of both predictions as far as no
+refit follows them (variances of predictions in a design: Buzzi-Ferraris & Forzatti 1983),
 
-    1 / w = n                             n: frames that count as one
+    1 / w = n (1 + m_i^2 + m_j^2)         n: frames that count as one
+
+m_i: what plausible robots, drawn from what the present logs leave uncertain of i, miss its linearisation by, the mean of
+all columns about that time. Where a finger snaps over or a carriage sticks the least difference of two robots moves a
+jump in time: T does not hold there, and such frames count little.
 
 d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap. What the law of i is wrong by, and so
 what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, with a_i as in the present logs.
@@ -15,13 +20,12 @@ what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, w
 A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
 i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
+    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, (E_i + B_i) q / (1 - q)))
 
-z: chance. T is that of a linear refit, which a snap or a stop makes worthless: there, small changes of parameters move
-a jump in time. So T must exceed q / (1 - q) times B_i + B_j, too, what a change by as much as the present logs leave
-uncertain misses the linearisation by. The probability of that is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and
-more as E_i and C_j differ in a new motion. A richer law j of a true i leaves as little as i does and is dropped as
-needless where it takes up nothing: as probable as the reverse.
+z: chance, and a true law leaves B_i more, what these robots miss the linearisation by in all. The probability that T
+exceeds T* is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in a new motion. A richer
+law j of a true i leaves as little as i does and is dropped as needless where it takes up nothing: as probable as the
+reverse.
 """
 
 from __future__ import annotations
@@ -39,7 +43,7 @@ from exodrake.experiment.contest import Contest, Laws, contributed, effective
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
-DRAWS = 2  # of changes of the parameters: assumed
+DRAWS, UPPER = 8, 0.9  # robots drawn from what the logs leave uncertain, and the quantile of theirs: assumed
 DIRECTIONS, WEAK = 16, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
@@ -102,9 +106,8 @@ class Information:
         laws = self.laws
         excess = float(laws.error[true] ** 2 * self.contributed[true])
         granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
-        beaten = np.inf if laws.richer[true, rival] else excess * laws.share / (1.0 - laws.share)
-        bent = float(self.bent[true] + self.bent[rival]) * laws.share / (1.0 - laws.share)
-        return max(min(beaten, granted - excess), bent)
+        more = np.inf if laws.richer[true, rival] else laws.share / (1.0 - laws.share)
+        return max(min((excess + float(self.bent[true])) * more, granted - excess), 0.0)
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
@@ -171,12 +174,14 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
         for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
     ]
     each = zip(contest.explanations, contest.spreads, rows, columns, strict=True)
-    bent = np.array([nonlinearity(likelihood, *one) for one in each])
-    if not all(np.isfinite(part).all() for part in (rows, bent, *errors, *columns)):
+    missed = [nonlinearity(likelihood, *one) for one in each]
+    if not all(np.isfinite(part).all() for part in (rows, *missed, *errors, *columns)):
         return None
     frames, pairs = effective(contest.likelihood), {}
-    weights = np.full(rows.shape[1], 1.0 / frames)
+    bent = np.array([float(np.quantile(np.sum(part, axis=1), UPPER)) for part in missed])
+    variance = [about(likelihood, np.mean(part, axis=0), round(frames)) for part in missed]
     for i, j in permutations(range(len(rows)), 2):
+        weights = 1.0 / (frames * (1.0 + variance[i] + variance[j]))
         pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
     laws = contest.laws
     return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, bent / frames, laws)
@@ -196,14 +201,22 @@ def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, resi
 
 def nonlinearity(
     likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
-) -> float:
-    """Mean sum of squares that drawn changes of the parameters along `spread` miss the linearisation by."""
+) -> np.ndarray:
+    """Squares (draws, samples) of what drawn changes of the parameters along `spread` miss the linearisation by."""
     draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
     moved = np.clip(e.x + draws @ spread.T, *e.bounds)
     along = np.linalg.lstsq(spread, (moved - e.x).T, rcond=None)[0].T
     rows = np.array([apply(e.values, e.parameters, x) for x in moved])
-    missed = likelihood.residual(rows) - residual - along @ columns
-    return float(np.mean(np.sum(missed**2, axis=1)))
+    return (likelihood.residual(rows) - residual - along @ columns) ** 2
+
+
+def about(likelihood: Likelihood, squares: np.ndarray, frames: int) -> np.ndarray:
+    """Means (samples,) of squares (samples,) over all columns and as many frames about each."""
+    from scipy.ndimage import uniform_filter1d
+
+    columns = len(likelihood.views[0].problem.columns)
+    course = uniform_filter1d(squares.reshape(-1, columns).mean(axis=1), max(frames, 1), mode="nearest")
+    return np.repeat(course, columns)
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:
