@@ -10,7 +10,7 @@ refit follows them (variances of predictions in a design: Buzzi-Ferraris & Forza
 
     1 / w = n (1 + m_i^2 + m_j^2)         n: frames that count as one
 
-m_i: what plausible robots, drawn from what the present logs leave uncertain of i, miss its linearisation by, the mean of
+m_i: what plausible robots, drawn from what the present logs leave uncertain of i, miss its linearisation by, mean of
 all columns about that time. Where a finger snaps over or a carriage sticks the least difference of two robots moves a
 jump in time: T does not hold there, and such frames count little.
 
