@@ -18,16 +18,18 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.isolate import Isolator
+from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rival import Rival
-from exodrake.experiment import design as search, information as inside
+from exodrake.experiment import design as search, terms as inside
 from exodrake.experiment.contest import Laws, contest_of
 from exodrake.experiment.design import design
 from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
 from exodrake.experiment.length import frames_of
 from exodrake.experiment.motif import random_motif
+from exodrake.experiment.refit import refitted
 from exodrake.experiment.safety import safety_of
 from exodrake.experiment.stage import limited, stage_of
 from exodrake.simulation.references import from_log
@@ -133,6 +135,23 @@ def test_frames_that_no_linearisation_describes_count_little(contest, problem, m
     whole = planted_miss(none)
     assert planted_miss(all_of_it) == pytest.approx(whole / 201.0)
     assert whole / 201.0 < planted_miss(first) < whole
+
+
+def test_a_refit_carried_to_its_end_leaves_what_its_robot_leaves(problem):
+    """The same law with a coefficient of 300 instead of 150: T by a run of the robot that the refit ends with."""
+    twice = Rival(VISCOUS.effects, {"carriage.viscous_friction.coefficient": 300.0})
+    contest = contest_of(problem, [VISCOUS, twice])
+    reference = problem.fit[0].reference
+    linear, terms = information(contest, reference), inside.terms_of(contest, reference)
+    assert linear is not None and terms is not None
+    found = refitted(contest, reference, linear)
+    left, z = found.left[0, 1], found.refit(0, 1)
+    e = contest.explanations[1]
+    robot = apply(e.values, e.parameters, np.clip(e.x + contest.spreads[1] @ z, *e.bounds))
+    misfit = terms.likelihood.residual(robot[None])[0] - terms.rows[0]
+    assert left <= linear.left[0, 1]
+    if left < linear.left[0, 1]:
+        assert terms.weights(0, 1) @ misfit**2 + z @ z == pytest.approx(left)
 
 
 def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(contest):

@@ -4,7 +4,8 @@
     sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
         once of many short motifs, once of a few long ones
     random: motions of the whole length, since one that is not searched for may tell more
-    check: the whole motion on every explanation; smaller until it is safe. The one that tells most is kept
+    check: the whole motion on every explanation; smaller until it is safe
+    refit: carried to its end on those that tell most; the one that then tells most is kept
 
 All chance is seeded.
 """
@@ -23,6 +24,7 @@ from exodrake.experiment.contest import Contest
 from exodrake.experiment.information import Information, information, reduced
 from exodrake.experiment.length import default_duration, frames_of
 from exodrake.experiment.motif import Motif, Window, random_motif
+from exodrake.experiment.refit import refitted
 from exodrake.experiment.safety import Safety, safety_of
 from exodrake.experiment.stage import Stage, stage_of
 from exodrake.simulation.references import protocol
@@ -30,6 +32,7 @@ from exodrake.simulation.references import protocol
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
 RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
 WHOLE = 8  # random motions that the sequences are held against: assumed
+FINAL = 4  # motions for two rivals on which refits are carried to their end: assumed
 LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
@@ -184,7 +187,13 @@ class Designer:
                 self.follow(design.information)
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
-        return replace(max(found, key=lambda d: d.information.criterion), tried=self.tried)
+        found.sort(key=lambda d: d.information.criterion, reverse=True)
+        last = [self.refitted(design) for design in found[: max(round(FINAL * self.fewer), 2)]]
+        return replace(max(last, key=lambda d: d.information.criterion), tried=self.tried)
+
+    def refitted(self, design: Design) -> Design:
+        """An experiment with the refits of all rivals carried to their end."""
+        return replace(design, information=refitted(self.contest, design.reference.tension, design.information))
 
     def random(self) -> list[np.ndarray]:
         """Random motions of the whole length, led from and to rest, in shares (frames, channels) of the span."""

@@ -14,7 +14,7 @@ from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply
 from exodrake.experiment.contest import Contest
 from exodrake.experiment.design import Design
-from exodrake.experiment.information import trial_of
+from exodrake.experiment.terms import trial_of
 
 DRAWN = 3  # kinds of columns
 ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
@@ -40,8 +40,8 @@ class Difference:
 def difference_of(contest: Contest, design: Design) -> Difference:
     """The difference of the closest two explanations on an experiment."""
     problem, (true, rival) = contest.problem, design.information.closest
-    e, pair = contest.explanations[rival], design.information.pairs[true, rival]
-    moved = np.clip(e.x + contest.spreads[rival] @ pair.refit, *e.bounds)
+    e, z = contest.explanations[rival], design.information.refit(true, rival)
+    moved = np.clip(e.x + contest.spreads[rival] @ z, *e.bounds)
     trial = trial_of(contest, design.reference.tension)
     rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
     logs, machine = problem.predict(rows, trial), problem.robot.machine

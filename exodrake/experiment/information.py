@@ -30,20 +30,17 @@ reverse.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 
 import numpy as np
 
-from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.parameter import STEP, apply
-from exodrake.diagnosis.problem import Trial
-from exodrake.diagnosis.refine import Explanation
 from exodrake.experiment.contest import Contest, Laws, contributed, effective
+from exodrake.experiment.terms import terms_of
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
-DRAWS, UPPER = 8, 0.9  # robots drawn from what the logs leave uncertain, and the quantile of theirs: assumed
+UPPER = 0.9  # quantile of what drawn robots show: assumed
 DIRECTIONS, WEAK = 16, 0.02  # kept in a search at most, and the least sum of squares of one on a pilot: assumed
 
 
@@ -84,22 +81,28 @@ class Information:
         contributed: (explanations,) C, what the effects of each contribute in the present logs and these.
         bent: (explanations,) B, what plausible changes of the parameters of each miss the linearisation by in these.
         laws: what the present logs tell of the laws.
+        ended: (true, rival) -> T and changes (parameters,) of a refit that was carried to its end (`refit`).
     """
 
     pairs: dict[tuple[int, int], Pair]
     contributed: np.ndarray
     bent: np.ndarray
     laws: Laws
+    ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
 
     def __add__(self, other: Information) -> Information:
         pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
         contributed = self.contributed + other.contributed - self.laws.contributed
-        return replace(self, pairs=pairs, contributed=contributed, bent=self.bent + other.bent)
+        return Information(pairs, contributed, self.bent + other.bent, self.laws)
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
         """(true, rival) -> T."""
-        return {key: pair.left for key, pair in self.pairs.items()}
+        return {key: self.ended[key][0] if key in self.ended else pair.left for key, pair in self.pairs.items()}
+
+    def refit(self, true: int, rival: int) -> np.ndarray:
+        """Changes (parameters,) of a refitted rival, in units of what the present logs leave uncertain."""
+        return self.ended[true, rival][1] if (true, rival) in self.ended else self.pairs[true, rival].refit
 
     def required(self, true: int, rival: int) -> float:
         """T* without the part of chance; not below 0."""
@@ -114,7 +117,7 @@ class Information:
         if self.laws.richer[rival, true]:
             true, rival = rival, true
         required = np.sqrt(self.required(true, rival))
-        distance = np.sqrt(self.pairs[true, rival].left) - max(CHANCE, required)
+        distance = np.sqrt(self.left[true, rival]) - max(CHANCE, required)
         return float(distance / np.hypot(1.0, UNSURE * required))
 
     @property
@@ -147,76 +150,24 @@ class Information:
         return min(self.power(*key) for key in self.pairs if key[0] == true)
 
 
-def trial_of(contest: Contest, reference: np.ndarray) -> Trial:
-    """A log (frames, columns) that the first explanation would leave on a reference (frames, references) [SI]."""
-    problem = contest.problem
-    empty = Trial("experiment", "fit", reference, np.zeros((len(reference), len(problem.columns))))
-    return replace(empty, measured=problem.predict(contest.robots[:1], empty)[0])
-
-
-def likelihood_on(contest: Contest, reference: np.ndarray) -> Likelihood:
-    """The likelihood of that log, whitened as the logs of the case are."""
-    (view,) = contest.likelihood.views
-    problem = replace(contest.problem, fit=(trial_of(contest, reference),))
-    return Likelihood((replace(view, problem=problem, noise=()),))
-
-
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
-    likelihood = likelihood_on(contest, reference)
-    rows = likelihood.residual(contest.robots)
+    terms = terms_of(contest, reference)
+    if terms is None:
+        return None
+    rows, frames, laws = terms.rows, effective(terms.likelihood), contest.laws
     errors = [
-        sum(float(np.sum(part**2)) for part in contributed(likelihood, e, row).values())
+        sum(float(np.sum(part**2)) for part in contributed(terms.likelihood, e, row).values())
         for e, row in zip(contest.explanations, rows, strict=True)
     ]
-    columns = [
-        derivatives(likelihood, e, spread, row)
-        for e, row, spread in zip(contest.explanations, rows, contest.spreads, strict=True)
-    ]
-    each = zip(contest.explanations, contest.spreads, rows, columns, strict=True)
-    missed = [nonlinearity(likelihood, *one) for one in each]
-    if not all(np.isfinite(part).all() for part in (rows, *missed, *errors, *columns)):
+    if not np.isfinite(errors).all():
         return None
-    frames, pairs = effective(contest.likelihood), {}
-    bent = np.array([float(np.quantile(np.sum(part, axis=1), UPPER)) for part in missed])
-    variance = [about(likelihood, np.mean(part, axis=0), round(frames)) for part in missed]
-    for i, j in permutations(range(len(rows)), 2):
-        weights = 1.0 / (frames * (1.0 + variance[i] + variance[j]))
-        pairs[i, j] = pair_of(rows[j] - rows[i], -columns[j], weights)
-    laws = contest.laws
+    bent = np.array([float(np.quantile(np.sum(part, axis=1), UPPER)) for part in terms.missed])
+    pairs = {
+        (i, j): pair_of(rows[j] - rows[i], -terms.columns[j], terms.weights(i, j))
+        for i, j in permutations(range(len(rows)), 2)
+    }
     return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, bent / frames, laws)
-
-
-def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
-    scale = np.array([p.scale for p in e.parameters])[:, None]
-    steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
-    low, high = e.bounds
-    moved = e.x + (spread * steps).T
-    outside = ((moved < low) | (moved > high)).any(axis=1)
-    steps = np.where(outside, -steps, steps)
-    rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
-    return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
-
-
-def nonlinearity(
-    likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
-) -> np.ndarray:
-    """Squares (draws, samples) of what drawn changes of the parameters along `spread` miss the linearisation by."""
-    draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
-    moved = np.clip(e.x + draws @ spread.T, *e.bounds)
-    along = np.linalg.lstsq(spread, (moved - e.x).T, rcond=None)[0].T
-    rows = np.array([apply(e.values, e.parameters, x) for x in moved])
-    return (likelihood.residual(rows) - residual - along @ columns) ** 2
-
-
-def about(likelihood: Likelihood, squares: np.ndarray, frames: int) -> np.ndarray:
-    """Means (samples,) of squares (samples,) over all columns and as many frames about each."""
-    from scipy.ndimage import uniform_filter1d
-
-    columns = len(likelihood.views[0].problem.columns)
-    course = uniform_filter1d(squares.reshape(-1, columns).mean(axis=1), max(frames, 1), mode="nearest")
-    return np.repeat(course, columns)
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:
