@@ -33,6 +33,7 @@ from exodrake.experiment.refit import refitted
 from exodrake.experiment.safety import safety_of
 from exodrake.experiment.stage import limited, stage_of
 from exodrake.simulation.references import from_log
+from studies.experiment_page import page
 
 VISCOUS = Rival(("carriage.viscous_friction",), {"carriage.viscous_friction.coefficient": 150.0})
 COULOMB = Rival(("carriage.coulomb_friction",), {"carriage.coulomb_friction.force": 15.0})
@@ -162,6 +163,18 @@ def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(co
     steady[1][:, at] = contest.problem.noise_std
     assert contest.difference(snap) == pytest.approx(0.003 * np.log(1.0 + 1e6))
     assert contest.difference(steady) == pytest.approx(np.log(2.0))
+
+
+def test_page_counts_each_motion_where_it_ran():
+    """Of two cases with the truth `a`: both resolved by a random motion, and one designed motion that left `b`."""
+    right, wrong = ({"verdict": "NAMED", "class": [name], "taken": {"b": 0.9}} for name in "ab")
+    before = {"verdict": "AMBIGUOUS", "class": ["a", "b"]}
+    row = {"truth": ["a"], "before": before, "promised": {}, "after": {"random": right}}
+    other = row | {"promised": {"designed": [0.5, 20.0]}, "after": {"random": right, "designed": wrong}}
+    text = page({"s/one": row, "s/two": other}, "command")
+    assert "| designed | 0 of 1 (0% to 79%) | 0 of 1 (0% to 79%) | 1 | 50% |" in text
+    assert "| random | 2 of 2 (34% to 100%) | 2 of 2 (34% to 100%) | 0 | - |" in text
+    assert "| -, - | not measured | NAMED a | yes |" in text and "| 20, - | NAMED b | NAMED a | yes |" in text
 
 
 def test_equal_explanations_leave_nothing(problem):
