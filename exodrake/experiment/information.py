@@ -20,12 +20,12 @@ what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, w
 A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
 i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, (E_i + B_i) q / (1 - q)))
+    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
 
-z: chance, and a true law leaves B_i more, what these robots miss the linearisation by in all. The probability that T
-exceeds T* is Phi((sqrt T - sqrt T*) / s): s^2 is 1 for noise, and more as E_i and C_j differ in a new motion. A richer
-law j of a true i leaves as little as i does and is dropped as needless where it takes up nothing: as probable as the
-reverse.
+z: chance. T must exceed q / (1 - q) times B_i + B_j, too, what these robots miss the linearisation by in all: where a
+motion moves snaps, true laws are rejected like wrong ones. The probability of that is Phi((sqrt T - sqrt T*) / s):
+s^2 is 1 for noise, and more as E_i and C_j differ in a new motion. A richer law j of a true i leaves as little as i
+does and is dropped as needless where it takes up nothing: as probable as the reverse.
 """
 
 from __future__ import annotations
@@ -109,8 +109,9 @@ class Information:
         laws = self.laws
         excess = float(laws.error[true] ** 2 * self.contributed[true])
         granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
-        more = np.inf if laws.richer[true, rival] else laws.share / (1.0 - laws.share)
-        return max(min((excess + float(self.bent[true])) * more, granted - excess), 0.0)
+        more = laws.share / (1.0 - laws.share)
+        beaten = np.inf if laws.richer[true, rival] else excess * more
+        return max(min(beaten, granted - excess), float(self.bent[true] + self.bent[rival]) * more)
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""
