@@ -31,14 +31,20 @@ FOUND = """What kept designed motions from resolving cases, and what was done:
   little; refits are carried to their end on the motions that tell most; and eight random motions are held against
   what the search finds. For u5/case_04 the best of these is kept then, with T = 214: it promises 0.53, and 0.50 was
   measured.
-- A motion for u6/case_34 promised T = 35 of a finger that snaps over (B = 5,139): the true law was rejected like the wrong
-  one. T must exceed what those robots miss the linearisation by in all, whichever other limit holds; the motion that is
-  found then promises T = 25 with B = 3.
+- A motion for u6/case_34 promised T = 35 of a finger that snaps over (B = 5,139): the true law was rejected like the
+  wrong one. T must exceed what those robots miss the linearisation by in all, whichever other limit holds; the motion
+  that is found then promises T = 25 with B = 3.
 - The first choice of pieces preferred snaps, which differ most. It counts frames by the logarithm of their
   difference.
 - Robots drawn with effects as much stronger or weaker as their law is wrong were tried, too: beside a contact
   (u6/case_31) every motion that moves the finger is nonlinear to such changes, although refits follow most of them,
   and the design became worse than a random motion. They are not used.
+
+The cases are too few for a share of 80 %, and no gain of designed motions over random ones is shown: of the seven cases
+with both, random ones resolve five. Designed motions promise more (u6/case_34: 89 % against 51 %), and the random
+motions resolve these cases, too. Designs of u5/case_04, u3/case_28, u4/case_04 and u6/case_49 were made before the limit
+of B was added, which none of them comes near, that of u2/case_16 before refits were carried to their end. The other
+cases have a random motion alone.
 
 What keeps a motion from resolving more:
 
@@ -50,6 +56,8 @@ What keeps a motion from resolving more:
   sets; random errors of the law let it take up 15 % (the 98 % quantile of 99 draws for u6/case_01). A test against
   that quantile would decide these cases from their logs alone, without an experiment; it would also name a stiffening
   wire where the simulator's compliant garment stiffens.
+- u5/case_04 is resolved by the random motion since Coulomb friction then uses its tolerances a little more than they
+  allow, 1.50 against 1.50; with the designed motion 1.49, and it stays.
 - A gain of a sensor within the tolerances of other gains (u2/case_16; after a random motion of u3/case_47, too, all
   laws leave a reduced chi-square of 1.01): the laws write the same log.
 - A slack tendon against an offset of an encoder (u1/case_49, u4/case_26, u5/case_40, u5/case_48): the same, not run.
@@ -77,7 +85,11 @@ def in_principle(row: dict[str, Any]) -> bool:
     taken = [
         [after["taken"].get(name, 0.0) for name in class_ if not is_true(row, name)] for after in row["after"].values()
     ]
-    return any(is_true(row, name) for name in class_) and any(shares and min(shares) > limit for shares in taken)
+    return (
+        not row.get("same")
+        and any(is_true(row, name) for name in class_)
+        and any(shares and min(shares) > limit for shares in taken)
+    )
 
 
 def page(rows: dict[str, dict[str, Any]], command: str) -> str:
