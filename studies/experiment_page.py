@@ -42,8 +42,8 @@ FOUND = """What kept designed motions from resolving cases, and what was done:
 
 The cases are too few for a share of 80 %, and no gain of designed motions over random ones is shown: of the seven cases
 with both, random ones resolve five. Designed motions promise more (u6/case_34: 89 % against 51 %), and the random
-motions resolve these cases, too. Designs of u5/case_04, u3/case_28, u4/case_04 and u6/case_49 were made before the limit
-of B was added, which none of them comes near, that of u2/case_16 before refits were carried to their end. The other
+motions resolve these cases, too. Designs of u5/case_04, u3/case_28, u4/case_04 and u6/case_49 were made before B was a
+limit, which none of them comes near, that of u2/case_16 before refits were carried to their end. The other
 cases have a random motion alone.
 
 What keeps a motion from resolving more:
