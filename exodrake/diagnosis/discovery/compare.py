@@ -12,6 +12,8 @@ from exodrake.diagnosis.discovery.fit import Screened
 from exodrake.diagnosis.levels import DRAWS
 from exodrake.diagnosis.likelihood import Likelihood
 
+LEAD = 0.6  # share of what the runner-up leaves from which it counts as distinguished
+
 
 def gains(model: Eliminated, laws: Sequence[Screened], rows: np.ndarray) -> np.ndarray:
     """Largest sum of squares (n,) that one of the laws takes up of weighted rows (n, samples), scales as found."""
