@@ -18,15 +18,30 @@ Robots of the [blind check](howto/blind.md)'s reference simulator, with all para
 are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
 point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
 ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
-encoder, motor or tendon, which meet at the spool. The runner-up is distinguished where the law
-takes up more of what it leaves above noise than an absent effect takes up of what a true law leaves (`taken` of the
-calibration).
+encoder, motor or tendon, which meet at the spool. The runner-up is the best law at another point. It is distinguished
+where the law takes up more of what it leaves above noise than a law in a wrong part takes up of what the best one in
+the right part leaves, in {held:.0%} of these robots. Where the search has not come upon either, it is fitted for this
+study alone.
 
     {command}
 
 Measured on {made}.
 
 {summary}
+
+Wanted were a right part for 80 % or more, 80 % closed or more in the median, and nothing discovered in 98 % of healthy
+robots, which takes some 150 of them to show. What falls short, and why:
+
+- A law is sought beside the retuned robot. Where tolerances let the nominal parameters imitate the effect, at the price
+  of moving further than they may (`finger.stiffness`), little is left for a law to remove; where they imitate a part of
+  it (`sensor.gain`), what is left points elsewhere. A gap within the tolerances (`motor.spool_growth` of this robot) is
+  no gap.
+- One law of one variable is sought. Friction that depends on posture and a finger that is pushed sideways are laws of
+  several; a cell that sticks and a wire that snags are events. A law of one variable imitates them on the fitted
+  motion, in two of them in a wrong part, and closes little on another.
+- The law in the place of a dead zone, hysteresis, makes the held-out motions worse, as that of the snag does: the data
+  under a curve are those of the fitted motions. Nothing refuses a law by its held-out closure; the answer states it.
+- Two robots of 24 make the limit: a wrong part with a lead of 0.65 and one of 0.49, all others far beneath.
 
 {tables}
 
@@ -168,4 +183,4 @@ def page(rows: list[Row], command: str) -> str:
     }  # fmt: skip
     parts = [(title, [r for r in rows if r.kind == kind]) for kind, title in titles.items()]
     tables = "\n\n".join(f"## {title}\n\n{table(own)}" for title, own in parts if own)
-    return PAGE.format(command=command, made=made(), summary=summary(rows), tables=tables)
+    return PAGE.format(command=command, made=made(), held=1.0 - ERROR, summary=summary(rows), tables=tables)
