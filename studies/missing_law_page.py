@@ -38,7 +38,7 @@ robots, which takes some 150 of them to show. What falls short, and why:
   no gap.
 - One law of one variable is sought. Friction that depends on posture and a finger that is pushed sideways are laws of
   several; a cell that sticks and a wire that snags are events. A law of one variable imitates them on the fitted
-  motion, in two of them in a wrong part, and closes little on another.
+  motion, in two of them in a wrong part, and less of another (75 % to less than nothing).
 - The law in the place of a dead zone, hysteresis, makes the held-out motions worse, as that of the snag does: the data
   under a curve are those of the fitted motions. Nothing refuses a law by its held-out closure; the answer states it.
 - Two robots of 24 make the limit: a wrong part with a lead of 0.65 and one of 0.49, all others far beneath.
