@@ -143,7 +143,7 @@ def summary(rows: list[Row]) -> str:
     if healthy:
         false = share(sum(r.found for r in healthy), len(healthy))
         lines.append(f"- Healthy robots: something is discovered in {false}.")
-    seconds = [r.seconds for r in rows if r.kind != "real"]
+    seconds = [r.seconds for r in rows if r.kind in ("library", "outside")]
     if seconds:
         lines.append(f"- Processor time: {np.median(seconds):.0f} s a case (median).")
     return "\n".join(lines)

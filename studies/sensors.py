@@ -94,7 +94,7 @@ def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], co
     for state in (CLEAR, MISTAKEN, HIDDEN):
         counts = (str(sum(states[sensors] == state for states in effects.values())) for sensors in SETS)
         lines.append(f"| {state} | {' | '.join(counts)} |")
-    lines += ["", "Effects for which the sensors make a difference:", ""]
+    lines += ["", RELATIVE, "", "Effects for which the sensors make a difference:", ""]
     lines += [f"| effect | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
     for effect, states in effects.items():
         if len(set(states.values())) > 1:
@@ -119,6 +119,8 @@ of the motions of a case before it is diagnosed, for any machine.
     {command}
 
 Measured on {made}."""
+RELATIVE = """An effect could be mistaken where another one leaves less than a share of what it does to all columns
+together, the error of its law. So one that changes the angles most may count as distinguished without them."""
 MEASURED = """{count} cases of the reference simulator with one effect each, diagnosed with columns withheld. The robots
 are the same in each row; their controllers measure tension in all of them."""
 
