@@ -13,7 +13,6 @@ import click
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.proportions import binomial_interval
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
@@ -21,6 +20,7 @@ from exodrake.monitor.alarm import Alarm, judge, limits
 from exodrake.monitor.calibrate import MINUTE, SPAN, readings, seeds
 from exodrake.monitor.channels import channels
 from exodrake.monitor.gap import noise_std
+from studies.page_text import share
 
 SOON, LATE = 1.0, 20.0  # minutes
 
@@ -32,12 +32,6 @@ def first_alarm(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, dura
         raise InputError(f"{nominal.source}: {nominal.machine.name} has no calibrated limits")
     found = (judge(r, listed, limit) for r in readings(nominal, robot, noise, seed, duration))
     return next((alarm for alarm in found if alarm), None)
-
-
-def share(hits: int, total: int) -> str:
-    """A share with its two-sided 95 % interval (Clopper-Pearson)."""
-    low, high = binomial_interval(hits, total)
-    return f"{hits}/{total} = {hits / total:.1%} (95 % interval {low:.1%} to {high:.1%})"
 
 
 def shown(alarm: Alarm | None) -> str:

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
-import numpy as np
 
 from exodrake.blind.case_mix import CaseMix, CasePlan
 from exodrake.blind.catalogue import ENTRIES, blocks_of
@@ -24,10 +23,12 @@ from exodrake.blind.make import case_and_label
 from exodrake.core.parallel import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
+from exodrake.diagnosis.discovery.law_machine import laws_of
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
+from studies.missing_law_page import Row, page, percent, restored
 
 SEED = 552031
 DURATION = 0.5  # of the logs, in that of a usual blind case: for the time it takes
@@ -41,64 +42,10 @@ OUTSIDE = (
     "outside.posture_friction", "outside.spool_eccentricity", "outside.snap_through", "outside.sticking_cell",
     "outside.wire_snag", "outside.leaky_integrator", "outside.warming", "outside.abduction",
 )  # fmt: skip
-HEALTHY = tuple(f"healthy-{k}" for k in range(6))
+HEALTHY = tuple(f"healthy-{k}" for k in range(20))
 REAL = {"tendon_sheath": "tendon_sheath", "so101": "sage_so101"}
 # a spool is where motor, tendon and encoder meet: the same wire in other words
 SAME_PLACE = {"encoder.homing_offset": ("encoder", "motor", "tendon"), "tendon.slack": ("encoder", "motor", "tendon")}
-PAGE = """# The missing law
-
-Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
-are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
-point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
-ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
-encoder, motor or tendon, which meet at the spool. The runner-up is distinguished where the law
-takes up more of what it leaves above noise than an absent effect takes up of what a true law leaves (`taken` of the
-calibration).
-
-    {command}
-
-{summary}
-
-{tables}
-
-## Formulas unknown to the diagnosis
-
-A carriage that a few lines of their own simulate (`tests/test_missing_law.py`), its law in no library:
-
-| planted | found, SI |
-|---|---|
-| a spring that saturates, 60 tanh(x / 0.015) N | force over place, 60.1 tanh(u / 0.015) |
-| a drive whose force depends on place, factor 1 - 6 x | gain over place, - 6 u |
-| LuGre friction, 20 N sliding, 34 N at break-away | dry friction over speed: 27 N at 20 to 40 mm/s, falling to 19 N |
-| nothing | no law |
-"""
-
-
-@dataclass(frozen=True)
-class Row:
-    """What was found on a case."""
-
-    name: str
-    kind: str
-    blocks: tuple[str, ...]
-    gap: float
-    found: bool
-    block: str
-    law: str
-    channels: tuple[str, ...]
-    share: float
-    closure: float
-    runner_up: str
-    lead: float
-    apart: bool
-    formula: str
-    reason: str
-    seconds: float
-
-    @property
-    def right(self) -> bool:
-        """Whether the right part is named."""
-        return self.block in self.blocks
 
 
 def blind_case(name: str) -> tuple[Case, tuple[str, ...], float]:
@@ -113,23 +60,38 @@ def blind_case(name: str) -> tuple[Case, tuple[str, ...], float]:
     return case, blocks, float(label["gap"])
 
 
-def discovered(case: Case, robot_name: str, tried: frozenset[str] | None) -> tuple[MissingLaw, float]:
-    """The missing law of a case and the processor seconds it took."""
+def discovered(
+    case: Case, robot_name: str, tried: frozenset[str] | None, blocks: tuple[str, ...] = ()
+) -> tuple[MissingLaw, float, tuple[float, float]]:
+    """The missing law of a case, the processor seconds it took, and what laws in `blocks` and elsewhere remove."""
     started = time.process_time()
     with one_blas_thread():
         problem, found = isolated(make_problem(case, load_robot(robot_name), tried))
         law = discover(problem, found)
-    return law, time.process_time() - started
+        seconds = time.process_time() - started
+        every = {point.block for point in laws_of(problem.robot.machine)}
+        parts = (every.intersection(blocks), every.difference(blocks))
+        shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]
+    return law, seconds, (shares[0], shares[1]) if blocks else (float("nan"), float("nan"))
 
 
-def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, law: MissingLaw, seconds: float) -> Row:
+def most(law: MissingLaw, blocks: Collection[str]) -> float:
+    """Largest share of the excess over noise that a fitted law in some blocks removes; 0 if none was fitted."""
+    return max((other.share for other in law.others if other.id.split(".")[0] in blocks), default=0.0)
+
+
+def row_of(
+    name: str, kind: str, blocks: tuple[str, ...], gap: float,
+    found: tuple[MissingLaw, float, tuple[float, float]],
+) -> Row:  # fmt: skip
     """A case's row."""
+    law, seconds, (right, wrong) = found
     formula = "; ".join(f"{c}: {curve.formula}" for c, curve in law.curves.items() if curve.formula)
     closure = float("nan") if law.closure is None else law.closure.value
     runner = "" if law.runner_up is None else law.runner_up.id
     return Row(
         name, kind, blocks, gap, law.found, law.block, f"{law.id}: {law.words}", law.channels, law.share, closure,
-        runner, law.lead, law.distinguished, formula, law.reason, seconds,
+        runner, law.lead, formula, law.reason, seconds, right, wrong,
     )  # fmt: skip
 
 
@@ -139,79 +101,12 @@ def measured(name: str, real: Path | None) -> Row:
         from exodrake.machines.recordings import reader
 
         assert real is not None
-        law, seconds = discovered(reader(name)(real / REAL[name]), name, None)
-        return row_of(name, "real", (), float("nan"), law, seconds)
+        found = discovered(reader(name)(real / REAL[name]), name, None)
+        return row_of(name, "real", (), float("nan"), found)
     case, blocks, gap = blind_case(name)
-    law, seconds = discovered(replace(case, name=name), "exo_index", frozenset())
+    found = discovered(replace(case, name=name), "exo_index", frozenset(), blocks)
     kind = "healthy" if name in HEALTHY else "outside" if name.startswith("outside") else "library"
-    return row_of(name, kind, blocks, gap, law, seconds)
-
-
-def restored(stored: dict[str, Any]) -> Row:
-    """A row as it was kept."""
-    kept: dict[str, Any] = stored | {name: tuple(stored[name]) for name in ("blocks", "channels")}
-    return Row(**kept)
-
-
-def percent(value: float) -> str:
-    """A share as text."""
-    return f"{100 * value:.0f} %" if np.isfinite(value) else "-"
-
-
-def table(rows: list[Row]) -> str:
-    """A table of cases in Markdown."""
-    head = (
-        "| planted | gap | law found | channels | fitted | held out | runner-up distinguished |\n" + 7 * "|---" + "|\n"
-    )
-    lines = []
-    for r in rows:
-        gap = f"{r.gap:.1f}" if np.isfinite(r.gap) else "-"
-        law = f"{'' if r.right or not r.blocks else '**wrong part** '}`{r.law.split(':')[0]}`{r.law.partition(':')[2]}"
-        apart = f"{'yes' if r.apart else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
-        found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {percent(r.closure)} | {apart}"
-        lines.append(f"| `{r.name}` | {gap} | {found if r.found else r.reason + ' | | | | '} |")
-    formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
-    return head + "\n".join(lines) + ("\n\nPlain formulas, SI:\n\n" + "\n".join(formulas) if formulas else "")
-
-
-def summary(rows: list[Row]) -> str:
-    """Counts of each kind."""
-    lines = []
-    for kind, title in (
-        ("library", "Effects taken from the library"),
-        ("outside", "Effects that no library ever held"),
-    ):
-        own = [r for r in rows if r.kind == kind]
-        if own:
-            closed = float(np.median([r.closure if r.found else 0.0 for r in own]))
-            right = sum(r.found and r.right for r in own)
-            lines.append(
-                f"- {title}: right part {right} of {len(own)}; the law closes {percent(closed)} of the gap that "
-                f"retuning leaves on held-out motions of another kind (median; nothing found counts as 0)."
-            )
-    named = [r for r in rows if r.found and r.runner_up and r.kind in ("library", "outside")]
-    if named:
-        shares = [[r.apart for r in named if r.right is right] for right in (True, False)]
-        right, wrong = (f"{sum(some)} of {len(some)}" for some in shares)
-        lines.append(f"- The runner-up counts as distinguished beside {right} right parts and {wrong} wrong ones.")
-    healthy = [r for r in rows if r.kind == "healthy"]
-    if healthy:
-        lines.append(f"- Healthy robots: something is discovered in {sum(r.found for r in healthy)} of {len(healthy)}.")
-    seconds = [r.seconds for r in rows if r.kind != "real"]
-    if seconds:
-        lines.append(f"- Processor time: {np.median(seconds):.0f} s a case (median).")
-    return "\n".join(lines)
-
-
-def page(rows: list[Row], command: str) -> str:
-    """The page."""
-    titles = {
-        "library": "Effects of the library, taken away", "outside": "Effects outside the library",
-        "healthy": "Healthy robots", "real": "Real machines, beside their whole library",
-    }  # fmt: skip
-    parts = [(title, [r for r in rows if r.kind == kind]) for kind, title in titles.items()]
-    tables = "\n\n".join(f"## {title}\n\n{table(own)}" for title, own in parts if own)
-    return PAGE.format(command=command, summary=summary(rows), tables=tables)
+    return row_of(name, kind, blocks, gap, found)
 
 
 @click.command()
@@ -224,7 +119,6 @@ def main(out: Path, cases: str, real: Path | None) -> None:
     wanted = [n for n in cases.split(",") if n] or every
     store = out.with_suffix(".jsonl")
     known = {d["name"]: d for d in map(json.loads, store.read_text().splitlines())} if store.is_file() else {}
-    known = {name: row for name, row in known.items() if "lead" in row}
     for name in wanted:
         if name not in known:
             row = measured(name, real)

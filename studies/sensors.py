@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from exodrake.cli.main import OneLineErrors
+from studies.page_text import made
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case
@@ -46,12 +47,13 @@ def computed(case: Case) -> dict[str, dict[str, str]]:
     from exodrake.machines.robot_file import load_robot
     from exodrake.preflight.identifiability import identifiability
 
-    robot, found = load_robot(), {}
+    with one_blas_thread():
+        whole = identifiability(case, load_robot())
+    found: dict[str, dict[str, str]] = {}
     for sensors, hidden in SETS.items():
-        with one_blas_thread():
-            shown = identifiability(without(case, hidden), robot)
-        clear, mistaken = ({d.effect for d in some} for some in (shown.clear, shown.mistaken))
-        for effect in dict.fromkeys(d.effect for d in shown.directions):
+        left = next(item.left for item in whole.fewer if not {*item.kinds} & {*hidden}) if hidden else whole
+        clear, mistaken = ({d.effect for d in some} for some in (left.clear, left.mistaken))
+        for effect in dict.fromkeys(d.effect for d in left.directions):
             state = CLEAR if effect in clear else MISTAKEN if effect in mistaken else HIDDEN
             found.setdefault(effect, {})[sensors] = state
     return found
@@ -87,12 +89,12 @@ OUTCOMES = ("named", "in the class", "unknown", "not seen", "another named", "no
 
 def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], command: str) -> str:
     """The page."""
-    lines = ["# Fewer sensors", "", TEXT.format(command=command), "", "## Computed", ""]
+    lines = ["# Fewer sensors", "", TEXT.format(command=command, made=made()), "", "## Computed", ""]
     lines += [f"| of {len(effects)} effects | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
     for state in (CLEAR, MISTAKEN, HIDDEN):
         counts = (str(sum(states[sensors] == state for states in effects.values())) for sensors in SETS)
         lines.append(f"| {state} | {' | '.join(counts)} |")
-    lines += ["", "Effects for which the sensors make a difference:", ""]
+    lines += ["", RELATIVE, "", "Effects for which the sensors make a difference:", ""]
     lines += [f"| effect | {' | '.join(SETS)} |", "|---" * (1 + len(SETS)) + "|"]
     for effect, states in effects.items():
         if len(set(states.values())) > 1:
@@ -114,7 +116,11 @@ TEXT = """What the diagnosis of the Exo-Index can still name without motion capt
 (tensions) and with the encoders alone (strokes). Commands are no sensors and stay. `exodrake check CASE` says the same
 of the motions of a case before it is diagnosed, for any machine.
 
-    {command}"""
+    {command}
+
+Measured on {made}."""
+RELATIVE = """An effect could be mistaken where another one leaves less than a share of what it does to all columns
+together, the error of its law. So one that changes the angles most may count as distinguished without them."""
 MEASURED = """{count} cases of the reference simulator with one effect each, diagnosed with columns withheld. The robots
 are the same in each row; their controllers measure tension in all of them."""
 

@@ -21,6 +21,7 @@ from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
+from studies.since_robots import KINDS, SESSIONS, sheath_case
 
 SHAPES = {STEP: lambda t, tau: (t > tau) * 1.0, RAMP: lambda t, tau: np.maximum(t - tau, 0.0)}
 
@@ -94,6 +95,19 @@ def test_an_effect_that_changed_is_named_where_no_constant_one_explains():
     assert found.verdict == NAMED and [e.id for e in found.effects] == ["sheath.offset"]
     assert found.since.effect == "sheath.offset" and found.since.chi2 < 1.5 and found.since.lead > 0.9
     assert "for each session" in found.reasons[0]
+
+
+@pytest.mark.parametrize("number", [3, 6007])
+def test_sessions_tell_the_cause_where_constant_parameters_mistake_it(number):
+    """Play that grows may be hysteresis of the reading to constant parameters, a gain that drifts is nothing."""
+    kind = KINDS[number // 1000]
+    case, nominal, begin = sheath_case(kind, number)
+    found = exo.diagnose(case, nominal)
+    assert found.verdict == NAMED and [e.id for e in found.effects] == [kind.effect]
+    change = found.since.clearest.change
+    assert change.began[1] <= begin <= change.began[2]
+    width = change.after[2] - change.after[1]
+    assert change.after[0] == pytest.approx(kind.value(SESSIONS - 1.0, begin), abs=width)  # twice the 90 % interval
 
 
 def test_a_steady_robot_has_no_date():

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 import exodrake as exo
 from exodrake.compiled.splice import state_indices
@@ -22,6 +23,7 @@ from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import make_problem
 from exodrake.effects import law_table
 from exodrake.simulation.simulate import simulate
+from studies.missing_law_page import ERROR, limit
 
 TICKS, FRAME = 16, 1e-3
 KNOWN = frozenset(  # effects that the diagnosis knows
@@ -126,6 +128,24 @@ def test_gain_that_depends_on_place_is_linear_in_it():
     assert curve.value == pytest.approx(-6.0 * curve.u, abs=0.03)
     assert curve.formula.startswith("f(u) = - ") and curve.formula.endswith(" u")
     assert law.closure.value > 0.9
+
+
+def test_law_is_sought_in_the_parts_that_are_named_alone():
+    with one_blas_thread():
+        problem, found = isolated(make_problem(case_of(saturating_spring), exo.load_robot("emps"), KNOWN))
+        elsewhere, here = (discover(problem, found, blocks=(block,)) for block in ("scale", "carriage"))
+    assert not elsewhere.found and not elsewhere.others
+    assert here.id == "carriage.learned_pushed" and {other.id.split(".")[0] for other in here.others} == {"carriage"}
+
+
+@pytest.mark.parametrize("robots", [9, 24, 60])
+def test_limit_of_the_lead_is_exceeded_as_often_as_stated(robots):
+    """Exchangeable leads: the new one lies above the k-th of n with probability 1 - k / (n + 1)."""
+    rng = np.random.default_rng(robots)
+    above = sum(rng.exponential() > limit(rng.exponential(size=robots)) for _ in range(2000))
+    rank = np.ceil((1.0 - ERROR) * (robots + 1))
+    assert binomtest(above, 2000, 1.0 - rank / (robots + 1)).pvalue > 1e-3
+    assert 1.0 - rank / (robots + 1) <= ERROR + 1e-12
 
 
 def test_law_is_written_as_an_effect_that_both_engines_run(tmp_path):

@@ -35,7 +35,7 @@ from exodrake.diagnosis.prune import pruned
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
-from exodrake.diagnosis.since import named_by_change, since_of
+from exodrake.diagnosis.since import since_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
 from exodrake.machines.robot_file import load_robot
 
@@ -161,12 +161,10 @@ def baselines_of(found: Isolation) -> dict[str, str]:
     return {"replay": smallest.explanation.name, "bic": min((found.retuned, *singles), key=bic).explanation.name}
 
 
-def answer(
-    problem: Problem, found: Isolation, decision: Decision, started: float, progress: StageProgress
-) -> Diagnosis:
+def answer(problem: Problem, found: Isolation, decided: Decision, started: float, progress: StageProgress) -> Diagnosis:
     """The diagnosis, with everything measured that it states."""
-    since = since_of(problem, found, decision)
-    decision = named_by_change(found, decision, since)
+    since, decision = since_of(problem, found, decided)
+    found = found if decision is decided else replace(found, left=decision.left)
     case, best = problem.case, decision.best
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()

@@ -172,8 +172,9 @@ class Estimates:
 
 
 def estimates(
-    likelihood: Likelihood, e: Explanation, sessions: Sequence[Session], own: Sequence[int], errors: np.ndarray
-) -> Estimates:
+    likelihood: Likelihood, e: Explanation, sessions: Sequence[Session], own: Sequence[int], errors: np.ndarray,
+    rounds: int = ROUNDS,
+) -> Estimates:  # fmt: skip
     """Parameters of an explanation session by session, the others shared.
 
     Args:
@@ -182,6 +183,7 @@ def estimates(
         sessions: of these logs.
         own: positions of the parameters that each session has for itself.
         errors: (draws, samples) of the laws, at their largest.
+        rounds: further steps of logs by date at most.
     """
     rows = [rows_of(likelihood, session) for session in sessions]
     whole = whole_jacobian(likelihood, e)
@@ -190,7 +192,7 @@ def estimates(
     step = Step(e, jacobians, weights, own)
     moved = step(x, residuals)
     parts = [part_of(likelihood, session) for session in sessions] if sessions[0].frames is None else []
-    for _ in range(ROUNDS if parts else 0):
+    for _ in range(rounds if parts else 0):
         here = [at(part, e, row, j) for part, row, j in zip(parts, moved, jacobians, strict=True)]
         jacobians, residuals = (
             [whole_jacobian(p, one) for p, one in zip(parts, here, strict=True)],

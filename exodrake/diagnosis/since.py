@@ -2,10 +2,11 @@
 
 A series is a quantity session by session: the amplitudes of the effects of the explanation behind the verdict; for
 RETUNE the nominal parameters that moved; where no effect is named, the residual's power, too. Each is tested for a
-change (`change_point`), with Bonferroni's correction for their number. A robot that changed has no constant
-explanation, so its case may be UNKNOWN: then the single effect is followed that leaves least with amplitudes of its
-own in each session. If so it leaves what noise and the error of its law leave, and takes up most of what every other
-one leaves so, it is NAMED after all (`named_by_change`).
+change (`change_point`), with Bonferroni's correction for their number.
+
+A robot that changed has no constant explanation: its case may be UNKNOWN, or its change passes for the law's error of a
+wrong effect. So single effects are compared with amplitudes of their own in each session (`changing`). One that leaves
+what noise and the error of its law leave, and takes up most of what every other one leaves so, is NAMED.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.change_point import LEAST
-from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.comparison import power, richer_law
+from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian
@@ -26,12 +28,14 @@ from exodrake.diagnosis.moved import moved
 from exodrake.diagnosis.part_used import DATED, affordable
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
-from exodrake.diagnosis.result import NAMED, UNKNOWN
-from exodrake.diagnosis.session_series import Series, series_of, tested
-from exodrake.diagnosis.sessions import Session, dated_sessions, estimates, windows
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN
+from exodrake.diagnosis.session_screen import screened
+from exodrake.diagnosis.session_series import RESIDUAL, Followed, Series, series_of, tested
+from exodrake.diagnosis.sessions import ROUNDS, Session, dated_sessions, estimates, windows
 from exodrake.diagnosis.verdict import Decision, fitted
 
 MOST, TRIED = 4, 5  # nominal parameters that are followed, and single effects that are tried
+BEHIND = 10.0  # excess over the least after a first step beyond which an effect is not fitted on: assumed
 FEW = "{} sessions: a change needs {} or more"
 
 
@@ -44,7 +48,7 @@ class Since:
         times: of the sessions [unit].
         unit: `d` since the first session, or `s` since the log's begin.
         series: of all quantities, the clearest change first.
-        effect: id of the followed effect where the verdict names none; empty otherwise.
+        effect: id of the followed effect where constant parameters name another one or none; empty otherwise.
         chi2: reduced chi-square that is left with parameters of its own in each session; NaN if none is followed.
         p: p-value of what is left so; NaN if none is followed.
         lead: share of what the next best effect leaves so that the followed one takes up; NaN if none is followed.
@@ -90,59 +94,116 @@ class Since:
         }
 
 
-def since_of(problem: Problem, found: Isolation, decision: Decision) -> Since | None:
-    """What the sessions of a case say; None of a case without dates whose logs are several or short.
+def since_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[Since | None, Decision]:
+    """What the sessions of a case say, and the decision with it; None of undated cases but for one long log.
 
     Of logs too long for that, their first part counts.
     """
     problem = problem.shortened(affordable(problem, DATED))
-    sessions = dated_sessions(problem.case, [trial.name for trial in problem.fit])
-    unit = "d"
-    if not sessions:
-        unit, frames = "s", sum(len(t.reference) for t in problem.fit)
-        sessions = windows(frames, problem.robot.machine.frame) if len(problem.fit) == 1 else ()
+    sessions, unit = sessions_of(problem)
     if len(sessions) < (LEAST if unit == "s" else 2):
-        return None
+        return None, decision
     since = Since(tuple(s.name for s in sessions), tuple(s.time for s in sessions), unit)
     if len(sessions) < LEAST:
-        return replace(since, note=FEW.format(len(sessions), LEAST))
-    e, effect, lead, tests = decision.best.explanation, "", float("nan"), None
+        return replace(since, note=FEW.format(len(sessions), LEAST)), decision
     if decision.verdict == UNKNOWN and found.tested:
-        tests = whole(problem, found, found.retuned.explanation) if unit == "s" else found.tests
-        e, lead = changing(found, tests, sessions)
-        effect = e.name
-    tests = tests if tests and unit == "s" else whole(problem, found, e)
-    followed, chi2, p = series_of(tests, on_whole(tests, e), sessions, own(found, e), decision.verdict)
-    return replace(since, series=tested(followed, sessions), effect=effect, chi2=chi2, p=p, lead=lead)
+        return of_changing(since, problem, found, decision, sessions)
+    followed, chi2, p = follow(problem, found, decision.best.explanation, sessions, decision.verdict)
+    since = replace(since, series=tested(followed, sessions), chi2=chi2, p=p)
+    if unit == "s" or since.clearest is None or len(decision.best.explanation.effects) != 1:
+        return since, decision
+    return of_changing(since, problem, found, decision, sessions)
 
 
-def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> tuple[Explanation, float]:
-    """The single effect that leaves least with amplitudes of its own in each session, and its lead.
+def sessions_of(problem: Problem) -> tuple[tuple[Session, ...], str]:
+    """Sessions of the fitted logs by date, or windows of a single one, and the unit of their times."""
+    dated = dated_sessions(problem.case, [trial.name for trial in problem.fit])
+    if dated or len(problem.fit) != 1:
+        return dated, "d"
+    return windows(len(problem.fit[0].reference), problem.robot.machine.frame), "s"
 
-    On the frames of the tests. The lead is the share of what the next best one leaves above noise that it takes up.
+
+def of_changing(
+    since: Since, problem: Problem, found: Isolation, decision: Decision, sessions: Sequence[Session]
+) -> tuple[Since, Decision]:
+    """What effects with amplitudes of their own in each session say, and the decision with it.
+
+    Args:
+        since: what the explanation behind the verdict says; of an unknown cause, its sessions alone.
+        problem: the case.
+        found: its isolation, with single effects that were tested.
+        decision: by constant parameters.
+        sessions: of the case.
+    """
+    tests = whole(problem, found, found.retuned.explanation) if since.unit == "s" else found.tests
+    alike, lead = changing(found, tests, sessions)
+    names = [t.explanation.name for t in alike]
+    left = [t for t in decision.left if t.explanation.name in names]
+    if left:
+        return since, changed(found, decision, left, since.p)
+    followed, chi2, p = follow(problem, found, alike[0].explanation, sessions, UNKNOWN)
+    unknown = decision.verdict == UNKNOWN
+    if named := since.unit == "d" and p > ALPHA and not (unknown and alike[0].levels.consistent):
+        decision = changed(found, decision, alike, p)
+        followed = [one for one in followed if one.name != RESIDUAL]
+    if not named and not unknown:
+        return since, decision
+    series = tested(followed, sessions)
+    return replace(since, series=series, effect=names[0], chi2=chi2, p=p, lead=lead), decision
+
+
+def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> tuple[list[Tested], float]:
+    """The single effects that leave least with amplitudes of their own in each session, and the lead of the first.
+
+    On the frames of the tests. Another effect is among them if it leaves no more than noise may, or the first one takes
+    up no larger share of it than an absent effect takes up, unless it is a richer law of one of them.
     """
 
-    def left(e: Explanation) -> float:
-        e = e if tests is found.tests else on_whole(tests, e)
+    def left(k: int, rounds: int) -> float:
+        e = singles[k].explanation if tests is found.tests else on_whole(tests, singles[k].explanation)
         none = np.zeros((2, len(e.residual)))
-        made = estimates(tests.likelihood.scaled_to(e.residual), e, sessions, own(found, e), none)
+        made = estimates(tests.likelihood.scaled_to(e.residual), e, sessions, own(found, e), none, rounds)
         return max(sum(float(r @ r) for r in made.residuals) - len(e.residual), 0.0)
 
-    tried = sorted(((left(t.explanation), k) for k, t in enumerate(found.tested[0][:TRIED])))
-    (least, best), (other, _) = tried[0], (*tried[1:], (float("inf"), -1))[0]
-    return found.tested[0][best].explanation, 1.0 - least / max(other, 1e-9)
+    singles = found.tested[0][:TRIED]
+    singles += tuple(screened(found, sessions, [t.explanation.name for t in singles]))
+    noise = float(np.quantile(power(tests.noise), 1.0 - ALPHA)) - tests.likelihood.samples
+    first = [left(k, 1) for k in range(len(singles))]
+    near = BEHIND * max(noise, min(first))
+    tried = sorted((left(k, ROUNDS) if one <= near else one, k) for k, one in enumerate(first))
+    most = max(noise, tried[0][0] / (1.0 - tests.calibration.taken))
+    alike = [singles[k] for excess, k in tried if excess <= most]
+    others = [(*tried[1:], (float("inf"), -1))[0][0], 1e-9]
+    return [t for t in alike if not any(richer(found, t, o) for o in alike)], 1.0 - tried[0][0] / max(others)
 
 
-def named_by_change(found: Isolation, decision: Decision, since: Since | None) -> Decision:
-    """The decision, NAMED where one effect with an amplitude for each session explains what no constant one does."""
-    if since is None or not since.effect or since.unit != "d":
+def richer(found: Isolation, t: Tested, other: Tested) -> bool:
+    """Whether an explanation is a richer law of another one."""
+    return richer_law(found.likelihood, t.explanation, other.explanation)
+
+
+def changed(found: Isolation, decision: Decision, left: Sequence[Tested], p: float) -> Decision:
+    """The decision for effects that are left with an amplitude for each session."""
+    if list(left) == list(decision.left):
         return decision
-    best = next(t for t in found.tested[0] if t.explanation.name == since.effect)
-    if best.levels.consistent or since.p <= ALPHA or since.lead <= found.tests.calibration.taken:
-        return decision
-    leaves = f"leaves what noise and the error of its law leave (p = {since.p:.2g})"
-    reason = f"{since.effect} changed: with an amplitude for each session it {leaves}"
-    return Decision(NAMED, best, (best,), (reason,), fitted(found, best))
+    names = ", ".join(t.explanation.name for t in left)
+    leaves = f"with an amplitude for each session it leaves what noise and the error of its law leave (p = {p:.2g})"
+    reason = f"{names} changed: {leaves}" if len(left) == 1 else f"the sessions reject none of these: {names}"
+    return Decision(
+        NAMED if len(left) == 1 else AMBIGUOUS,
+        left[0],
+        tuple(left),
+        (*decision.reasons[:-1], reason),
+        fitted(found, left[0]),
+    )
+
+
+def follow(
+    problem: Problem, found: Isolation, e: Explanation, sessions: Sequence[Session], verdict: str
+) -> tuple[list[Followed], float, float]:
+    """Series of an explanation on all frames of the logs; reduced chi-square and p-value of what is left."""
+    tests = whole(problem, found, e)
+    return series_of(tests, on_whole(tests, e), sessions, own(found, e), verdict)
 
 
 def whole(problem: Problem, found: Isolation, e: Explanation) -> Tests:

@@ -87,7 +87,7 @@ class Identifiability:
     Attributes:
         directions: of all effects.
         sensors: signals whose measurement would help most, best first.
-        fewer: the same with one kind of columns less, and with each alone.
+        fewer: the same with one kind of sensor less, and with each alone.
     """
 
     directions: tuple[Direction, ...]
@@ -141,10 +141,16 @@ def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = Non
 
 
 def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple[Fewer, ...]:
-    """What would be left with one kind of columns less, and with each alone; nothing of a log with one kind."""
+    """What would be left with one kind of sensor less, and with each alone; nothing of a log with one kind.
+
+    A command that is logged is no sensor, and stays.
+    """
     kinds = tuple(dict.fromkeys(kind for kind in problem.kinds if not kind.startswith(EXTRA)))
-    sets = [tuple(k for k in kinds if k != kind) for kind in kinds] + [(kind,) for kind in kinds]
-    if len(kinds) < 2:
+    observer = problem.robot.machine.observer
+    sensors = [kind for kind in kinds if observer is None or kind != observer.measured_input]
+    sets = [tuple(k for k in kinds if k != kind) for kind in sensors]
+    sets += [tuple(k for k in kinds if k == kind or k not in sensors) for kind in sensors]
+    if len(sensors) < 2:
         return ()
     return tuple(with_kinds(problem, lin, found, some) for some in dict.fromkeys(sets))
 

@@ -5,7 +5,7 @@ One linearisation screens all laws; the best few are fitted through the simulati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +13,10 @@ import numpy as np
 from exodrake.core.confidence import ALPHA
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.discovery.candidate import Candidate, candidates
-from exodrake.diagnosis.discovery.compare import lead, level_of_noise
+from exodrake.diagnosis.discovery.compare import LEAD, lead, level_of_noise
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
 from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened, started
@@ -39,13 +38,16 @@ PER_POINT = 2  # of these at one point, at most
 FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
 
 
-def discover(problem: Problem, found: Isolation, progress: StageProgress = no_progress) -> MissingLaw:
+def discover(
+    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = ()
+) -> MissingLaw:
     """The law that is missing in a case.
 
     Args:
         problem: the case, with what detectors found.
         found: its isolation.
         progress: called with the stage and the law that is worked on.
+        blocks: of the robot whose points are tried; all where empty.
     """
     if found.retuned.levels.kept or found.nominal.levels.kept:
         return MissingLaw(False, "the robot without an effect leaves what noise leaves: no law is missing")
@@ -54,7 +56,7 @@ def discover(problem: Problem, found: Isolation, progress: StageProgress = no_pr
     base, likelihood = moved.explanation(retuned), moved.likelihood(found.likelihood).scaled_to(retuned.residual)
     likelihood.stage = "discover"
     progress(Stage.LINEARISE, "free laws")
-    laws = laws_of(machine)
+    laws = [law for law in laws_of(machine) if not blocks or law.block in blocks]
     whole = moved.problem(problem)
     tried = candidates(whole, laws, watched(whole, base.robot, laws))
     jacobian = whole_jacobian(likelihood, base)
@@ -152,7 +154,7 @@ def answer(
         p_noise=p,
         runner_up=None if rival is None else others[rival],
         lead=ahead,
-        distinguished=ahead > calibration_of(problem.robot.machine).taken,
+        distinguished=ahead > LEAD,
         others=others,
         curves=curves,
         closure=closure,

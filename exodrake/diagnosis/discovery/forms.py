@@ -189,6 +189,11 @@ class LawPoint:
         """Id of the effect that the fitted law becomes."""
         return self.identity.replace(".law_", ".learned_")
 
+    @property
+    def block(self) -> str:
+        """Block of the robot that it acts in."""
+        return self.identity.split(".")[0]
+
 
 def law_points(machine: Machine) -> Iterator[LawPoint]:
     """Points of a machine where a law may be missing."""

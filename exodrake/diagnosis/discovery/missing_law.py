@@ -55,7 +55,7 @@ class MissingLaw:
         p_noise: p-value of that were there noise alone.
         runner_up: the best law at another point.
         lead: share of what the runner-up leaves above noise that the law takes up.
-        distinguished: whether it is more than a law at a wrong point takes up (`taken` of the calibration).
+        distinguished: whether it is more than a law in a wrong part takes up of a right one's (`compare.LEAD`).
         others: laws that were fitted to the end, by evidence, best first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.

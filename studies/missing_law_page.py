@@ -1,0 +1,186 @@
+"""The page about missing laws: a row for each case, their counts, and the limit of the lead that follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from exodrake.diagnosis.discovery.compare import LEAD, lead
+from studies.page_text import made, share
+
+ERROR = 0.1  # share of robots in which a law in a wrong part may count as distinguished from one in the right part
+PAGE = """# The missing law
+
+Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
+are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
+point of every part ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out
+ones are motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in
+encoder, motor or tendon, which meet at the spool. The runner-up is the best law at another point. It is distinguished
+where the law takes up more of what it leaves above noise than a law in a wrong part takes up of what the best one in
+the right part leaves, in {held:.0%} of these robots. Where the search has not come upon either, it is fitted for this
+study alone.
+
+    {command}
+
+Measured on {made}.
+
+{summary}
+
+Wanted were a right part for 80 % or more, 80 % closed or more in the median, and nothing discovered in 98 % of healthy
+robots, which takes some 150 of them to show. What falls short, and why:
+
+- A law is sought beside the retuned robot. Where tolerances let the nominal parameters imitate the effect, at the price
+  of moving further than they may (`finger.stiffness`), little is left for a law to remove; where they imitate a part of
+  it (`sensor.gain`), what is left points elsewhere. A gap within the tolerances (`motor.spool_growth` of this robot) is
+  no gap.
+- One law of one variable is sought. Friction that depends on posture and a finger that is pushed sideways are laws of
+  several; a cell that sticks and a wire that snags are events. A law of one variable imitates them on the fitted
+  motion, in two of them in a wrong part, and less of another (75 % to less than nothing).
+- The law in the place of a dead zone, hysteresis, makes the held-out motions worse, as that of the snag does: the data
+  under a curve are those of the fitted motions. Nothing refuses a law by its held-out closure; the answer states it.
+- Two robots of 24 make the limit: a wrong part with a lead of 0.65 and one of 0.49, all others far beneath.
+
+{tables}
+
+## Formulas unknown to the diagnosis
+
+A carriage that a few lines of their own simulate (`tests/test_missing_law.py`), its law in no library:
+
+| planted | found, SI |
+|---|---|
+| a spring that saturates, 60 tanh(x / 0.015) N | force over place, 60.1 tanh(u / 0.015) |
+| a drive whose force depends on place, factor 1 - 6 x | gain over place, - 6 u |
+| LuGre friction, 20 N sliding, 34 N at break-away | dry friction over speed: 27 N at 20 to 40 mm/s, falling to 19 N |
+| nothing | no law |
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was found on a case."""
+
+    name: str
+    kind: str
+    blocks: tuple[str, ...]
+    gap: float
+    found: bool
+    block: str
+    law: str
+    channels: tuple[str, ...]
+    share: float
+    closure: float
+    runner_up: str
+    lead: float
+    formula: str
+    reason: str
+    seconds: float
+    right_share: float
+    wrong_share: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the right part is named."""
+        return self.block in self.blocks
+
+    @property
+    def apart(self) -> bool:
+        """Whether the runner-up counts as distinguished."""
+        return self.lead > LEAD
+
+    @property
+    def wrong_lead(self) -> float:
+        """Share of what the best law in the right part leaves that the best law elsewhere takes up."""
+        return lead(self.wrong_share, self.right_share)
+
+
+def restored(stored: dict[str, Any]) -> Row:
+    """A row as it was kept."""
+    kept: dict[str, Any] = stored | {name: tuple(stored[name]) for name in ("blocks", "channels")}
+    return Row(**kept)
+
+
+def percent(value: float) -> str:
+    """A share as text."""
+    return f"{100 * value:.0f} %" if np.isfinite(value) else "-"
+
+
+def table(rows: list[Row]) -> str:
+    """A table of cases in Markdown."""
+    head = (
+        "| planted | gap | law found | channels | fitted | held out | runner-up distinguished |\n" + 7 * "|---" + "|\n"
+    )
+    lines = []
+    for r in rows:
+        gap = f"{r.gap:.1f}" if np.isfinite(r.gap) else "-"
+        law = f"{'' if r.right or not r.blocks else '**wrong part** '}`{r.law.split(':')[0]}`{r.law.partition(':')[2]}"
+        apart = f"{'yes' if r.apart else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
+        found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {percent(r.closure)} | {apart}"
+        lines.append(f"| `{r.name}` | {gap} | {found if r.found else r.reason + ' | | | | '} |")
+    formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
+    return head + "\n".join(lines) + ("\n\nPlain formulas, SI:\n\n" + "\n".join(formulas) if formulas else "")
+
+
+def summary(rows: list[Row]) -> str:
+    """Counts of each kind."""
+    lines = []
+    for kind, title in (
+        ("library", "Effects taken from the library"),
+        ("outside", "Effects that no library ever held"),
+    ):
+        own = [r for r in rows if r.kind == kind]
+        if own:
+            closed = float(np.median([r.closure if r.found else 0.0 for r in own]))
+            right = share(sum(r.found and r.right for r in own), len(own))
+            lines.append(
+                f"- {title}: right part {right}; the law closes {percent(closed)} of the gap that "
+                f"retuning leaves on held-out motions of another kind (median; nothing found counts as 0)."
+            )
+    lines += distinction([r for r in rows if r.kind in ("library", "outside")])
+    healthy = [r for r in rows if r.kind == "healthy"]
+    if healthy:
+        false = share(sum(r.found for r in healthy), len(healthy))
+        lines.append(f"- Healthy robots: something is discovered in {false}.")
+    seconds = [r.seconds for r in rows if r.kind in ("library", "outside")]
+    if seconds:
+        lines.append(f"- Processor time: {np.median(seconds):.0f} s a case (median).")
+    return "\n".join(lines)
+
+
+def limit(leads: Sequence[float]) -> float:
+    """Lead that one more robot exceeds with probability `ERROR` at most, drawn as those of these leads (conformal
+    prediction; Vovk, Gammerman & Shafer 2005)."""
+    rank = int(np.ceil((1.0 - ERROR) * (len(leads) + 1)))
+    return sorted(leads)[rank - 1] if rank <= len(leads) else 1.0
+
+
+def distinction(rows: list[Row]) -> list[str]:
+    """Lines about the runner-up: the limit of the lead, and how often what is said of it holds."""
+    named = [r for r in rows if r.found and r.runner_up]
+    if len(named) < 2:
+        return []
+    whole = limit([r.wrong_lead for r in rows])
+    limits = {r.name: limit([other.wrong_lead for other in rows if other is not r]) for r in named}
+    apart = [r for r in named if r.lead > limits[r.name]]
+    both = [r for r in named if r not in apart]
+    held = sum(r.right or r.runner_up.split(".")[0] in r.blocks for r in both)
+    return [
+        f"- Lead of the best law in a wrong part over the best one in the right part: at most {whole:.2f} in "
+        f"{1.0 - ERROR:.0%} of such robots (conformal quantile of {len(rows)}). In use: {LEAD:g}.",
+        f"- The runner-up is distinguished in {len(apart)} of {len(named)}, each by the limit of the others: the part "
+        f"is right in {share(sum(r.right for r in apart), len(apart))}. Where it is not, the law or the runner-up is "
+        f"in the right part in {share(held, len(both))}.",
+    ]
+
+
+def page(rows: list[Row], command: str) -> str:
+    """The page."""
+    titles = {
+        "library": "Effects of the library, taken away", "outside": "Effects outside the library",
+        "healthy": "Healthy robots", "real": "Real machines, beside their whole library",
+    }  # fmt: skip
+    parts = [(title, [r for r in rows if r.kind == kind]) for kind, title in titles.items()]
+    tables = "\n\n".join(f"## {title}\n\n{table(own)}" for title, own in parts if own)
+    return PAGE.format(command=command, made=made(), held=1.0 - ERROR, summary=summary(rows), tables=tables)

@@ -1,0 +1,23 @@
+"""Text of the pages of studies: when and by which code they were made, and shares with their intervals."""
+
+from __future__ import annotations
+
+import subprocess
+from datetime import date
+from pathlib import Path
+
+from exodrake.core.proportions import binomial_interval
+from exodrake.core.provenance import configuration
+
+
+def made() -> str:
+    """Date, commit (`+`: with changes), and digest of the code that finds answers, as diagnosis.json states it."""
+    words = ["git", "describe", "--always", "--exclude", "*", "--dirty=+"]
+    found = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True).stdout.strip()
+    return f"{date.today().isoformat()}, commit `{found or 'unknown'}`, code `{configuration()['code']}`"
+
+
+def share(hits: int, total: int) -> str:
+    """A share with its exact 95 % interval."""
+    low, high = binomial_interval(hits, total)
+    return f"{hits}/{total} ({100 * low:.0f} to {100 * high:.0f} %)" if total else "–"
