@@ -26,7 +26,8 @@ import numpy as np
 
 from exodrake.blind.case_mix import CasePlan
 from exodrake.blind.make import case_and_label
-from exodrake.core.parallel import each, one_thread
+from exodrake.core.parallel import each
+from exodrake.core.threads import one_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 

@@ -39,7 +39,7 @@ def measured(
 
     effects: those of the class that its stored answer leaves.
     """
-    from exodrake.core.parallel import one_blas_thread
+    from exodrake.core.threads import one_blas_thread
     from exodrake.diagnosis.problem import make_problem
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design

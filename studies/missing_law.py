@@ -20,7 +20,7 @@ import click
 from exodrake.blind.case_mix import CaseMix, CasePlan
 from exodrake.blind.catalogue import ENTRIES, blocks_of
 from exodrake.blind.make import case_and_label
-from exodrake.core.parallel import one_blas_thread
+from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_machine import laws_of

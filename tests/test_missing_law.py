@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 import exodrake as exo
 from exodrake.compiled.splice import state_indices
-from exodrake.core.parallel import one_blas_thread
+from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log

@@ -36,7 +36,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
 
     from exodrake.cli.diagnose import check_target
     from exodrake.core.files import write_bytes
-    from exodrake.core.parallel import one_blas_thread
+    from exodrake.core.threads import one_blas_thread
     from exodrake.machines.robot_file import load_robot
     from exodrake.preflight.check import preflight
     from exodrake.preflight.figure import figure_of

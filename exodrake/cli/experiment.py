@@ -44,8 +44,8 @@ def command(
     from rich.console import Console
 
     from exodrake.cli.diagnose import check_target
-    from exodrake.core.parallel import one_blas_thread
     from exodrake.core.progress import stages
+    from exodrake.core.threads import one_blas_thread
     from exodrake.experiment.answer import in_play
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design

@@ -22,7 +22,7 @@ from threading import Lock
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.parallel import ONE_THREAD
+from exodrake.core.threads import ONE_THREAD
 
 CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
 PATIENCE = 20.0  # assumed: of the clock for one of those, on a busy machine or in a reader that waits

@@ -3,8 +3,7 @@
     for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
         ...                                         # as tasks finish, in any order
 
-A task has one thread wherever it runs: two threads of linear algebra compete for the cores (a 40 us prediction then
-takes 15 ms) and add in another order, which changes the last digits of an answer.
+A task has one thread wherever it runs (see `threads`).
 """
 
 from __future__ import annotations
@@ -24,8 +23,8 @@ from threading import RLock
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.threads import ONE_THREAD, one_thread
 
-ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
 ONE_TASK = RLock()  # numba's thread pool ends a process in which two threads enter it at once
 TIMEOUT = "10s"  # for a scheduler to answer
 QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
@@ -127,33 +126,6 @@ def relative(trace: str) -> str:
     for place in sorted(filter(None, sys.path), key=len, reverse=True):
         trace = trace.replace(place + os.sep, "")
     return trace
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limit linear algebra and compiled loops to one thread."""
-    import numba
-
-    before = numba.get_num_threads()
-    with thread_limit():
-        numba.set_num_threads(1)
-        try:
-            yield
-        finally:
-            numba.set_num_threads(before)
-
-
-def one_blas_thread() -> Any:
-    """Limit linear algebra to one thread, as a context: a second thread does not speed up small products."""
-    return thread_limit("blas")
-
-
-def thread_limit(api: str | None = None) -> Any:
-    """Limit the thread pools of an API ("blas", "openmp"; all of them by default) to one thread, as a context."""
-    import scipy.linalg  # noqa: F401  loads its own BLAS, which can be limited only once it is loaded
-    from threadpoolctl import threadpool_limits
-
-    return threadpool_limits(1, user_api=api)
 
 
 def cores() -> int:

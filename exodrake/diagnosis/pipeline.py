@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.parallel import one_blas_thread
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
+from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.diagnosis.calibration import calibration_notes
