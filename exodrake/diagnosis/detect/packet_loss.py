@@ -15,7 +15,7 @@ import numpy as np
 from exodrake.core.confidence import CONFIDENCE
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.command_paths import LAGS, SHOWN, best_path, error_std, path_errors
+from exodrake.diagnosis.command_paths import ENTER, LAGS, SHOWN, best_path, error_std, path_errors
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 INPUT = "packet_arrival"  # signal that tells a simulated bus which commands arrive
 STILL = 0.25  # standard deviations of a reading in a frame: smaller changes of the command count as none
 CLEAR = 0.1  # of the errors around them that losses may leave: development cases 0.02-0.05, drives at a limit 0.2-0.7
-DRAWS = 4000  # for the interval of a share
+SURE = 2.0 * ENTER**0.5  # spreads of a change whose loss is decoded for sure: it then costs twice ENTER
+AGES = 12  # frames after which a command that was seen tells nothing more of the next one: 0.24 s; assumed
+GRID = 120  # points of each probability of the Markov chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +39,8 @@ class PacketLoss:
 
     Attributes:
         packet_arrival: (n, channels), 0 where a command was lost, else 1.
-        events: (2,) commands whose loss could be seen, after one that arrived and after one that was lost.
-        lost: (2,) those that were lost.
+        events: (2, AGES) commands whose loss could be seen, so many frames after one seen to arrive, and one seen lost.
+        lost: (2, AGES) those that were lost.
         errors: (2,) squared errors around the losses, above those of noise and model, if they had arrived and lost.
     """
 
@@ -116,27 +118,62 @@ def decoded(drive: Drive, log: Record, noise: float, frame: float) -> PacketLoss
     spread = error_std(log, errors, noise, frame)
     lost = best_path(drive, log, moved, spread, STILL * noise / frame)
     around = sum((np.roll(lost, k, axis=0) for k in range(LAGS)), start=whole)[: len(moved)]
-    before, after_loss = np.zeros(log.command.shape[1]), np.zeros(log.command.shape[1], dtype=bool)
-    events, gone = np.zeros(2, dtype=int), np.zeros(2, dtype=int)
-    for command, missed in zip(log.command, lost, strict=True):
-        shown = np.abs(command - before) * frame > SHOWN * noise
-        for k, cell in enumerate((shown & ~after_loss, shown & after_loss)):
-            events[k], gone[k] = events[k] + cell.sum(), gone[k] + (cell & missed).sum()
-        before, after_loss = np.where(missed, before, command), missed
+    sure = np.maximum(SHOWN * noise, SURE * np.vstack([spread, spread[-1:]])) / frame
+    events, gone = seen(log.command, lost, sure)
     explained = path_errors(drive, log, moved, lost) if lost.any() else errors
     squared = [float(np.sum((e / spread)[around] ** 2 - 1.0)) for e in (errors, explained)]
     return PacketLoss(1.0 - lost, events, gone, np.array(squared))
 
 
+def seen(command: np.ndarray, lost: np.ndarray, sure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Commands whose loss could be seen and those that were lost, by the last one seen and the frames since.
+
+    A command is seen if it differs from every one that may be held by then. Whether it is does not depend on which of
+    them were lost: a run of losses would show more often than it occurs if a change from the held one were enough.
+
+    Args:
+        command: (n, channels) [its unit].
+        lost: (n, channels) those that were lost.
+        sure: (n, channels) changes that show for sure [unit of the command].
+
+    Returns:
+        (2, AGES) each, as in `PacketLoss`.
+    """
+    channels = command.shape[1]
+    low, high = np.zeros(channels), np.zeros(channels)  # ends of what may be held
+    state, age = np.zeros(channels, dtype=int), np.full(channels, AGES - 1)
+    events, gone = np.zeros((2, AGES), dtype=int), np.zeros((2, AGES), dtype=int)
+    for now, missed, least in zip(command, lost, sure, strict=True):
+        shown = (now < low - least) | (now > high + least)
+        np.add.at(events, (state[shown], age[shown]), 1)
+        np.add.at(gone, (state[shown], age[shown]), missed[shown])
+        state, age = np.where(shown, missed, state), np.where(shown, 0, np.minimum(age + 1, AGES - 1))
+        arrived = shown & ~missed
+        low = np.where(arrived, now, np.where(shown, low, np.minimum(low, now)))
+        high = np.where(arrived, now, np.where(shown, high, np.maximum(high, now)))
+    return events, gone
+
+
 def loss_probability(losses: list[PacketLoss]) -> tuple[float, float, float]:
     """Share of lost commands with its 90 % interval.
 
-    Losses come in runs, so that a loss shows more often within a run than where it begins. Of a Markov chain that
-    enters runs with probability e and stays with s, the share is e / (e + 1 - s); e and s have Jeffreys' posterior.
+    Losses come in runs. A Markov chain that enters them with probability e and stays with s loses the share
+    p = e / (e + 1 - s), and k frames after a command that arrived (x = 0) or was lost (x = 1) another one with
+    probability p + (x - p) (s - e)^k. e and s have Jeffreys' priors.
     """
     from scipy.stats import beta
 
     lost, kept = (np.sum(rows, axis=0) for rows in ([d.lost for d in losses], [d.events - d.lost for d in losses]))
-    enter, stay = (beta.rvs(lost[k] + 0.5, kept[k] + 0.5, size=DRAWS, random_state=k) for k in range(2))
-    low, middle, high = np.quantile(enter / (enter + 1.0 - stay), (0.5 - CONFIDENCE / 2, 0.5, 0.5 + CONFIDENCE / 2))
+    steps = beta.ppf((np.arange(GRID) + 0.5) / GRID, 0.5, 0.5)
+    enter, stay = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    share = enter / (enter + 1.0 - stay)
+    support = np.zeros(len(share))
+    for (x, k), count in np.ndenumerate(lost + kept):
+        if count:
+            chance = np.clip(share + (x - share) * (stay - enter) ** (k + 1), 1e-12, 1.0 - 1e-12)
+            support += lost[x, k] * np.log(chance) + kept[x, k] * np.log1p(-chance)
+    order = np.argsort(share)
+    weights = np.cumsum(np.exp(support - support.max())[order])
+    ends = np.array([0.5, 0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]) * weights[-1]
+    middle, low, high = share[order][np.searchsorted(weights, ends)]
     return float(middle), float(low), float(high)
