@@ -15,12 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.trial import Trial
 
-SAMPLE = 0.1  # s that count as one sample, as where a missing law is sought; assumed
 CELL = 2  # samples with one amplitude, 0.2 s: shorter than a motion takes to turn round; assumed
 ROUNDS = 15  # of the fixed point
 LARGEST = 1.0  # relative change of a nominal parameter that stands for a fault; assumed

@@ -26,6 +26,8 @@ from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 # s of a log that count as one sample against the tolerances: a model's error repeats in every motion. With 0.66 s, 90 %
 # intervals of nominal parameters of 24 healthy robots of the reference simulator covered 90 %, with one frame 41 %
 CORRELATION = 0.66
+# s that count as one sample where a law is free: its error goes on longer than noise; assumed
+SAMPLE = 0.1
 NOISE_RUNS = 8  # simulated runs with noise; draws are made from them
 # of the tolerances, by which the robot of each run differs: a signal at rest is then rounded elsewhere; assumed
 NOISE_MOVES = 0.2

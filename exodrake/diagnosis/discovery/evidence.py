@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.diagnosis.likelihood import CORRELATION, Likelihood
+from exodrake.diagnosis.likelihood import CORRELATION, SAMPLE, Likelihood
 from exodrake.diagnosis.projection import normal_matrix
 
-SAMPLE = 0.1  # s of a log that count as one sample: a law's error goes on longer than noise; assumed
 SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plausible size
 PASSES, ROUNDS = 2, 4  # over the channels; of the residual's variance
 
