@@ -41,6 +41,6 @@ EFFECT = Effect(
     states=(State("deflection", TENDONS, unit="m"),),
     advances=("tendon.settle",),
     family="friction",
-    not_tried="another law of tendon.stribeck_friction, which is tried",
+    law_of="tendon.stribeck_friction",
     order=248,
 )

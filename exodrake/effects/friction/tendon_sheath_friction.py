@@ -101,6 +101,6 @@ EFFECT = Effect(
     states=(State("stretches", TENDONS, PIECES, "m"),),
     advances=("tendon.settle",),
     family="friction",
-    not_tried="another law of tendon.capstan_friction, which is tried",
+    law_of="tendon.capstan_friction",
     order=228,
 )
