@@ -29,8 +29,11 @@ class FormulaView:
     def samples(self):
         return sum(trial.measured.size for trial in self.problem.fit)
 
-    def residual(self, rows):
-        return np.array([self.formula(row) for row in rows]).reshape(len(rows), self.samples)
+    def tasks(self, rows, out):
+        def fill():
+            out[:] = np.array([self.formula(row) for row in rows]).reshape(len(rows), self.samples)
+
+        return [fill]
 
 
 def likelihood_of(formula, frames=(400,), columns=1, noise=(), scale=1.0, measured=None):

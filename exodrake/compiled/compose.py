@@ -163,7 +163,7 @@ def generate_module(machine: Machine) -> str:
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
-        "import numpy as np\nfrom numba import njit, prange\n\nfrom exodrake.compiled.memory import vector",
+        "import numpy as np\nfrom numba import njit\n\nfrom exodrake.compiled.memory import vector",
         *sorted(imports),
         *generate_leaves(machine),
         *generate_functions(machine, sources),

@@ -140,18 +140,19 @@ def generate_run(machine: Machine) -> str:
 
 
 def generate_batch(machine: Machine) -> str:
-    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of parameters."""
+    """`batch(rows, size, given..., dt, substeps, records, follow)`: a run from the start for each row of parameters.
+
+    Threads may call it side by side (`core.threads`).
+    """
     given = [f"{name}_rows" for name in machine.inputs]
     lines = [
-        "for i in prange(rows.shape[0]):",
+        "for i in range(rows.shape[0]):",
         "    state, w, fine = np.zeros(size), np.zeros(records.shape[2]), np.zeros((0, 0))",
         "    begin(rows[i], state)",
         f"    run(rows[i], state, w, {', '.join(given)}, dt, substeps, records[i], fine, follow)",
     ]
-    header = (
-        f"@njit(cache=True, parallel=True)\ndef batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
-    )
-    return header + indent(lines)
+    header = f"def batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
+    return "@njit(cache=True, nogil=True)\n" + header + indent(lines)
 
 
 def indent(lines: list[str]) -> str:

@@ -195,6 +195,15 @@ class Machine:
         return self.part_sizes[part.name]
 
     @cached_property
+    def offsets(self) -> dict[str, slice]:
+        """Slice of each signal in the flat vector of signals."""
+        found, at = {}, 0
+        for signal in self.signals:
+            width = self.width(signal.axis)
+            found[signal.name], at = slice(at, at + width), at + width
+        return found
+
+    @cached_property
     def part_sizes(self) -> dict[str, tuple[int, int]]:
         """`part_size` of each part by its name."""
 
@@ -230,11 +239,7 @@ class Machine:
 
 def offsets(machine: Machine) -> dict[str, slice]:
     """Slice of each signal in the flat vector of signals."""
-    found, at = {}, 0
-    for signal in machine.signals:
-        width = machine.width(signal.axis)
-        found[signal.name], at = slice(at, at + width), at + width
-    return found
+    return machine.offsets
 
 
 def state_size(machine: Machine) -> int:

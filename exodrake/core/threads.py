@@ -1,4 +1,4 @@
-"""Threads of linear algebra and of compiled loops, limited to one.
+"""Threads: simulations side by side on several, linear algebra on one.
 
 Two threads of linear algebra compete for the cores with each other and with other tasks (a 40 us prediction then takes
 15 ms) and add in another order, which changes the last digits of an answer.
@@ -6,16 +6,19 @@ Two threads of linear algebra compete for the cores with each other and with oth
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from math import inf
+from threading import Lock
+from typing import Any, cast
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")}
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit linear algebra and compiled loops to one thread."""
+    """Limit linear algebra and simulations to one thread."""
     import numba
 
     before = numba.get_num_threads()
@@ -38,3 +41,67 @@ def thread_limit(api: str | None = None) -> Any:
     from threadpoolctl import threadpool_limits
 
     return threadpool_limits(1, user_api=api)
+
+
+def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
+    """Results of tasks, in their order, on this thread and on idle ones as far as numba may use several.
+
+    Tasks may call it, too: what is idle then helps with theirs. A task gains by it while it simulates or works on
+    arrays, as compiled code and numpy let other threads run. After an error no other task begins.
+    """
+    import numba
+
+    waiting, results, limit = iter(range(len(tasks))), [cast(T, None)] * len(tasks), numba.get_num_threads()
+
+    def work() -> None:
+        try:
+            for k in waiting:
+                results[k] = tasks[k]()
+        finally:  # after an error no task begins
+            list(waiting)
+
+    def help_out() -> None:
+        numba.set_num_threads(limit)  # numba keeps it for each thread
+        try:
+            work()
+        finally:
+            HELPERS.leave()
+
+    count = HELPERS.enter(min(len(tasks), limit) - 1, limit - 1)
+    if not count:
+        work()
+        return results
+    try:
+        with ThreadPoolExecutor(count) as pool:
+            helpers = [pool.submit(help_out) for _ in range(count)]
+            try:
+                work()
+            finally:
+                HELPERS.leave()  # this thread waits from here on: tasks within the last ones may have its core
+    finally:
+        HELPERS.enter(1)
+    for helper in helpers:
+        helper.result()
+    return results
+
+
+class Helpers:
+    """How many threads help out in this process, less those that wait for them."""
+
+    def __init__(self) -> None:
+        self.lock, self.busy = Lock(), 0
+
+    def enter(self, wanted: int, most: float = inf) -> int:
+        """How many of the helpers wanted may begin, where `most` may be busy at once."""
+        with self.lock:
+            count = int(max(0, min(wanted, most - self.busy)))
+            self.busy += count
+            return count
+
+    def leave(self) -> None:
+        """One helper has ended, or waits."""
+        with self.lock:
+            self.busy -= 1
+
+
+HELPERS = Helpers()

@@ -12,10 +12,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
@@ -153,17 +155,18 @@ class Isolator:
 
         least: mean logarithm of chi-squares that others leave.
         """
-        first = [self.first_steps(likelihood, self.starts(likelihood, known, p)) for p in found]
+        first = side_by_side([partial(self.first_steps, likelihood, known, p) for p in found])
         cost = [likelihood.mean_log(e.residual) for e in first]
         near = [c < min(*cost, least) + BEHIND and e not in SETTLED for c, e in zip(cost, first, strict=True)]
-        done = [self.refined(likelihood, e, STEPS) if ok else e for e, ok in zip(first, near, strict=True)]
+        further = side_by_side([partial(self.refined, likelihood, e, STEPS) for e, ok in zip(first, near) if ok])
+        done = [*further, *(e for e, ok in zip(first, near, strict=True) if not ok)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
         closer = likelihood.scaled_to(done[0].residual) if done else likelihood
         for k, e in enumerate(done[:FRESH]):
             left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
             if CONVERGED < left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
                 done[k] = self.refreshed(closer, e)
-        done = [self.unstuck(likelihood, e, done) for e in done]
+        done = side_by_side([partial(self.unstuck, likelihood, e, done) for e in done])
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
 
     def unstuck(self, likelihood: Likelihood, e: Explanation, found: Sequence[Explanation]) -> Explanation:
@@ -213,8 +216,9 @@ class Isolator:
         self.progress(Stage.FIT, start.name)
         return minimise(likelihood, start, steps, TOL)
 
-    def first_steps(self, likelihood: Likelihood, starts: Sequence[Explanation]) -> Explanation:
+    def first_steps(self, likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
         """The better of two fits after their first steps: from the prediction, and from the start of least cost."""
+        starts = self.starts(likelihood, known, predicted)
         least = min(starts, key=lambda e: e.cost(likelihood))
         found = [self.refined(likelihood, e, FIRST_STEPS) for e in {id(e): e for e in (starts[0], least)}.values()]
         return min(found, key=lambda e: e.cost(likelihood))

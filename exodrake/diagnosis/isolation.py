@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.comparison import richer_law, taken_up
 from exodrake.diagnosis.levels import Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood
@@ -36,7 +38,8 @@ def tested(
 ) -> list[Tested]:
     """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
     rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
-    made = [Tested(e, tests(e, rivals[id(e)]), likelihood.chi2(e.residual), e.cost(likelihood)) for e in found]
+    levels = side_by_side([partial(tests, e, rivals[id(e)]) for e in found])
+    made = [Tested(e, own, likelihood.chi2(e.residual), e.cost(likelihood)) for e, own in zip(found, levels)]
     return sorted(made, key=lambda t: t.cost)
 
 

@@ -122,7 +122,7 @@ class Tests:
         self.likelihood, self.lin, self.moved = likelihood, lin, moved
         self.calibration = calibration_of(likelihood.robot.machine)
         self.noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
-        self.functions: list[np.ndarray] = []
+        self.functions: dict[int, np.ndarray] = {}
         self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
     def beside(self, likelihood: Likelihood, lin: Linearisation) -> Tests:
@@ -198,8 +198,8 @@ class Tests:
         """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
         law, model = np.zeros_like(self.noise), np.zeros_like(self.noise)
         for k, (contribution, rho) in enumerate(self.contributions(project)):
-            if k == len(self.functions):
-                self.functions.append(random_functions(self.likelihood, DRAWS, k))
+            if k not in self.functions:
+                self.functions[k] = random_functions(self.likelihood, DRAWS, k)
             draws = self.functions[k] * contribution.astype(np.float32)
             law += np.float32(rho) * draws
             model += np.float32(self.calibration.same_meaning) * draws

@@ -11,13 +11,15 @@ cost each view is divided by how far the best robot so far is from its noise, so
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
 from exodrake.core.robot import Robot
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.noise import noise_uncertainty
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
@@ -28,6 +30,7 @@ from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
 CORRELATION = 0.66
 # s that count as one sample where a law is free: its error goes on longer than noise; assumed
 SAMPLE = 0.1
+COUNTING = Lock()  # of the simulated time, by fits side by side
 NOISE_RUNS = 8  # simulated runs with noise; draws are made from them
 # of the tolerances, by which the robot of each run differs: a signal at rest is then rounded elsewhere; assumed
 NOISE_MOVES = 0.2
@@ -54,14 +57,9 @@ class View:
         """Length of its residual."""
         return sum(trial.measured.size for trial in self.problem.fit)
 
-    def residual(self, rows: np.ndarray) -> np.ndarray:
-        """Whitened residuals (rows, samples) of the flat parameter vectors `rows` (rows, parameters)."""
-        raw, parts = self.problem.residual(rows, self.problem.fit), []
-        ends = np.cumsum([trial.measured.size for trial in self.problem.fit])[:-1]
-        for part, trial in zip(np.split(raw, ends, axis=1), self.problem.fit, strict=True):
-            white = self.whitening(part.reshape(len(rows), *trial.measured.shape))
-            parts.append(white.reshape(len(rows), -1))
-        return np.concatenate(parts, axis=1)
+    def tasks(self, rows: np.ndarray, out: np.ndarray) -> list[Callable[[], None]]:
+        """What fills `out` (rows, samples) with whitened residuals of parameter vectors `rows` (rows, parameters)."""
+        return self.problem.tasks(rows, self.problem.fit, out, self.whitening)
 
 
 @dataclass(eq=False)
@@ -85,8 +83,12 @@ class Likelihood:
 
     def residual(self, rows: np.ndarray) -> np.ndarray:
         """Whitened residuals (rows, samples) [noise_std] of flat parameter vectors (rows, parameters)."""
-        self.simulated[self.stage] += len(rows) * sum(duration(view.problem) for view in self.views)
-        return np.concatenate([view.residual(rows) for view in self.views], axis=1)
+        with COUNTING:
+            self.simulated[self.stage] += len(rows) * sum(duration(view.problem) for view in self.views)
+        out = np.empty((len(rows), self.samples))
+        parts = zip(self.views, self.split(out), strict=True)
+        side_by_side([task for view, part in parts for task in view.tasks(rows, part)])
+        return out
 
     def derivatives(self, rows: np.ndarray, base: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Difference quotients (rows, samples), float32, of robots that are `steps` (rows,) off the one of `base`."""

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, fixed_parameters
 from exodrake.diagnosis.problem import Problem
@@ -110,13 +112,18 @@ def linearise(
     residual: np.ndarray = likelihood.residual(here[None])[0] if base is None else base
     if jacobian is None:
         jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
-    found, at, directions = [], 0, [np.zeros((0, len(residual)), dtype=np.float32)]
+    found, at = [], 0
     for effect in effects:
         for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
-            found.append(probe)
-            directions.append((likelihood.residual(robots) - residual).astype(np.float32))
+            found.append((probe, robots))
             at += len(robots)
-    return Linearisation(nominal, x, residual, jacobian, np.concatenate(directions), tuple(found))
+    directions = np.empty((at, len(residual)), dtype=np.float32)
+
+    def simulate(probe: Probe, robots: np.ndarray) -> None:
+        directions[probe.rows] = likelihood.residual(robots) - residual
+
+    side_by_side([partial(simulate, *pair) for pair in found])
+    return Linearisation(nominal, x, residual, jacobian, directions, tuple(probe for probe, _ in found))
 
 
 def renewed(old: Linearisation, new: Linearisation, without: Collection[str]) -> Linearisation:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -11,6 +14,7 @@ from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine, offsets, signal_count, state_size
 from exodrake.core.robot import Robot
+from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.diagnosis.checks import check_case
 from exodrake.diagnosis.detection import Detection
@@ -58,7 +62,7 @@ class Problem:
         """Effects that were decoded rather than fitted -> value of their first parameter."""
         return {d.effect.id: next(iter(d.effect.parameters.values())).value for d in self.detected if not d.certain}
 
-    @property
+    @cached_property
     def signal_indices(self) -> list[int]:
         """Places of the columns in the flat vector of wires."""
         machine, at = self.robot.machine, offsets(self.robot.machine)
@@ -95,37 +99,48 @@ class Problem:
         given = input_rows(machine, trial.reference, noise_inputs).values()
         records = np.full((len(rows), n, count), np.inf)  # what a run leaves that ends early
         follow = NOTHING if trial.follow is None else trial.follow
-        try:
-            module.batch(np.ascontiguousarray(rows), state_size(machine), *given, machine.slot, 1, records, follow)
-        except SystemError:  # numba's word for an exception in a parallel loop; one in another thread ends in silence
-            if len(rows) > 1:
-                return np.concatenate([self.records(row[None], trial, seed) for row in rows])
+
+        def run(k: int) -> None:
+            with suppress(ZeroDivisionError):
+                module.batch(rows[k : k + 1], size, *given, machine.slot, 1, records[k : k + 1], follow)
+
+        rows, size = np.ascontiguousarray(rows), state_size(machine)
+        side_by_side([partial(run, k) for k in range(len(rows))])
         return records
 
     def residual(self, rows: np.ndarray, trials: tuple[Trial, ...]) -> np.ndarray:
-        """Residuals (measured - simulated) / noise_std, 0 where nothing was measured.
-
-        Args:
-            rows: (rows, parameters) flat parameter vectors [SI].
-            trials: to simulate.
-
-        Returns:
-            (rows, samples), all trials and columns in a row [-].
-        """
-        out, at = np.empty((len(rows), sum(trial.measured.size for trial in trials))), 0
-        for trial in trials:
-            here = slice(at, at := at + trial.measured.size)
-            for k in range(0, len(rows), ROWS):
-                some = slice(k, k + ROWS)
-                simulated = self.predict(rows[some], trial)
-                np.nan_to_num(simulated, copy=False, nan=np.inf)
-                with np.errstate(over="ignore"):
-                    difference = (trial.measured - simulated) / self.noise_std
-                np.nan_to_num(difference, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
-                difference.clip(-WILD, WILD, out=difference)
-                difference = without(self.notched, difference, self.robot.machine.frame)
-                out[some, here] = difference.reshape(len(difference), -1)
+        """Residuals (rows, samples) of parameter vectors `rows` (rows, parameters), all trials and columns in a row."""
+        out = np.empty((len(rows), sum(trial.measured.size for trial in trials)))
+        side_by_side(self.tasks(rows, trials, out, lambda difference: difference))
         return out
+
+    def tasks(
+        self,
+        rows: np.ndarray,
+        trials: tuple[Trial, ...],
+        out: np.ndarray,
+        whitening: Callable[[np.ndarray], np.ndarray],
+    ) -> list[Callable[[], None]]:
+        """Tasks that fill `out` (rows, samples) with residuals (rows, n, columns) of a trial, whitened."""
+
+        def fill(some: slice, trial: Trial, here: slice) -> None:
+            found = whitening(self.differences(rows[some], trial))
+            out[some, here] = found.reshape(len(found), -1)
+
+        ends = np.cumsum([trial.measured.size for trial in trials])
+        chunks = [slice(k, k + ROWS) for k in range(0, len(rows), ROWS)]
+        places = [(t, slice(end - t.measured.size, end)) for t, end in zip(trials, ends, strict=True)]
+        return [partial(fill, some, *place) for place in places for some in chunks]
+
+    def differences(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
+        """(measured - simulated) / noise_std (rows, n, columns) of robots on a trial, 0 where nothing was measured."""
+        simulated = self.predict(rows, trial)
+        np.nan_to_num(simulated, copy=False, nan=np.inf)
+        with np.errstate(over="ignore"):
+            found = (trial.measured - simulated) / self.noise_std
+        np.nan_to_num(found, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
+        found.clip(-WILD, WILD, out=found)
+        return without(self.notched, found, self.robot.machine.frame)
 
     def without(self, bands: Bands) -> Problem:
         """The problem with bands [Hz] filtered out of residuals and noise standard deviations."""

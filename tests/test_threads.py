@@ -1,0 +1,68 @@
+"""Tasks side by side on the threads that numba may use."""
+
+import threading
+import time
+
+import numba
+import pytest
+
+from exodrake.core.threads import HELPERS, side_by_side
+
+
+@pytest.fixture(params=[1, 2, 3])
+def limit(request):
+    if request.param > numba.config.NUMBA_NUM_THREADS:
+        pytest.skip("numba has fewer threads")
+    before = numba.get_num_threads()
+    numba.set_num_threads(request.param)
+    yield request.param
+    numba.set_num_threads(before)
+
+
+def test_results_come_in_the_order_of_the_tasks(limit):
+    def late(k):
+        time.sleep(0.002 * (5 - k))
+        return k
+
+    assert side_by_side([lambda k=k: late(k) for k in range(6)]) == list(range(6))
+    assert side_by_side([]) == []
+
+
+def test_tasks_within_tasks_never_take_more_threads_than_allowed(limit):
+    lock, running, most = threading.Lock(), set(), []
+
+    def leaf():
+        with lock:
+            running.add(threading.get_ident())
+            most.append(len(running))
+        time.sleep(0.002)
+        with lock:
+            running.discard(threading.get_ident())
+        return 1
+
+    found = side_by_side([lambda: sum(side_by_side([leaf] * 4)) for _ in range(5)])
+    assert found == [4] * 5
+    assert max(most) <= limit
+    assert HELPERS.busy == 0
+
+
+def test_as_many_tasks_as_threads_run_at_once(limit):
+    together = threading.Barrier(limit)  # opens once all are there
+    assert len(side_by_side([lambda: together.wait(60.0)] * limit)) == limit
+
+
+def test_after_an_error_no_task_begins_and_it_is_raised(limit):
+    begun = []
+
+    def task(k):
+        begun.append(k)
+        time.sleep(0.002)
+        if k == 1:
+            raise ZeroDivisionError
+        return k
+
+    with pytest.raises(ZeroDivisionError):
+        side_by_side([lambda k=k: task(k) for k in range(50)])
+    assert len(begun) <= 2 + limit
+    assert HELPERS.busy == 0
+    assert side_by_side([lambda: 7]) == [7]
