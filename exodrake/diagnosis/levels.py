@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -122,7 +123,7 @@ class Tests:
         self.likelihood, self.lin, self.moved = likelihood, lin, moved
         self.calibration = calibration_of(likelihood.robot.machine)
         self.noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
-        self.functions: dict[int, np.ndarray] = {}
+        self.functions = cache(partial(random_functions, likelihood, DRAWS))
         self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
     def beside(self, likelihood: Likelihood, lin: Linearisation) -> Tests:
@@ -198,11 +199,10 @@ class Tests:
         """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
         law, model = np.zeros_like(self.noise), np.zeros_like(self.noise)
         for k, (contribution, rho) in enumerate(self.contributions(project)):
-            if k not in self.functions:
-                self.functions[k] = random_functions(self.likelihood, DRAWS, k)
-            draws = self.functions[k] * contribution.astype(np.float32)
-            law += np.float32(rho) * draws
-            model += np.float32(self.calibration.same_meaning) * draws
+            for h, own, other in zip(self.functions(k), law, model, strict=True):  # rows stay in the cache
+                error = np.multiply(h, contribution, dtype=np.float32)
+                own += np.float32(rho) * error
+                other += np.float32(self.calibration.same_meaning) * error
         return law, model
 
     def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:

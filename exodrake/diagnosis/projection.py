@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from exodrake.diagnosis.likelihood import Likelihood
@@ -17,19 +19,32 @@ def normal_matrix(columns: np.ndarray, precision: np.ndarray) -> np.ndarray:
     return normal + RIDGE * np.diag(np.diag(normal))
 
 
+PRODUCTS: WeakKeyDictionary[Linearisation, list[np.ndarray]] = WeakKeyDictionary()
+
+
+def direction_products(likelihood: Likelihood, lin: Linearisation) -> np.ndarray:
+    """Products (directions, directions) of weighted directions; those of a view as a whole are made once."""
+    if likelihood.counted is not None:
+        weighted = lin.directions * likelihood.weights
+        return (weighted @ weighted.T).astype(float)
+    if lin not in PRODUCTS:
+        PRODUCTS[lin] = [(part @ part.T).astype(float) for part in likelihood.split(lin.directions)]
+    return np.sum([p / view.scale**2 for p, view in zip(PRODUCTS[lin], likelihood.views, strict=True)], axis=0)
+
+
 class Projection:
     """What is left of residuals once fitted parameters are free, and the largest share one more effect takes up."""
 
     def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
         self.explanation, self.likelihood, self.weights = e, likelihood, likelihood.weights
         self.columns, self.precision = whole_jacobian(likelihood, e), 1.0 / e.prior_std**2
-        self.fitted = (self.columns * self.weights).astype(np.float32)
-        self.directions = lin.directions * self.weights
+        self.fitted = (self.columns * self.weights).astype(np.float32, copy=False)
+        self.directions = lin.directions
         self.normal = normal_matrix(self.fitted, self.precision)
-        cross = (self.fitted @ self.directions.T).astype(float)
+        cross = (self.directions @ (self.fitted * self.weights).T).astype(float).T
         self.inverse = np.linalg.inv(self.normal)
         self.solved = self.inverse @ cross
-        self.curvature = (self.directions @ self.directions.T).astype(float) - cross.T @ self.solved
+        self.curvature = direction_products(likelihood, lin) - cross.T @ self.solved
         self.probes = [p for p in lin.probes if p.effect not in e.effects]
 
     def pull(self, rows: np.ndarray, prior: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +69,7 @@ class Projection:
 
     def slopes(self, rows: np.ndarray, pull: np.ndarray) -> np.ndarray:
         """Products (directions, n) of the directions with weighted rows (n, samples), the fitted columns eliminated."""
-        return (self.directions @ rows.T).astype(float) - self.solved.T @ pull
+        return (self.directions @ (rows * self.weights).T).astype(float) - self.solved.T @ pull
 
     def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""

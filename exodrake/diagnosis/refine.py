@@ -151,7 +151,7 @@ def slope_and_curvature(
     likelihood: Likelihood, here: Explanation, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
-    weighted, precision = columns.astype(float) * likelihood.weights, 1.0 / here.prior_std**2
+    weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / here.prior_std**2
     slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
     return slope, weighted @ weighted.T + np.diag(precision)
 
