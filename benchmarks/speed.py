@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from time import perf_counter
 
@@ -17,6 +18,7 @@ from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
+from exodrake.core.threads import side_by_side
 from exodrake.machines.robot_file import load_robot
 
 SPEED = "simulated s / s"
@@ -79,8 +81,12 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
             module.begin(row, state)
             module.run(row, state, wires, *given, machine.slot, 1, recording, NOTHING, NOTHING)
 
+    def row(k: int) -> None:
+        some, size = slice(k, k + 1), state_size(machine)
+        module.batch(parameters[some], size, *given, machine.slot, 1, records[some], NOTHING)
+
     def at_once() -> None:
-        module.batch(parameters, state_size(machine), *given, machine.slot, 1, records, NOTHING)
+        side_by_side([partial(row, k) for k in range(rows)])
 
     return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
 
