@@ -23,7 +23,6 @@ from exodrake.diagnosis.calibrate import (
     numbers_of,
     rate,
     rates_of,
-    richer_laws_of,
     truths,
     upper,
 )
@@ -31,14 +30,11 @@ from exodrake.diagnosis.calibration import (
     NUMBERS,
     UNCALIBRATED,
     Calibration,
-    RicherLaw,
     calibration_notes,
     calibration_of,
     calibration_text,
-    with_richer_laws,
 )
 from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
-from exodrake.diagnosis.richer_laws import laws_of
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate
@@ -135,48 +131,6 @@ def test_file_is_read_back_and_silences_the_note(tmp_path, monkeypatch):
         calibration_of(machine)
 
 
-def test_richer_laws_join_the_file_in_use(tmp_path, monkeypatch):
-    machine = load_robot(SHEATH).machine
-    monkeypatch.setattr(calibration, "machine_folders", lambda: {SHEATH: tmp_path})
-    with pytest.raises(InputError, match="without --law"):
-        with_richer_laws(machine, ())
-    given = Calibration(0.3, 0.02, 0.6, 1.5, "exodrake calibrate, 2026-01-01")
-    (tmp_path / "calibration.yaml").write_text(calibration_text(given, {"taken": 49}, {"truth kept": rate([True])}))
-    first, second = RicherLaw("a.dry", "a.falling", 0.12345, 50, "one"), RicherLaw("b.soft", "b.hard", 0.2, 60, "two")
-    for new in (first, second, replace(first, taken=0.2)):
-        (tmp_path / "calibration.yaml").write_text(with_richer_laws(machine, [new]))
-    assert calibration_of(machine) == replace(given, richer=(second, replace(first, taken=0.2)))
-    assert read_yaml(tmp_path / "calibration.yaml")["rates"] == {"truth kept": rate([True])}
-
-
-def test_limit_of_a_richer_law_holds_where_it_alone_differs():
-    limits = replace(UNCALIBRATED, richer=(RicherLaw("a.dry", "a.falling", 0.1, 50, ""),))
-    assert limits.taken_by(["a.falling"], ["a.dry"]) == 0.1
-    assert limits.taken_by(["c.lag", "a.falling"], ["a.dry", "c.lag"]) == 0.1
-    for rival, effects in ((["a.dry"], ["a.falling"]), (["a.falling", "c.lag"], ["a.dry"]), (["c.lag"], ["a.dry"])):
-        assert limits.taken_by(rival, effects) is None
-
-
-def test_share_of_a_richer_law_is_the_upper_quantile_of_robots_that_have_the_simpler_one():
-    shares = np.random.default_rng(0).permutation(np.arange(1.0, 100.0)) / 100.0
-    taken = [{"b": share, "c": share} if k < 10 else {"b": share} for k, share in enumerate(shares)]
-    records = [Record(TRIED, "a", "NAMED", richer=one) for one in taken]
-    (found,) = richer_laws_of(records, "a", "by hand")  # of c ten robots tell, too few
-    assert found == RicherLaw("a", "b", 0.98, 99, "by hand")
-
-
-def test_robots_have_the_law_or_another_one_of_it():
-    machine = load_robot().machine
-    assert {effect.id for effect in laws_of(machine, "tendon.coulomb_friction")} == {
-        "tendon.coulomb_friction",
-        "tendon.presliding",
-        "tendon.prandtl_ishlinskii",
-    }
-    for law, reason in (("tendon.nonsense", "no effect"), ("tendon.compliance", "no other law")):
-        with pytest.raises(InputError, match=reason):
-            laws_of(machine, law)
-
-
 @pytest.mark.parametrize("count", [1, 5, 50])
 def test_mean_square_of_so_many_tolerances_exceeds_its_limit_as_often_as_it_says(count):
     squares = np.random.default_rng(count).standard_normal((100_000, count)) ** 2
@@ -263,10 +217,7 @@ def test_shipped_calibration_states_its_command_and_rates(name):
     found, content = calibration_of(machine), read_yaml(file)
     words = found.source.split(", ")[0].split()
     assert words[:4] == ["exodrake", "calibrate", "--robot", name] and not calibration_notes(machine)
-    assert found == Calibration(**{key: content[key] for key in (*NUMBERS, "source")}, richer=found.richer)
-    for richer in found.richer:
-        assert richer.source.startswith(f"exodrake calibrate --robot {name} --law {richer.law} ")
-        assert 0.0 <= richer.taken < 1.0 and machine.effect(richer.richer).family == machine.effect(richer.law).family
+    assert found == Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
     for counted in content["rates"].values():
         assert counted == rate([True] * counted["k"] + [False] * (counted["n"] - counted["k"]))
     count = {key: counted["n"] for key, counted in content["rates"].items()}

@@ -1,17 +1,13 @@
 """Levels: error rates of the tests on draws from their null and on planted errors, and scipy's distributions."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from formula_case import FRAME, amplitude, explanation, likelihood_of, linearisation, nominal, probe
+from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal, probe
 from scipy import stats
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
-from exodrake.diagnosis.calibration import UNCALIBRATED, RicherLaw
-from exodrake.diagnosis.comparison import exceeding, most_taken, taken_up
+from exodrake.diagnosis.comparison import exceeding, taken_up
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
 from exodrake.diagnosis.projection import Projection
@@ -114,24 +110,6 @@ def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(planted, s
     assert local_levels(draws, scanned(1, planted))[statistic] < 1e-4
     healthy = np.array([local_levels(draws, scanned(1)) for _ in range(40)])
     assert np.mean(healthy.min(axis=1) < ALPHA) < 0.15
-
-
-def test_richer_law_takes_up_any_share_of_a_law_that_may_be_true_unless_calibrated():
-    kin = SimpleNamespace(block="tendon", family="friction")
-    likelihood = likelihood_of(lambda row: np.zeros(FRAMES))
-    likelihood.robot.machine.effect = lambda identity: kin
-
-    def fitted(effect, count):
-        parameters = tuple(amplitude(effect, k) for k in range(count))
-        return explanation(likelihood, parameters, np.zeros(count), np.zeros((0, FRAMES)), (effect,))
-
-    simple, falling = fitted("tendon.dry", 1), fitted("tendon.falling", 2)
-    known = replace(UNCALIBRATED, richer=(RicherLaw("tendon.dry", "tendon.falling", 0.1, 50, ""),))
-    for true_law in (True, False):
-        assert most_taken(likelihood, known, simple, falling, true_law) == 0.1
-        assert most_taken(likelihood, known, falling, simple, true_law) == UNCALIBRATED.taken
-    assert most_taken(likelihood, UNCALIBRATED, simple, falling, True) == np.inf
-    assert most_taken(likelihood, UNCALIBRATED, simple, falling, False) == UNCALIBRATED.taken
 
 
 def test_rival_takes_up_its_share_of_the_excess_over_noise():

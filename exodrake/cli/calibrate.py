@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -15,7 +14,7 @@ from exodrake.cli.options import robot_option
 from exodrake.core.progress import counted, where_to_run
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.calibration import Calibration, RicherLaw
+    from exodrake.diagnosis.calibration import Calibration
 
 
 @click.command()
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 @click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
 @click.option("--cases", default=100, show_default=True, type=click.IntRange(min=1), help="How many robots.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
-@click.option("--law", default="", metavar="EFFECT", help="Measure what richer laws of this effect take up, no more.")
 @click.option("--keep-numbers", is_flag=True, help="State the error rates of the numbers in use, and keep those.")
 @where_to_run
 @click.option(
@@ -34,7 +32,6 @@ def command(
     folder: str | None,
     cases: int,
     seed: int,
-    law: str,
     keep_numbers: bool,
     jobs: int,
     cluster: str | None,
@@ -46,9 +43,10 @@ def command(
     --case they follow the machine's own experiments. The same seed gives the same numbers, whatever --jobs is.
     """
     from exodrake.cli.diagnose import check_target
+    from exodrake.core.files import write_text
     from exodrake.data.case_folder import read_case
-    from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of, richer_laws_of
-    from exodrake.diagnosis.calibration import calibration_of, calibration_text, with_richer_laws
+    from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
+    from exodrake.diagnosis.calibration import calibration_of, calibration_text
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 
@@ -56,30 +54,16 @@ def command(
     machine = load_robot(robot).machine
     case = read_case(folder, required_of(machine), machine.frame) if folder else None
     with counted("calibrating", "nothing is kept") as count:
-        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, law)
+        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count)
     report_failures(failed, cases)
-    source = source_of(robot, folder, cases, seed, law, keep_numbers)
-    if law:
-        richer = richer_laws_of(records, law, source)
-        print_richer_laws(richer, law)
-        write_file(write, lambda: with_richer_laws(machine, richer))
-        return
-    found, rests_on = numbers_of(records, source)
+    found, rests_on = numbers_of(records, source_of(robot, folder, cases, seed, keep_numbers))
     rates = rates_of(records)
     print_calibration(found, rests_on, rates)
     if keep_numbers:
         found, rests_on = replace(calibration_of(machine), source=found.source), {}
-    found = replace(found, richer=calibration_of(machine).richer)
-    write_file(write, lambda: calibration_text(found, rests_on, rates))
-
-
-def write_file(path: Path | None, content: Callable[[], str]) -> None:
-    """Writes a text, and says so, if a file is wanted."""
-    from exodrake.core.files import write_text
-
-    if path:
-        write_text(path, content())
-        click.echo(f"wrote {path}")
+    if write:
+        write_text(write, calibration_text(found, rests_on, rates))
+        click.echo(f"wrote {write}")
 
 
 def report_failures(failed: dict[int, str], cases: int) -> None:
@@ -92,26 +76,11 @@ def report_failures(failed: dict[int, str], cases: int) -> None:
         raise InputError("no robot could be diagnosed")
 
 
-def source_of(robot: str, folder: str | None, cases: int, seed: int, law: str, keep_numbers: bool) -> str:
+def source_of(robot: str, folder: str | None, cases: int, seed: int, keep_numbers: bool) -> str:
     """The command and today's date, without the path of a folder."""
-    motion = ["--case", Path(folder).name] if folder else []
-    kept = [*(["--law", law] if law else []), *(["--keep-numbers"] if keep_numbers else [])]
+    motion, kept = ["--case", Path(folder).name] if folder else [], ["--keep-numbers"] if keep_numbers else []
     words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(cases), "--seed", str(seed)]
     return f"{shlex.join([*words, *kept])}, {date.today()}"
-
-
-def print_richer_laws(found: Sequence[RicherLaw], law: str) -> None:
-    """Prints what richer laws take up of an effect."""
-    from rich.console import Console
-
-    from exodrake.report import number_format as n
-    from exodrake.report.terminal import table
-
-    if not found:
-        click.echo(f"too few robots show what a richer law takes up of {law}")
-        return
-    rows = [(r.richer, n.percent(r.taken), str(r.robots)) for r in found]
-    Console(highlight=False).print(table((f"richer than {law}", ">takes up at most", ">robots"), rows))
 
 
 def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[str, dict[str, Any]]) -> None:

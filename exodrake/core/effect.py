@@ -82,7 +82,6 @@ class Effect:
             delay; those of friction or creep belong to the fitted law, and reality follows another.
         law_std: relative standard deviation between the amplitude in this law and in another law of the effect, of
             which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
-        law_of: id of the effect of which this is another law, as reality may follow; a diagnosis tries that one.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
         detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
         order: where several effects act at one point, those of lower order act first; equal ones by id.
@@ -99,15 +98,10 @@ class Effect:
     family: str = ""
     same_meaning: bool = False
     law_std: float = LAW_STD
-    law_of: str = ""
     not_tried: str = ""
     detector: str = ""
     order: int = LAST
     filters: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if self.law_of and not self.not_tried:
-            object.__setattr__(self, "not_tried", f"another law of {self.law_of}, which is tried")
 
     @property
     def block(self) -> str:

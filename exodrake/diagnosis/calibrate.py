@@ -28,7 +28,7 @@ from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.proportions import binomial_interval
 from exodrake.data.case import Case
-from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration, RicherLaw
+from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
 from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolation import Isolation, Tested
@@ -36,7 +36,6 @@ from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from exodrake.diagnosis.richer_laws import by_rival, laws_of, taken_by_richer
 from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.machines.robot_file import load_robot
 
@@ -60,7 +59,6 @@ class Record:
         first: whether it is the best of all explanations.
         kept: whether the logs do not reject it.
         values: number of the calibration -> what the true explanation shows of it.
-        richer: id of an effect with a richer law -> share that it takes up of what the true one leaves.
     """
 
     kind: str
@@ -70,7 +68,6 @@ class Record:
     first: bool = False
     kept: bool = False
     values: dict[str, float] = field(default_factory=dict)
-    richer: dict[str, float] = field(default_factory=dict)
 
 
 def calibrate(
@@ -81,7 +78,6 @@ def calibrate(
     jobs: int = 1,
     cluster: str | None = None,
     progress: Count = no_progress,
-    law: str = "",
 ) -> tuple[list[Record], dict[int, str]]:
     """Records of simulated robots, the same whatever `jobs` is.
 
@@ -93,23 +89,19 @@ def calibrate(
         jobs: as in `parallel.each`.
         cluster: as in `parallel.each`.
         progress: called with the numbers of done, failed and all robots.
-        law: id of the effect that each robot has, or another law of it (`richer_laws`); effects at random if empty.
 
     Returns:
         Records in the order of the robots, and the reason by number for those that failed.
 
     Raises:
-        InputError: as `parallel.each` and `laws_of`, and for a machine without experiments where no case is given.
+        InputError: as `parallel.each`, and for a machine without experiments where no case is given.
     """
     machine = load_robot(robot).machine
     if case is None and not machine.experiments:
         raise InputError(f"{machine.name} declares no experiments of its own; --case CASE gives the motion")
-    pool = tuple(effect.id for effect in (laws_of(machine, law) if law else machine.effects))
     found: dict[int, Record] = {}
     failed: dict[int, str] = {}
-    for outcome in each(
-        simulated_robot, ((robot, case, seed, k, pool, bool(law)) for k in range(cases)), jobs, cluster
-    ):
+    for outcome in each(simulated_robot, ((robot, case, seed, k) for k in range(cases)), jobs, cluster):
         if outcome.reason is None:
             found[outcome.number] = outcome.value
         else:
@@ -118,16 +110,14 @@ def calibrate(
     return [found[k] for k in sorted(found)], failed
 
 
-def simulated_robot(
-    robot: str, case: Case | None, seed: int, number: int, pool: Sequence[str], ill: bool = False
-) -> Record:
-    """The record of one robot, drawn by the seed and its number: its effect from a pool, healthy ones unless `ill`."""
+def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Record:
+    """The record of one robot, drawn by the seed and its number."""
     nominal, rng = load_robot(robot), np.random.default_rng([seed, number])
     nominal = nominal.with_parameters(case.robot, source=case.name) if case else nominal
     motion = case or healthy_case(nominal, int(rng.integers(SEEDS)))
     drawn, effect = healthy_robot(nominal, rng), None
-    if ill or number % EACH_HEALTHY:
-        effect = nominal.machine.effect(pool[int(rng.integers(len(pool)))])
+    if number % EACH_HEALTHY:
+        effect = nominal.machine.effects[rng.integers(len(nominal.machine.effects))]
         drawn = with_effect(drawn, effect, rng)
     problem, found = isolated(make_problem(followed(motion, drawn, rng), nominal))
     return record(problem, found, decide(problem, found), effect)
@@ -154,7 +144,6 @@ def record(problem: Problem, found: Isolation, decision: Decision, effect: Effec
         first=fits(decision.best),
         kept=decision.verdict in (NAMED, AMBIGUOUS) and any(fits(t) for t in (*decision.left, decision.best)),
         values=shown(problem, found, best) if best else {},
-        richer=taken_by_richer(found, effect.law_of or effect.id),
     )
 
 
@@ -194,17 +183,7 @@ def numbers_of(records: Sequence[Record], source: str) -> tuple[Calibration, dic
         samples["law_error"] = []
     found = {n: upper(samples[n], QUANTILES[n], getattr(UNCALIBRATED, n)) for n in NUMBERS}
     found = {n: max(value, LOWER_BOUNDS.get(n, 0.0)) or getattr(UNCALIBRATED, n) for n, value in found.items()}
-    return replace(UNCALIBRATED, **found, source=source), {name: len(values) for name, values in samples.items()}
-
-
-def richer_laws_of(records: Sequence[Record], law: str, source: str) -> tuple[RicherLaw, ...]:
-    """What effects with richer laws take up of a law, from robots that have it; of those that `LEAST` robots say."""
-    shares = by_rival([record.richer for record in records])
-    return tuple(
-        RicherLaw(law, name, max(upper(values, QUANTILES["taken"], 0.0), 0.0), len(values), source)
-        for name, values in shares.items()
-        if len(values) >= LEAST
-    )
+    return Calibration(**found, source=source), {name: len(values) for name, values in samples.items()}
 
 
 def upper(values: Sequence[float], level: float, default: float) -> float:

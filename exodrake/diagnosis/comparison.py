@@ -9,7 +9,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.calibration import Calibration
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import Explanation
@@ -62,19 +61,6 @@ def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation
     machine = likelihood.robot.machine
     kinds = [sorted((machine.effect(i).block, machine.effect(i).family) for i in e.effects) for e in (richer, simpler)]
     return kinds[0] == kinds[1] and len(richer.x) > len(simpler.x)
-
-
-def most_taken(
-    likelihood: Likelihood, limits: Calibration, e: Explanation, rival: Explanation, true_law: bool
-) -> float:
-    """Largest share of what a true explanation leaves that a rival takes up.
-
-    Of a law that may be true a richer one takes up any share of its error, unless the calibration tells how much.
-    """
-    if not richer_law(likelihood, rival, e):
-        return limits.taken
-    known = limits.taken_by(rival.effects, e.effects)
-    return known if known is not None else np.inf if true_law else limits.taken
 
 
 def contributions(

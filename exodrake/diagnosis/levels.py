@@ -36,9 +36,9 @@ from exodrake.diagnosis.comparison import (
     amplitude,
     exceeding,
     excess,
-    most_taken,
     power,
     residual_contributions,
+    richer_law,
     taken_up,
     tolerance_use,
 )
@@ -189,7 +189,7 @@ class Tests:
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
                 no_better.append(rival.name)
-            elif total > most_taken(likelihood, self.calibration, e, rival, true_law):
+            elif total > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         complete = 0.0 if rejected else exceeding(null, float(gain[0]))
         promise = float(gain[0]) / max(excess(likelihood, e), 1e-9)

@@ -41,6 +41,6 @@ EFFECT = Effect(
         EffectParameter("pitch", "m", null=0.008, low=0.003, high=0.012, axis=TENDONS, default=0.008, transform="log"),
     ),
     family="geometry",
-    law_of="motor.spool_growth",
+    not_tried="another law of motor.spool_growth, which is tried",
     order=140,
 )

@@ -17,7 +17,7 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import contributions, most_taken, power, richer_law
+from exodrake.diagnosis.comparison import contributions, power, richer_law
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.likelihood import CORRELATION, Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects
@@ -43,8 +43,6 @@ class Laws:
         granted: (explanations,) rho, relative error that a diagnosis grants them.
         share: q, that a true explanation takes up of what a wrong one leaves.
         richer: (explanations, explanations) whether the first one is a richer law of the effects of the second.
-        taken: (explanations, explanations) q that the first one takes up of what the second leaves if that is wrong;
-            infinite for a richer law, unless the calibration tells what it takes up of a true one.
     """
 
     contributed: np.ndarray
@@ -53,7 +51,6 @@ class Laws:
     granted: np.ndarray
     share: float
     richer: np.ndarray
-    taken: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +143,7 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
     whole, own, left, rho = np.array(rows).T
     error = np.sqrt(left / whole)
     richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
-    taken = np.array([[most_taken(likelihood, limits, b, a, true_law=True) for b in found] for a in found])
-    return Laws(whole, own, np.clip(error, limits.same_meaning, None), rho, limits.taken, richer, taken)
+    return Laws(whole, own, np.clip(error, limits.same_meaning, None), rho, limits.taken, richer)
 
 
 def effective(likelihood: Likelihood) -> float:

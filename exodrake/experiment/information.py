@@ -18,10 +18,9 @@ d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence chea
 what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, with a_i as in the present logs.
 
 A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
-i is a richer law of the same effects, where i takes up a share q_ij of what j leaves above noise; of a richer law q_ij
-is what it takes up of a true j, if that is calibrated. So T must exceed
+i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q_ij / (1 - q_ij)))
+    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
 
 z: chance. T must exceed q / (1 - q) times B_i + B_j, too, what these robots miss the linearisation by in all: where a
 motion moves snaps, true laws are rejected like wrong ones. The probability of that is Phi((sqrt T - sqrt T*) / s):
@@ -73,11 +72,6 @@ def pair_of(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) ->
     return Pair(float(difference @ (weights * difference)), weighted @ difference, weighted @ columns.T)
 
 
-def ratio(share: float) -> float:
-    """What is taken up against what stays, for a share of the whole below 1."""
-    return share / (1.0 - share)
-
-
 @dataclass(frozen=True, eq=False)
 class Information:
     """What motions tell.
@@ -115,10 +109,9 @@ class Information:
         laws = self.laws
         excess = float(laws.error[true] ** 2 * self.contributed[true])
         granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
-        share = laws.taken[true, rival]
-        beaten = excess * ratio(share) if share < 1.0 else np.inf
-        bent = float(self.bent[true] + self.bent[rival])
-        return max(min(beaten, granted - excess), bent * ratio(laws.share))
+        more = laws.share / (1.0 - laws.share)
+        beaten = np.inf if laws.richer[true, rival] else excess * more
+        return max(min(beaten, granted - excess), float(self.bent[true] + self.bent[rival]) * more)
 
     def beyond(self, true: int, rival: int) -> float:
         """By how many standard deviations the root of T exceeds that of T*."""

@@ -41,6 +41,6 @@ EFFECT = Effect(
     states=(State("slide", TENDONS), State("stretch_before", TENDONS, unit="m")),
     advances=("tendon.settle",),
     family="friction",
-    law_of="sensor.pulley_friction",
+    not_tried="another law of sensor.pulley_friction, which is tried",
     order=260,
 )

@@ -41,6 +41,6 @@ EFFECT = Effect(
     states=(State("deflection", TENDONS, unit="m"),),
     advances=("tendon.settle",),
     family="friction",
-    law_of="tendon.stribeck_friction",
+    not_tried="another law of tendon.stribeck_friction, which is tried",
     order=248,
 )

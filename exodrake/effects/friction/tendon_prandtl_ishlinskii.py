@@ -50,6 +50,6 @@ EFFECT = Effect(
     states=(State("stops", TENDONS, 3),),
     advances=("tendon.settle",),
     family="friction",
-    law_of="tendon.coulomb_friction",
+    not_tried="another law of tendon.coulomb_friction, which is tried",
     order=250,
 )

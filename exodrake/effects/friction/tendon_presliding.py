@@ -35,6 +35,6 @@ EFFECT = Effect(
     states=(State("bristle", TENDONS),),
     advances=("tendon.settle",),
     family="friction",
-    law_of="tendon.coulomb_friction",
+    not_tried="another law of tendon.coulomb_friction, which is tried",
     order=245,
 )

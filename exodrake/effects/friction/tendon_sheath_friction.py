@@ -101,6 +101,6 @@ EFFECT = Effect(
     states=(State("stretches", TENDONS, PIECES, "m"),),
     advances=("tendon.settle",),
     family="friction",
-    law_of="tendon.capstan_friction",
+    not_tried="another law of tendon.capstan_friction, which is tried",
     order=228,
 )

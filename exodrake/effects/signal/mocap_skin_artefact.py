@@ -23,6 +23,6 @@ EFFECT = Effect(
     parameters=(EffectParameter("slip", "rad", null=0.0, low=-0.1, high=0.1, axis=JOINTS, default=0.03),),
     family="nonlinearity",
     law_std=ANY_SHAPE,
-    law_of="mocap.gain",
+    not_tried="another law of mocap.gain, which is tried",
     order=710,
 )
