@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 from exodrake.core.effect import Effect
@@ -197,11 +198,8 @@ class Machine:
     @cached_property
     def offsets(self) -> dict[str, slice]:
         """Slice of each signal in the flat vector of signals."""
-        found, at = {}, 0
-        for signal in self.signals:
-            width = self.width(signal.axis)
-            found[signal.name], at = slice(at, at + width), at + width
-        return found
+        ends = accumulate((self.width(signal.axis) for signal in self.signals), initial=0)
+        return {signal.name: slice(*pair) for signal, pair in zip(self.signals, pairwise(ends), strict=True)}
 
     @cached_property
     def part_sizes(self) -> dict[str, tuple[int, int]]:
