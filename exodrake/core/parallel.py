@@ -118,7 +118,16 @@ def attempt(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None,
         try:
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run
+            if interrupted(error):
+                raise KeyboardInterrupt from None
             return None, f"{type(error).__name__}: {error}", relative(traceback.format_exc())
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Tell whether an exception was Ctrl-C at first; a compiled function makes a SystemError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def relative(trace: str) -> str:
