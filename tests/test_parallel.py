@@ -104,7 +104,7 @@ def test_only_lokys_own_threads_fail_in_silence_while_workers_are_killed(monkeyp
     reported = []
     monkeypatch.setattr(threading, "excepthook", reported.append)
     thread = type("Manager", (threading.Thread,), {"__module__": module})(target=lambda: 1 / 0)
-    with parallel.quiet_manager():
+    with parallel.silent_manager():
         thread.start()
         thread.join()
     assert bool(reported) == said

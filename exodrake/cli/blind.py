@@ -96,7 +96,7 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
         write_text(markdown, as_markdown(result))
 
 
-@command.command(short_help="What a diagnosis is worth to a controller.")
+@command.command(short_help="What a controller gains from a diagnosis.")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
 @click.option("--cases", type=click.IntRange(min=1), default=None, help="How many, from the first [all].")

@@ -167,7 +167,7 @@ class LokyWorkers:
 
     def close(self) -> None:
         """End the tasks in flight and release the workers."""
-        with quiet_manager():
+        with silent_manager():
             self._executor().shutdown(wait=True, kill_workers=True)
 
     def _executor(self) -> Any:
@@ -178,7 +178,7 @@ class LokyWorkers:
 
 
 @contextmanager
-def quiet_manager() -> Iterator[None]:
+def silent_manager() -> Iterator[None]:
     """Keep loky's thread from printing a traceback if the workers that it waits for are killed under it."""
     before = threading.excepthook
 
