@@ -114,7 +114,7 @@ def diagnose(out: Path) -> Diagnosis:
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report import print_summary
+    from exodrake.report.terminal import print_summary
 
     case, nominal = read_case(out / CASE), load_robot()
     with stages() as progress:
