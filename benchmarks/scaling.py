@@ -88,7 +88,7 @@ def shortened(log: Log, seconds: float) -> Log:
 
 def cost(case: Case, library: int | None = None) -> Cost:
     """Measure one diagnosis that may try `library` effects, all of them for None."""
-    from exodrake.diagnosis import diagnose
+    from exodrake.diagnosis.pipeline import diagnose
 
     load_everything(case)
     begun = process_time()
@@ -148,7 +148,7 @@ def throughput(case: Case, many: int, jobs: int) -> float:
 
 def verdict_of(case: Case) -> str:
     """Diagnose a case on a worker."""
-    from exodrake.diagnosis import diagnose
+    from exodrake.diagnosis.pipeline import diagnose
 
     return diagnose(case).verdict
 

@@ -11,18 +11,16 @@ import numpy as np
 import exodrake as exo
 from exodrake.core.files import write_text
 from exodrake.diagnosis.problem import make_problem
-from exodrake.report import print_summary, report_html
+from exodrake.report.diagnosis_html import report_html
+from exodrake.report.terminal import print_summary
 
-PRACTICE = Path(__file__).parents[2] / "shared" / "data" / "practice" / "case_01"
 MADE = Path(sys.argv[1] if len(sys.argv) > 1 else "diagnosed")
 
 
 def some_case() -> Path:
-    """A case that is there; else one of a second simulator, a robot with friction in its sheaths."""
+    """The case named, else one of the reference simulator, a robot with friction in its sheaths."""
     if len(sys.argv) > 2:
         return Path(sys.argv[2])
-    if PRACTICE.is_dir():
-        return PRACTICE
     from exodrake.blind.case_mix import CasePlan
     from exodrake.blind.make import make_case
 

@@ -5,9 +5,11 @@ import logging
 import os
 import signal
 import sys
+import threading
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+AGAIN = 0.1  # s, for the callback to return: assumed
 received: list[int] = []
 
 
@@ -22,6 +24,15 @@ def interrupt(number: int, _: Any) -> None:
     raise Interrupted
 
 
+def ignored(report: Any) -> None:
+    """Raise an interrupt again that fell into a callback, where Python can only report it; `sys.unraisablehook`."""
+    if isinstance(report.exc_value, Interrupted):
+        main = threading.main_thread().ident
+        threading.Timer(AGAIN, signal.pthread_kill, (main, signal.SIGINT)).start()
+    else:
+        sys.__unraisablehook__(report)
+
+
 def run() -> None:
     """Entry point of the console script."""
     while (last := os.open(os.devnull, os.O_RDWR)) <= 2:  # no file takes the place of a closed stream
@@ -30,6 +41,7 @@ def run() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as under nohup
             signal.signal(number, interrupt)
+    sys.unraisablehook = ignored
     try:
         from exodrake.cli.main import main
 

@@ -17,7 +17,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.core.normal import NORMAL_95
+from exodrake.core.confidence import NORMAL_95
 
 if TYPE_CHECKING:
     from exodrake.estimator.dataset import Sweeps

@@ -6,8 +6,8 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis import diagnose
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols

@@ -68,7 +68,9 @@ def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_non
 
 def test_a_machine_without_saturation_has_no_bounded_motion_beyond_its_linear_limit():
     """Roundings of 1 um and friction are small against a motion that grows for a second."""
-    for found in limit_cycles(exo.load_robot("emps")):
+    cycles = limit_cycles(exo.load_robot("emps"))
+    assert cycles
+    for found in cycles:
         assert np.isinf(found.swing[found.factors > found.limit]).all() and found.simulated() == (0.0, 0.0)
         assert np.isfinite(found.swing[found.factors < 0.9 * found.limit]).all()
 

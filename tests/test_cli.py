@@ -3,6 +3,7 @@
 import click
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings, strategies as st
 
@@ -56,6 +57,16 @@ def test_bad_input_is_one_line_and_status_two(tmp_path):
     assert result.exit_code == 2 and not result.stdout
     assert result.stderr == f"error: {tmp_path / 'none.csv'}: no such file\n"
     assert not list(tmp_path.iterdir())
+
+
+def test_options_of_an_arm_are_refused_without_one(tmp_path):
+    result = run("new-machine", tmp_path / "mine", "--form", "cable")
+    assert result.exit_code == 2 and "--urdf" in result.stderr and not list(tmp_path.iterdir())
+
+
+def test_the_mapping_in_the_help_of_import_is_one_that_can_be_copied():
+    text = run("import", "--help").stdout
+    assert yaml.safe_load(text[text.index("  time:") : text.index("Options:")])["period"] == 0.02
 
 
 def test_bad_input_is_red_in_a_terminal(tmp_path):

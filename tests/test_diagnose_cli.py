@@ -160,4 +160,4 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
     console = Console(file=StringIO(), record=True, width=120)
     reveal(console, tmp_path, diagnosis(verdict))
     text = console.export_text()
-    assert "capstan_friction on AF" in text and words in text
+    assert "capstan_friction on AF" in text and words in text and "law has another form" in text

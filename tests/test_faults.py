@@ -163,6 +163,15 @@ def test_a_signal_is_one_line_and_status_130(place, name, number):
     assert not list(place.glob("out*")) and not list(place.glob("set/*/diagnosis.json"))
 
 
+def test_ctrl_c_within_a_destructor_is_not_lost():
+    program = "import signal\nclass Fragile:\n    def __del__(self):\n        signal.raise_signal(signal.SIGINT)\n"
+    program += "def main():\n    Fragile()\n    time.sleep(60)\n"
+    program += "import exodrake.cli.main\nexodrake.cli.main.main = main\nrun()"
+    process = start(program)
+    out, err = process.communicate()
+    assert process.returncode == 130 and not out and err == "interrupted\n"
+
+
 def test_the_process_that_reads_for_another_ends_with_it():
     program = "from exodrake.core.child import in_child\nimport os, time\n"
     program += "print(in_child(os.getpid, source='', size=0), flush=True)\ntime.sleep(60)"

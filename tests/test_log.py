@@ -142,8 +142,9 @@ def test_missing_samples_only_where_allowed(tmp_path):
 
 def test_no_such_file_folder_or_ending(tmp_path):
     assert "no such file" in refusal(tmp_path / "none.csv")
+    assert "no such file" in refusal(tmp_path / "none")
     (tmp_path / "folder.csv").mkdir()
-    refusal(tmp_path / "folder.csv")
+    assert "a folder" in refusal(tmp_path / "folder.csv")
     assert "ending" in refusal(save(tmp_path, GOOD, "log.xlsx"))
 
 

@@ -54,6 +54,18 @@ def test_a_task_that_raises_returns_its_reason_and_others_continue(jobs):
     assert [outcomes[number].value for number in (0, 2, 3)] == [0, 2, 3]
 
 
+def interrupted_in_compiled_code():
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as error:
+        raise SystemError("a result with an exception set") from error
+
+
+def test_ctrl_c_in_compiled_code_ends_the_loop():
+    with pytest.raises(KeyboardInterrupt):
+        list(each(interrupted_in_compiled_code, [(), ()]))
+
+
 def test_a_crash_gives_up_only_the_task_that_caused_it():
     outcomes = {item.number: item for item in each(deadly, ((number,) for number in range(6)), 2)}
     assert {n: item.value for n, item in outcomes.items()} == {n: None if n == 2 else n for n in range(6)}
@@ -92,7 +104,7 @@ def test_only_lokys_own_threads_fail_in_silence_while_workers_are_killed(monkeyp
     reported = []
     monkeypatch.setattr(threading, "excepthook", reported.append)
     thread = type("Manager", (threading.Thread,), {"__module__": module})(target=lambda: 1 / 0)
-    with parallel.quiet_manager():
+    with parallel.silent_manager():
         thread.start()
         thread.join()
     assert bool(reported) == said

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from exodrake.core.confidence import NORMAL_90
 from exodrake.core.draws import drawn_robot
 from exodrake.core.errors import InputError
-from exodrake.core.normal import NORMAL_90
 from exodrake.core.robot import Robot
 
 

@@ -36,11 +36,13 @@ def make(
     from exodrake.machines.robot_file import load_robot
 
     if lacking := without_entry(effect.id for effect in load_robot().machine.effects):
-        click.echo(f"no entry in the catalogue, and so in no case: {', '.join(lacking)}", err=True)
+        click.echo(
+            f"effects that no case has, since the reference simulator lacks them: {', '.join(lacking)}", err=True
+        )
     chosen = named_mixes(mixes)
     with counted("making") as count:
         path = make_set(out, seed, cases, labels, jobs, chosen, cluster, count)
-    click.echo(f"{cases * len(chosen)} cases in {out}; labels in {path}, committed in {out / 'seal.txt'}")
+    click.echo(f"cases in {out}: {cases * len(chosen)}; labels in {path}, committed in {out / 'seal.txt'}")
 
 
 @command.command()
@@ -63,7 +65,7 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
         raise SystemExit(1)
 
 
-@command.command()
+@command.command(short_help="Score the diagnoses of FOLDER against the labels.")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
 @click.option(
@@ -94,7 +96,7 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
         write_text(markdown, as_markdown(result))
 
 
-@command.command()
+@command.command(short_help="What a controller gains from a diagnosis.")
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
 @click.option("--cases", type=click.IntRange(min=1), default=None, help="How many, from the first [all].")

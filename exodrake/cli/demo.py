@@ -114,7 +114,7 @@ def diagnose(out: Path) -> Diagnosis:
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report import print_summary
+    from exodrake.report.terminal import print_summary
 
     case, nominal = read_case(out / CASE), load_robot()
     with stages() as progress:
@@ -130,12 +130,16 @@ def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     """Reads the label, and prints whether the verdict was right."""
     from exodrake.blind.commitment import read_committed
     from exodrake.blind.matching import accepted_ids, found_ids
+    from exodrake.report.number_format import listed
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
     for truth in label["effects"]:
-        seat = " and ".join((*truth["wires"], *truth["joints"]))
+        channels = listed((*truth["wires"], *truth["joints"]))
         parameters = ", ".join(f"{name} {value:.3g}" for name, value in truth["parameters"].items())
-        console.print(f"   it was [bold]{truth['id']}[/bold]{' on ' + seat if seat else ''}  ({parameters}, SI)")
+        where = f" on {channels}" if channels else ""
+        console.print(f"   it was [bold]{truth['id']}[/bold]{where}  ({parameters}, SI)")
+        if not truth["exact"]:
+            console.print("   Its law has another form there, so its parameters are other numbers.")
         right = bool(accepted_ids(truth) & found_ids(found.to_json()))
         verdict = f"the verdict was {found.verdict}"
         missed = f"[red]not named[/red]: {verdict}; among the candidates it is {rank_of(truth['id'], found)}"

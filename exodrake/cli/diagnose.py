@@ -148,7 +148,7 @@ def limit_cores(jobs: int | None) -> None:
 def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:
     """The report, made after the answer is written: an error in it loses no answer."""
     from exodrake.diagnosis.problem import make_problem
-    from exodrake.report import report_html
+    from exodrake.report.diagnosis_html import report_html
 
     return report_html(found, found.problem or make_problem(case, nominal))
 

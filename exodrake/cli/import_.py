@@ -34,7 +34,7 @@ def command(
     context: click.Context, recordings: tuple[Path, ...], map_file: Path | None, known: str | None, unit: str,
     episodes: str, out: Path | None,
 ) -> None:  # fmt: skip
-    r"""Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
+    """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
     Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite) and LeRobot data
     sets. A mapping file says which foreign column is which, in what unit; joint states of a bag, and actions and states
@@ -49,7 +49,7 @@ def command(
     derived:
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
-    """
+    """  # noqa: D301 - click reads the character \b
     if out is None:
         for recording in recordings:
             list_contents(recording)

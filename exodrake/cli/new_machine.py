@@ -20,9 +20,9 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
 @click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")
-@click.option("--form", default="inverse", show_default=True, help="Of an arm: inverse, closed-loop or cable.")
+@click.option("--form", default=None, help="Of an arm: inverse, closed-loop or cable. [inverse]")
 @click.option("--tip", default="", metavar="LINK", help="Of an arm whose joints branch: its last link.")
-def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str, tip: str) -> None:
+def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str | None, tip: str) -> None:
     """Write FOLDER with a machine of position servos: machine.py, robot.yaml, mapping.yaml, a test and a README.
 
     With --urdf it is a serial arm without code. Its form is `inverse`, efforts predicted from measured motion,
@@ -33,11 +33,14 @@ def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str
     make it yours. Nothing that exists is overwritten.
     """
     from exodrake.cli.new_arm import arm_files
+    from exodrake.core.errors import InputError
     from exodrake.core.files import write_folder
 
-    names = checked(folder, joints, frame or FRAME)
+    names = checked(folder, joints, FRAME if frame is None else frame)
+    if (form or tip) and not urdf:
+        raise InputError("--form and --tip are of an arm, which --urdf describes")
     if urdf:
-        texts = arm_files(folder, urdf, form, tip, frame)
+        texts = arm_files(folder, urdf, form or "inverse", tip, frame)
     else:
         texts = {name: text.encode() for name, text in contents(folder, names, frame or FRAME).items()}
     files = write_folder(folder, texts)

@@ -34,6 +34,8 @@ def command(log: Path, robot: str, until_idle: float | None) -> None:
 
     click.echo("loading the model (the first run compiles for half a minute)", err=True)
     monitor = Monitor(load_robot(robot))
+    if not log.exists():
+        click.echo(f"waiting for {log}", err=True)
     with suppress(KeyboardInterrupt):
         (in_terminal if sys.stdout.isatty() else in_lines)(monitor, log, until_idle)
     click.echo("\n".join([*monitor.notes, *summary(monitor, log)]))

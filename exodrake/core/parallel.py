@@ -118,7 +118,16 @@ def attempt(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None,
         try:
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run
+            if interrupted(error):
+                raise KeyboardInterrupt from None
             return None, f"{type(error).__name__}: {error}", relative(traceback.format_exc())
+
+
+def interrupted(error: BaseException | None) -> bool:
+    """Tell whether an exception was Ctrl-C at first; a compiled function makes a SystemError of it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def relative(trace: str) -> str:
@@ -158,7 +167,7 @@ class LokyWorkers:
 
     def close(self) -> None:
         """End the tasks in flight and release the workers."""
-        with quiet_manager():
+        with silent_manager():
             self._executor().shutdown(wait=True, kill_workers=True)
 
     def _executor(self) -> Any:
@@ -169,7 +178,7 @@ class LokyWorkers:
 
 
 @contextmanager
-def quiet_manager() -> Iterator[None]:
+def silent_manager() -> Iterator[None]:
     """Keep loky's thread from printing a traceback if the workers that it waits for are killed under it."""
     before = threading.excepthook
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from exodrake.core.files import read_bytes, write_bytes
+from exodrake.core.errors import InputError
+from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.data.columns import check_columns, check_writable
 from exodrake.data.formats import format_of
 from exodrake.data.log import REQUIRED, Log, check_clock
@@ -33,6 +34,9 @@ def read_log(path: str | Path, required: Sequence[str] = REQUIRED, complete: Seq
 
 def read_table(path: str | Path) -> Log:
     """A log whose required columns and clock are not checked."""
+    refuse_special(path)
+    if not is_file(path):
+        raise InputError(f"{path}: {'a folder, wanted a log' if is_folder(path) else 'no such file'}")
     return format_of(path).read(read_bytes(path), str(path))
 
 

@@ -13,7 +13,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 
 RETUNE_ROUNDS = 3  # nominal Jacobians at most; the isolation begins with one more
-WORTH = 0.1  # mean logarithm of chi-squares that is left and that one must gain for the next one: assumed
+LEAST_GAIN = 0.1  # mean logarithm of chi-squares that is left and that one must gain for the next one: assumed
 STEPS, TOL = 4, 1e-3  # of the fit after each
 
 
@@ -30,6 +30,6 @@ def retune(problem: Problem, known: Explanation | None = None) -> tuple[Explanat
         jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
         found = minimise(likelihood, found.with_jacobian(jacobian), STEPS, TOL)
         left = likelihood.mean_log(found.residual)
-        if min(left, before - left) < WORTH:
+        if min(left, before - left) < LEAST_GAIN:
             break
     return found, likelihood.simulated

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from threadpoolctl import threadpool_limits
 
+from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
-from exodrake.core.normal import NORMAL_95
 from exodrake.core.short_repr import short_repr
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts

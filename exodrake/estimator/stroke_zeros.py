@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import f as fisher
 from threadpoolctl import threadpool_limits
 
-from exodrake.core.normal import NORMAL_95
+from exodrake.core.confidence import NORMAL_95
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.prior import JITTER, Prior, learn, scaled
 

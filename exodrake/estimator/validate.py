@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from exodrake.core.normal import NORMAL_95
+from exodrake.core.confidence import NORMAL_95
 from exodrake.estimator.baselines import Predictor, fit_nearest, fit_ridge
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import condition

@@ -65,10 +65,10 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
     machine, is_answer = robot.machine, place.suffix.lower() == ".json" and not place.is_dir()
     if folder is not None and not is_answer:
         raise InputError(f"--case {folder}: for an answer (a JSON file); {place} is a case itself")
+    answer = SCHEMA(read_json(place), str(place)) if is_answer else None
     case = read_case((folder or place.parent) if is_answer else place, required_of(machine), machine.frame)
     problem = make_problem(case, robot)
-    if is_answer:
-        answer = SCHEMA(read_json(place), str(place))
+    if answer:
         if differs := difference(problem, answer):
             raise InputError(f"{place}: it was made from {differs}; diagnose again")
         return read_answer(problem, answer)

@@ -54,14 +54,9 @@ def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[S
 
 
 def joint_machine(
-    name: str,
-    part: str,
-    joints: tuple[str, ...],
-    library: tuple[Effect, ...],
-    frame: float,
-    max_effects: int,
+    name: str, part: str, joints: tuple[str, ...], library: tuple[Effect, ...], frame: float, max_effects: int,
     settings: tuple[Signal, ...] = (),
-) -> Machine:
+) -> Machine:  # fmt: skip
     """A machine of position servos.
 
     Args:

@@ -111,6 +111,7 @@ def readings_of(motion: Motion, bones: Skeleton | Shape, display: Display) -> di
     """A motion as plain data for the live readings, loads in the unit of their display."""
     return {
         "time": motion.time.round(4).tolist(), "step": motion.step, "tendons": bones.tendons, "joints": bones.joints,
+        "one": bones.load == bones.angle,
         "sliding": bones.sliding.tolist() if isinstance(bones, Shape) else [], "angle": motion.angle.round(4).tolist(),
         "load": (display.factor * motion.load).round(2).tolist(), "unit": display.unit,
         "top": (display.factor * motion.top).tolist(),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.normal import NORMAL_95
+from exodrake.core.confidence import NORMAL_95
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.normal import NORMAL_95
+from exodrake.core.confidence import NORMAL_95
 from exodrake.identification.kinematics.adjust import adjust, fit_frames
 from exodrake.identification.kinematics.axis import Axis, across
 from exodrake.identification.kinematics.centre_line import CentreLine

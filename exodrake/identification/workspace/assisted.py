@@ -44,7 +44,7 @@ def assisted(robot, steps: int = 25) -> Assisted:
     from exodrake.systems.finger_statics import parameters_of, posture
 
     if steps < 3:
-        raise InputError(f"workspace: {steps} tensions per wire are too few; at least 3")
+        raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")
     wires = [
         np.linspace(robot.limits["F_min"][wire], robot.limits["F_max"][wire], steps) for wire in ("AF", "MF", "AE")
     ]

@@ -32,16 +32,18 @@
   // The readings at time t [s] of the recording.
   function show(t) {
     const k = at(t), table = document.createElement("table");
-    data.tendons.forEach((name, j) => {
+    const barOf = (row, j) => bar(row.insertCell(), Math.abs(data.load[k][j]) / data.top[j]);
+    if (!data.one) data.tendons.forEach((name, j) => {
       const row = table.insertRow();
       cell(row, name);
       cell(row, data.load[k][j].toFixed(1) + " " + data.unit, "n");
-      bar(row.insertCell(), Math.abs(data.load[k][j]) / data.top[j]);
+      barOf(row, j);
     });
     data.joints.forEach((name, i) => {
       const row = table.insertRow();
       cell(row, name);
       cell(row, place(data.angle[k][i], i), "n");
+      if (data.one) barOf(row, i);
       if (data.ghost.length) cell(row, data.names[1] + " " + place(data.ghost[k][i], i), "g");
     });
     document.getElementById("exo-now").replaceChildren(table);
