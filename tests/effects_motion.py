@@ -7,7 +7,7 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, prepared
-from exodrake.core.machine import offsets, signal_count, state_size
+from exodrake.core.machine import signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import load_robot
 
@@ -55,7 +55,7 @@ def row_of(robot: Robot) -> np.ndarray:
 
 def place(name: str) -> slice:
     """Slice of a signal in a record."""
-    return offsets(nominal().machine)[name]
+    return nominal().machine.offsets[name]
 
 
 def wander(rng: np.random.Generator, frames: int, size: float, slow: int) -> np.ndarray:

@@ -8,7 +8,6 @@ import exodrake as exo
 from exodrake.compiled.inputs import NoiseInputs, input_rows, reference_width
 from exodrake.compiled.replay import Replay
 from exodrake.compiled.replay_code import feed_places, reading_places
-from exodrake.core.machine import offsets
 from exodrake.diagnosis.segment_shares import smoothed, subsets
 from exodrake.simulation import protocols
 
@@ -55,7 +54,7 @@ def test_replay_without_fixed_segments_is_the_simulator(name):
     rows = Replay(robot.machine, robot.values).step(given.values())
     run = exo.record(robot, exo.Reference(reference), seed=5)
     late = {c.signal for c in robot.machine.columns if c.delay}
-    for signal, at in offsets(robot.machine).items():
+    for signal, at in robot.machine.offsets.items():
         if signal not in late:
             np.testing.assert_array_equal(rows[:, at], run.signals[signal])
 
@@ -68,7 +67,7 @@ def test_fixed_segment_of_any_machine_carries_what_was_measured():
     feed = np.concatenate([np.zeros_like(position), position], axis=1)
     given = input_rows(robot.machine, reference, NoiseInputs.draw(100, None, robot.machine))
     rows = Replay(robot.machine, robot.values, ["carriage"]).step(given.values(), feed, np.zeros_like(feed))
-    force = rows[:, offsets(robot.machine)["force"]][:, 0]
+    force = rows[:, robot.machine.offsets["force"]][:, 0]
     rate = (position[2:, 0] - position[:-2, 0]) / (2 * robot["drive.period"])
     law = robot["drive.gain"] * robot["drive.kv"] * (-robot["drive.kp"] * position[2:, 0] - rate)
     np.testing.assert_allclose(force[2:], law, rtol=1e-9)
@@ -83,7 +82,7 @@ def test_replay_in_pieces_gives_the_bits_of_the_whole(inputs, feed):
 
 
 def test_readings_are_imposed_and_missing_ones_are_simulated(inputs, feed):
-    places, at = reading_places(MACHINE), offsets(MACHINE)
+    places, at = reading_places(MACHINE), MACHINE.offsets
     readings = np.full((FRAMES, 12), np.nan)
     readings[::2, places["tension"]] = 1.25
     rows = Replay(MACHINE, ROBOT.values).step(inputs.values(), *feed, readings)

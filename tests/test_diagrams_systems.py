@@ -10,7 +10,7 @@ from pydrake.systems.framework import LeafSystem
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import offsets, signal_count, state_size
+from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram
 from exodrake.diagrams.finger_view import FingerView
 from exodrake.diagrams.gp_estimator import GPEstimator
@@ -157,7 +157,7 @@ def test_the_weights_of_the_estimator_are_parameters():
 
 def stepwise(robot, plan, weights, frames, seed):
     """The loop around the compiled simulator, frame by frame: signals and estimates, (frames, channels) each."""
-    machine, module, at = robot.machine, compile_machine(robot.machine), offsets(robot.machine)
+    machine, module, at = robot.machine, compile_machine(robot.machine), robot.machine.offsets
     noise = NoiseInputs.draw(frames, seed, machine)
     values, state, w = prepared(robot), np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)

@@ -19,7 +19,7 @@ from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
-from exodrake.core.machine import Machine, offsets, signal_count, state_size
+from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.parameter import full_name
 from exodrake.core.robot import Robot
 from exodrake.core.signal import NORMAL
@@ -97,7 +97,7 @@ class FrameMap:
     @cached_property
     def signals(self) -> dict[str, slice]:
         """Where each signal lies in w."""
-        return offsets(self.robot.machine)
+        return self.robot.machine.offsets
 
     def start(self) -> np.ndarray:
         """State (states,) [SI] at the start of a run."""

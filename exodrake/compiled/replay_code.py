@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.compiled.schedule import indent
-from exodrake.core.machine import Machine, offsets
+from exodrake.core.machine import Machine
 from exodrake.core.part import Part, module_name
 from exodrake.core.segment import Imposed, Segment
 from exodrake.core.wiring import feedthrough_order
@@ -68,7 +68,7 @@ def print_views(machine: Machine) -> list[str]:
         count, size = sum(info.part == part.name for info in machine.parameters), sum(machine.part_size(part))
         lines += [f"{part.name}_p, {part.name}_s = p[{parameter}:{parameter + count}], state[{state}:{state + size}]"]
         parameter, state = parameter + count, state + size
-    for name, at in offsets(machine).items():
+    for name, at in machine.offsets.items():
         lines += [f"w_{name}, b_{name} = w[{at.start}:{at.stop}], before[{at.start}:{at.stop}]"]
     for name, part in dict.fromkeys((i.signal, i.part) for _, i in impositions(machine) if i.part):
         lines += [f"{part}_reads_{name} = np.zeros({len(machine.channels(name))})"]

@@ -235,11 +235,6 @@ class Machine:
         return base.varied[chosen]
 
 
-def offsets(machine: Machine) -> dict[str, slice]:
-    """Slice of each signal in the flat vector of signals."""
-    return machine.offsets
-
-
 def state_size(machine: Machine) -> int:
     """Length of the flat state."""
     return sum(sum(machine.part_size(part)) for part in machine.parts)

@@ -12,7 +12,7 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
 from exodrake.core.errors import InputError
-from exodrake.core.machine import Machine, offsets, signal_count, state_size
+from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
@@ -65,7 +65,7 @@ class Problem:
     @cached_property
     def signal_indices(self) -> list[int]:
         """Places of the columns in the flat vector of wires."""
-        machine, at = self.robot.machine, offsets(self.robot.machine)
+        machine, at = self.robot.machine, self.robot.machine.offsets
         shown = {c.kind: c.signal for c in machine.columns}
         places = []
         for column in self.columns:

@@ -16,7 +16,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.display import in_words
-from exodrake.core.machine import Machine, offsets, signal_count
+from exodrake.core.machine import Machine, signal_count
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.experiment.stage import POSITIONS
 
@@ -97,7 +97,7 @@ def spans(safety: Safety, records: np.ndarray) -> list[Span]:
 
 def labels(machine: Machine) -> list[tuple[int, str, str]]:
     """Position, name with channel, and unit of every signal that parts write."""
-    at = offsets(machine)
+    at = machine.offsets
     return [
         (at[s.name].start + k, f"{s.name}_{channel}".rstrip("_"), s.unit)
         for s in machine.signals
@@ -123,7 +123,7 @@ def safety_of(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) 
     low, high = np.full(signal_count(machine), -np.inf), np.full(signal_count(machine), np.inf)
     rate = high.copy()
     lowest, highest = problem.robot.reference_limits()
-    first, at = machine.signal[machine.references[0].signal], offsets(machine)
+    first, at = machine.signal[machine.references[0].signal], machine.offsets
     stated = {s.name for s in machine.signals if (s.unit, s.axis) == (first.unit, first.axis)}
     for k, _, unit in labels(machine):
         ends = [end for run in runs for end in (run[:, k].min(), run[:, k].max())]

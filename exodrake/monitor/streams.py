@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.core.machine import Machine, offsets, signal_count
+from exodrake.core.machine import Machine, signal_count
 from exodrake.diagnosis.segment_shares import ORDER, WINDOW
 from exodrake.simulation.delayed_samples import cubic
 
@@ -85,7 +85,7 @@ class DelayedSamples:
     """
 
     def __init__(self, machine: Machine) -> None:
-        at, self.frame, self.places, self.late = offsets(machine), machine.frame, [], []
+        at, self.frame, self.places, self.late = machine.offsets, machine.frame, [], []
         for kind in machine.compared:
             column, width = machine.column(kind), machine.column_width(kind)
             if column.delay:

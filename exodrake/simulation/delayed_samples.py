@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs
-from exodrake.core.machine import Machine, offsets
+from exodrake.core.machine import Machine
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -30,7 +30,7 @@ def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.nda
     Returns:
         (runs, frames, indices) array.
     """
-    at, chosen = offsets(machine), records[:, :, indices]
+    at, chosen = machine.offsets, records[:, :, indices]
     for column in (column for column in machine.columns if column.delay):
         assert column.delay
         own = [k for k, i in enumerate(indices) if at[column.signal].start <= i < at[column.signal].stop]
@@ -49,7 +49,7 @@ def delay_samples(machine: Machine, rows: np.ndarray, values: np.ndarray, noise_
         values: (n,) array of all parameters [SI].
         noise_inputs: those of the run.
     """
-    at = offsets(machine)
+    at = machine.offsets
     for column in (column for column in machine.columns if column.delay):
         assert column.delay
         late, own = rows[:, at[column.delay.signal].start], at[column.signal]

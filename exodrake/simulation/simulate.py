@@ -9,7 +9,6 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
-from exodrake.core.machine import offsets
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
@@ -72,7 +71,7 @@ def record(
         raise InputError(f"{robot.source or machine.name}: a number is 0 that the equations divide by") from None
     delay_samples(machine, rows, values, noise_inputs)
     time = machine.frame * np.arange(frames)
-    return Recording(robot, reference, time, {name: rows[:, at] for name, at in offsets(machine).items()})
+    return Recording(robot, reference, time, {name: rows[:, at] for name, at in machine.offsets.items()})
 
 
 def rows_of(
