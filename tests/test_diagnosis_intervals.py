@@ -72,6 +72,17 @@ def test_undetermined_parameter_ends_at_its_range(machine):
     assert [lost.low, lost.high] == pytest.approx([parameter.value(b) for b in parameter.bounds])
 
 
+def test_no_interval_goes_where_a_parameter_has_no_meaning(machine):
+    """Friction does not drive a wire on, and a garment more yielding than none at all would push."""
+    for effect, unknown in (("tendon.coulomb_friction", "force"), ("tendon.compliance", "stiffness")):
+        parameter = effect_parameters(machine, machine.effect(effect))[0]
+        assert parameter.name.endswith(unknown)
+        found = interval(parameter, 0.1 * parameter.start, parameter.start, "")
+        ends = sorted(parameter.value(b) for b in parameter.bounds)
+        assert ends[0] <= found.low <= found.value <= found.high <= ends[1] and found.low >= 0.0
+        assert parameter.value(0.0) in (found.low, found.high)
+
+
 @pytest.mark.parametrize(
     ("effect", "parameter", "std"),
     [
@@ -84,7 +95,7 @@ def test_undetermined_parameter_ends_at_its_range(machine):
 def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect, parameter, std):
     parameters = effect_parameters(machine, machine.effect(effect))
     at = next(p for p in parameters if p.name == f"{effect}.{parameter}")
-    x = [0.5 if at.transform == "log" else 0.1] * len(parameters)
+    x = [0.5 if at.transform == "log" else 0.1 if at.amplitude else at.start] * len(parameters)
     found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), 1.0, machine.axes.tendons)
     stated = found.parameters[parameter]
     log = at.transform == "log"

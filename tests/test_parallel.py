@@ -72,9 +72,9 @@ def test_a_crash_gives_up_only_the_task_that_caused_it():
     assert "crashed" in outcomes[2].reason
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_has_one_thread(jobs):
-    assert set(values(each(threads, [(0,), (1,)], jobs)).values()) == {(1, 1)}
+@pytest.mark.parametrize(("jobs", "simulations"), [(1, numba.get_num_threads()), (2, 1)])
+def test_linear_algebra_has_one_thread_and_so_have_simulations_of_a_worker(jobs, simulations):
+    assert set(values(each(threads, [(0,), (1,)], jobs)).values()) == {(1, simulations)}
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

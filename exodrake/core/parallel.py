@@ -3,7 +3,7 @@
     for outcome in each(function, tasks, jobs=4):   # or cluster="tcp://192.168.1.20:8786"
         ...                                         # as tasks finish, in any order
 
-A task has one thread wherever it runs (see `threads`).
+A task of a worker has one thread, one of this process all of them (see `threads`).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from threading import RLock
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.threads import ONE_THREAD, one_thread
+from exodrake.core.threads import ONE_THREAD, one_blas_thread, one_thread
 
 ONE_TASK = RLock()  # numba's thread pool ends a process in which two threads enter it at once
 TIMEOUT = "10s"  # for a scheduler to answer
@@ -62,7 +62,7 @@ def each(
     """
     if jobs == 1 and not cluster:
         for number, task in enumerate(tasks):
-            yield Outcome(number, *attempt(function, task))
+            yield Outcome(number, *attempt(function, task, one_blas_thread))
         return
     workers = DaskWorkers(cluster) if cluster else LokyWorkers(jobs if jobs > 0 else cores())
     in_flight: dict[Future, tuple[int, tuple]] = {}
@@ -112,9 +112,11 @@ def outcome_of(number: int, future: Future) -> Outcome:
     return Outcome(number, *future.result())
 
 
-def attempt(function: Callable[..., Any], task: tuple) -> tuple[Any, str | None, str]:
-    """Call on one thread: (value, None, "") or (None, reason, traceback)."""
-    with ONE_TASK, one_thread():
+def attempt(
+    function: Callable[..., Any], task: tuple, limit: Callable[[], AbstractContextManager] = one_thread
+) -> tuple[Any, str | None, str]:
+    """Call within a limit of threads: (value, None, "") or (None, reason, traceback)."""
+    with ONE_TASK, limit():
         try:
             return function(*task), None, ""
         except Exception as error:  # one bad task must not end a long run

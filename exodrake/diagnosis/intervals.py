@@ -114,12 +114,10 @@ def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
 def interval(parameter: Parameter, x: float, std: float, unit: str, law: float = ROUNDING) -> Interval:
     """90 % interval of a parameter in its own unit; `law`: relative error that is added.
 
-    An interval of unknown magnitude ends at the parameter's bounds.
+    An interval ends at the parameter's bounds, beyond which it has no meaning or no fit would go.
     """
     std = float(np.hypot(std, law if parameter.transform == "log" else law * abs(x)))
-    low, high = x - Z90 * std, x + Z90 * std
-    if parameter.transform == "log":
-        low, high = max(low, min(x, parameter.bounds[0])), min(high, max(x, parameter.bounds[1]))
+    low, high = max(x - Z90 * std, min(x, parameter.bounds[0])), min(x + Z90 * std, max(x, parameter.bounds[1]))
     ends = [parameter.value(low), parameter.value(high)]
     return Interval(parameter.value(x), min(ends), max(ends), unit)
 
