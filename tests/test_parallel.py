@@ -35,7 +35,8 @@ def deadly(number):
 def threads(_):
     import scipy.linalg  # noqa: F401
 
-    return max(item["num_threads"] for item in threadpool_info()), numba.get_num_threads()
+    pools = [item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"]
+    return max(pools), numba.get_num_threads()
 
 
 def values(outcomes):
