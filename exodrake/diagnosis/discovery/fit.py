@@ -9,8 +9,8 @@ import numpy as np
 
 from exodrake.diagnosis.discovery.candidate import MODES, Candidate
 from exodrake.diagnosis.discovery.effect_text import SIZE
-from exodrake.diagnosis.discovery.evidence import Columns, Eliminated, Weighed, fitted, weights_of
-from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.discovery.evidence import TIGHTER, Columns, Eliminated, Weighed, fitted, weights_of
+from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.refine import Explanation
@@ -56,6 +56,11 @@ class Fit:
     model: Eliminated | None = None
     weighed: Weighed | None = None
 
+    @property
+    def block(self) -> str:
+        """Block of the robot that the law acts in."""
+        return self.candidate.law.block
+
     def robot(self, base: Explanation, likelihood: Likelihood) -> np.ndarray:
         """Flat parameter vector (n,) of the robot with the law."""
         values = apply(base.values, base.parameters, self.x)
@@ -68,17 +73,16 @@ class Fit:
 
 
 def screened(
-    likelihood: Likelihood, base: Explanation, jacobian: np.ndarray, found: Sequence[Candidate]
+    likelihood: Likelihood, base: Explanation, model: Eliminated, found: Sequence[Candidate]
 ) -> list[Screened]:
     """All candidates by one linearisation at a robot without them, best first.
 
     Args:
         likelihood: views of the case.
         base: the robot, on a machine with laws.
-        jacobian: (parameters, samples) of its residual by all its parameters.
+        model: its linearisation.
         found: candidates.
     """
-    model = Eliminated(likelihood, base.residual - base.x @ jacobian, jacobian, base.prior_std)
     robot, out = base.robot, []
     for candidate in found:
         everyone = range(len(candidate.channels))
@@ -96,7 +100,7 @@ def started(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Scr
     modes = np.zeros((count, SIZE))
     modes[:, :MODES] = s.weighed.modes.reshape(count, MODES)
     start = Fit(s.candidate, tuple(s.active), base.x, np.zeros((count, SIZE)), base.residual)
-    return searched(likelihood, base, start, model.nuisance(s.columns, s.weighed.modes), modes, s.weighed)
+    return searched(likelihood, base, start, model.nuisance(s.columns, s.weighed), modes, s.weighed)
 
 
 def searched(
@@ -115,11 +119,24 @@ def searched(
 def cost(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weighed) -> float:
     """Twice the negative log posterior of a fit, the variance of a sample as weighed."""
     weighted = fit.residual * weights_of(likelihood)
+    return float(weighted @ weighted) / weighed.variance + priors_used(base, fit, weighed)
+
+
+def priors_used(base: Explanation, fit: Fit, weighed: Weighed) -> float:
+    """Sum of squares of a fit's parameters and modes in standard deviations of their priors."""
     scale, active = np.zeros(len(fit.candidate.channels)), list(fit.active)
     scale[active] = weighed.scales if len(weighed.scales) == len(active) else weighed.scales[active]
     used = np.divide(fit.modes, scale[:, None], out=np.zeros_like(fit.modes), where=scale[:, None] > 0.0)
-    squares = float(weighted @ weighted) + float(np.sum((fit.x / base.prior_std) ** 2))
-    return squares / weighed.variance + float(np.sum(used**2))
+    return float(np.sum((fit.x / (TIGHTER * base.prior_std)) ** 2) + np.sum(used**2))
+
+
+def unlikely(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weighed) -> float:
+    """Twice the negative log posterior of a fit, the variance of a sample as it leaves it."""
+    weights = weights_of(likelihood).astype(float)
+    weighted = fit.residual * weights
+    samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
+    variance = max(float(weighted @ weighted), float(weights @ weights)) / samples
+    return samples * float(np.log(variance)) + priors_used(base, fit, weighed)
 
 
 def differentiated(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray) -> Fit:
@@ -147,7 +164,7 @@ def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.nd
         assert fit.model is not None and fit.columns is not None and fit.weighed is not None
         modes = np.zeros_like(fit.modes)
         modes[list(fit.active)] = fit.weighed.modes.reshape(len(fit.active), SIZE)
-        x = fit.model.nuisance(fit.columns, fit.weighed.modes)
+        x = fit.model.nuisance(fit.columns, fit.weighed)
         before = cost(likelihood, base, fit, fit.weighed)
         found = searched(likelihood, base, fit, x, modes, fit.weighed)
         if found is fit:
