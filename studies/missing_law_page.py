@@ -79,6 +79,7 @@ class Row:
     seconds: float
     right_share: float
     wrong_share: float
+    where: str
 
     @property
     def right(self) -> bool:
@@ -110,7 +111,9 @@ def percent(value: float) -> str:
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown."""
     head = (
-        "| planted | gap | law found | channels | fitted | held out | runner-up distinguished |\n" + 7 * "|---" + "|\n"
+        "| planted | gap | free inputs | law found | channels | fitted | held out | runner-up distinguished |\n"
+        + 8 * "|---"
+        + "|\n"
     )
     lines = []
     for r in rows:
@@ -118,7 +121,8 @@ def table(rows: list[Row]) -> str:
         law = f"{'' if r.right or not r.blocks else '**wrong part** '}`{r.law.split(':')[0]}`{r.law.partition(':')[2]}"
         apart = f"{'yes' if r.apart else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
         found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {percent(r.closure)} | {apart}"
-        lines.append(f"| `{r.name}` | {gap} | {found if r.found else r.reason + ' | | | | '} |")
+        where = r.where and f"{'' if r.where in r.blocks else '**wrong** '}{r.where}"
+        lines.append(f"| `{r.name}` | {gap} | {where} | {found if r.found else r.reason + ' | | | | '} |")
     formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
     return head + "\n".join(lines) + ("\n\nPlain formulas, SI:\n\n" + "\n".join(formulas) if formulas else "")
 
@@ -134,9 +138,11 @@ def summary(rows: list[Row]) -> str:
         if own:
             closed = float(np.median([r.closure if r.found else 0.0 for r in own]))
             right = share(sum(r.found and r.right for r in own), len(own))
+            inputs = share(sum(r.where in r.blocks for r in own), len(own))
             lines.append(
-                f"- {title}: right part {right}; the law closes {percent(closed)} of the gap that "
-                f"retuning leaves on held-out motions of another kind (median; nothing found counts as 0)."
+                f"- {title}: right part {right}, by free inputs alone {inputs}; the law closes "
+                f"{percent(closed)} of the gap that retuning leaves on held-out motions of another kind (median; "
+                f"nothing found counts as 0)."
             )
     lines += distinction([r for r in rows if r.kind in ("library", "outside")])
     healthy = [r for r in rows if r.kind == "healthy"]
