@@ -27,7 +27,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
     )
     figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
     rows = [(f"`{r.id}`", r.words, n.percent(r.share)) for r in law.others]
-    header = ("Law at, by evidence", "what over what", "share of the excess removed, fitted logs")
+    header = ("Law at", "what over what", "share of the excess removed, fitted logs")
     table = Table(header, rows, words=2, wide=False)
     return {
         "law": law,
