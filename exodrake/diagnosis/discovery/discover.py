@@ -112,7 +112,7 @@ def start_of(found: Isolation, moved: Moved, likelihood: Likelihood) -> Explanat
 
 def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
     """A law fitted to all of the logs, the other parameters' Jacobian taken anew where that gains something."""
-    fit = replace(fit, residual=likelihood.residual(fit.robot(base, likelihood)[None])[0])
+    fit = replace(fit, residual=likelihood.residual(fit.robot(base, likelihood)[None])[0], directions=None)
     for _ in range(ROUNDS):
         before, likelihood = likelihood.mean_log(fit.residual), likelihood.scaled_to(fit.residual)
         fit = refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)

@@ -44,6 +44,7 @@ class Fit:
         x: (nuisance,) coordinates of the other parameters.
         modes: (channels, 8) coordinates of the law.
         residual: (samples,) whitened [noise_std].
+        directions: (n, samples) derivatives by the modes of its active channels there, once simulated.
         columns, model, weighed: its linearisation there and what follows from it.
     """
 
@@ -52,6 +53,7 @@ class Fit:
     x: np.ndarray
     modes: np.ndarray
     residual: np.ndarray
+    directions: np.ndarray | None = None
     columns: Columns | None = None
     model: Eliminated | None = None
     weighed: Weighed | None = None
@@ -112,7 +114,7 @@ def searched(
         replace(at, x=np.clip(at.x + t * (x - at.x), low, high), modes=at.modes + t * (modes - at.modes)) for t in STEPS
     ]
     rows = np.array([one.robot(base, likelihood) for one in tries])
-    tries = [replace(one, residual=r) for one, r in zip(tries, likelihood.residual(rows), strict=True)]
+    tries = [replace(one, residual=r, directions=None) for one, r in zip(tries, likelihood.residual(rows), strict=True)]
     return min((at, *tries), key=lambda one: cost(likelihood, base, one, weighed))
 
 
@@ -141,20 +143,25 @@ def unlikely(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weigh
 
 def differentiated(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray) -> Fit:
     """The fit with its linearisation: columns of all modes of its active channels."""
-    machine = likelihood.robot.machine
-    values = apply(base.values, base.parameters, fit.x)
+    directions = derivatives(likelihood, base, fit) if fit.directions is None else fit.directions
+    own = fit.modes[list(fit.active)].ravel()
+    offset = fit.residual - fit.x @ jacobian - own @ directions
+    model = Eliminated(likelihood, offset, jacobian, base.prior_std)
+    columns = model.columns(directions)
+    found = fitted(model, columns, fit.channel)
+    return replace(fit, directions=directions, model=model, columns=columns, weighed=found)
+
+
+def derivatives(likelihood: Likelihood, base: Explanation, fit: Fit) -> np.ndarray:
+    """Derivatives (n, samples) of the residual by the modes of a fit's active channels."""
+    machine, values = likelihood.robot.machine, apply(base.values, base.parameters, fit.x)
     units = fit.candidate.directions(fit.active, SIZE)
     steps = np.array([max(LEAST, RELATIVE * abs(float(np.sum(fit.modes * unit)))) for unit in units])
     rows = [
         fit.candidate.put(machine, values, fit.candidate.weights(fit.modes + step * unit))
         for unit, step in zip(units, steps, strict=True)
     ]
-    directions = (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
-    own = fit.modes[list(fit.active)].ravel()
-    offset = fit.residual - fit.x @ jacobian - own @ directions
-    model = Eliminated(likelihood, offset, jacobian, base.prior_std)
-    columns = model.columns(directions)
-    return replace(fit, model=model, columns=columns, weighed=fitted(model, columns, fit.channel))
+    return (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
 
 
 def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray, steps: int) -> Fit:
