@@ -34,7 +34,7 @@ from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
 from studies.missing_law_page import Row, page, percent, restored
 
-SEED = 771114
+SEED = 552031
 DURATION = 0.5  # of the logs, in that of a usual blind case: for the time it takes
 LIBRARY = (
     "tendon.capstan_friction", "sensor.nonlinearity", "finger.hardening", "motor.dead_zone", "tendon.stiffening",
