@@ -34,7 +34,7 @@ from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
-from exodrake.diagnosis.retune import WORTH
+from exodrake.diagnosis.retune import LEAST_GAIN
 
 ROUNDS, WHOLE = 3, 4  # Jacobians of the best law's other parameters, on whole logs; Gauss-Newton steps with each
 
@@ -116,7 +116,7 @@ def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
     for _ in range(ROUNDS):
         before, likelihood = likelihood.mean_log(fit.residual), likelihood.scaled_to(fit.residual)
         fit = refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)
-        if before - likelihood.mean_log(fit.residual) < WORTH:
+        if before - likelihood.mean_log(fit.residual) < LEAST_GAIN:
             break
     return fit
 
