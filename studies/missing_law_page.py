@@ -36,8 +36,9 @@ robots, which takes some 150 of them to show. What falls short, and why:
 
 - Free inputs show what the retuned robot leaves. Where nominal parameters imitate the effect at the price of their
   tolerances (`finger.stiffness`, `sensor.gain`, `mocap.gain`), that is nothing, and the block is that of the best law
-  beside the nominal robot. The law of the halved stiffness is found so, but retuning imitates that effect on held-out
-  motions better than the law removes it. A gap within the tolerances (`motor.spool_growth` of this robot) is no gap.
+  beside the nominal robot. The laws of the wrong stiffness and of the load cell are in the right part so, but retuning
+  imitates these effects on held-out motions better than the laws remove them. A gap within the tolerances
+  (`motor.spool_growth` of this robot) is no gap.
 - Friction that depends on posture looks like friction of the tendons to both evidences, since three tendons and three
   joints span the same forces on the finger; a finger that is pushed sideways looks to free inputs like a wrong load
   cell. Both are laws of several variables, and one law of one variable is sought. A cell that sticks and a wire that
@@ -108,6 +109,8 @@ def restored(stored: dict[str, Any]) -> Row:
 
 def percent(value: float) -> str:
     """A share as text."""
+    if value < -1.0:
+        return "< -100 %"
     return f"{100 * value:.0f} %" if np.isfinite(value) else "-"
 
 
