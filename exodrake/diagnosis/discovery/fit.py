@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.discovery.candidate import MODES, Candidate
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import TIGHTER, Columns, Eliminated, Weighed, fitted, weights_of
@@ -85,15 +87,16 @@ def screened(
         model: its linearisation.
         found: candidates.
     """
-    robot, out = base.robot, []
-    for candidate in found:
-        everyone = range(len(candidate.channels))
-        modes = candidate.directions(everyone, MODES)
+    robot = base.robot
+
+    def screen(candidate: Candidate) -> Screened:
+        modes = candidate.directions(range(len(candidate.channels)), MODES)
         rows = [candidate.put(likelihood.robot.machine, robot, candidate.weights(one)) for one in modes]
-        directions = likelihood.residual(np.array(rows)) - base.residual
-        columns, channel = model.columns(directions), np.repeat(np.arange(len(candidate.channels)), MODES)
-        out.append(Screened(candidate, columns, channel, fitted(model, columns, channel)))
-    return sorted(out, key=lambda s: -s.weighed.log_evidence)
+        columns = model.columns(likelihood.residual(np.array(rows)) - base.residual)
+        channel = np.repeat(np.arange(len(candidate.channels)), MODES)
+        return Screened(candidate, columns, channel, fitted(model, columns, channel))
+
+    return sorted(side_by_side([partial(screen, one) for one in found]), key=lambda s: -s.weighed.log_evidence)
 
 
 def started(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Screened) -> Fit:

@@ -8,8 +8,10 @@ a law in a wrong part takes up of a right one's (`compare.LEAD`).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from exodrake.core.progress import Stage, StageProgress
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.discovery.compare import LEAD, lead
 from exodrake.diagnosis.discovery.evidence import Eliminated
 from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, started, unlikely
@@ -35,20 +37,25 @@ def fit_best(
         where: the block; that of the best law where empty.
         progress: called with the law that is worked on.
     """
-    starts = [(started(likelihood, base, model, s), s.weighed) for s in promising(screen, where)]
-    starts.sort(key=lambda pair: unlikely(likelihood, base, *pair))
-    block = where or starts[0][0].block
-    fits = []
-    for inside in (True, False):
-        for start in [f for f, _ in starts if (f.block == block) is inside][:FITTED]:
-            progress(Stage.FIT, start.candidate.name)
-            fits.append(refined(likelihood, base, start, base.jacobian, FIRST))
+    chosen = promising(screen, where)
+    starts = side_by_side([partial(started, likelihood, base, model, s) for s in chosen])
+    cost = {id(f): unlikely(likelihood, base, f, s.weighed) for f, s in zip(starts, chosen, strict=True)}
+    starts.sort(key=lambda f: cost[id(f)])
+    block = where or starts[0].block
+    first = [f for inside in (True, False) for f in [f for f in starts if (f.block == block) is inside][:FITTED]]
+    progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in first)))
+    fits = side_by_side([partial(refined, likelihood, base, f, base.jacobian, FIRST) for f in first])
     fits.sort(key=lambda f: -evidence(f))
     likelihood = likelihood.scaled_to(min((f.residual for f in fits), key=likelihood.mean_log))
     inside, outside = ([f for f in fits if (f.block == block) is inside] for inside in (True, False))
     last = [*inside[:PER_POINT], *outside[:1]]
-    fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in last]
+    fits = side_by_side([partial(fitted_anew, likelihood, base, f) for f in last])
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
+
+
+def fitted_anew(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
+    """A fit after some further steps with a new Jacobian of the other parameters."""
+    return refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), STEPS)
 
 
 def promising(screen: Sequence[Screened], where: str) -> list[Screened]:

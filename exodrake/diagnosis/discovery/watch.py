@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.discovery.effect_text import COUNTS
 from exodrake.diagnosis.discovery.forms import LawPoint
 from exodrake.diagnosis.problem import Problem, Trial
@@ -63,6 +65,11 @@ def end_state(problem: Problem, values: np.ndarray, trial: Trial) -> np.ndarray:
     return state
 
 
+def end_states(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """Flat states (trials, n) at the ends of all fitted trials."""
+    return np.array(side_by_side([partial(end_state, problem, values, trial) for trial in problem.fit]))
+
+
 def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> dict[tuple[str, int], Seen]:
     """Where the variable of each form of each law goes, and the scale of the law (one number above all forms).
 
@@ -80,7 +87,7 @@ def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> d
         row = values.copy()
         for law in here:
             row[places(machine, f"{law.identity}_watch", "form")] = k
-        states = np.array([end_state(problem, row, trial) for trial in problem.fit])
+        states = end_states(problem, row)
         for law in here:
             at = state_places(machine, f"{law.identity}_watch")
             low, high = states[:, at["low_seen"]].min(axis=0), states[:, at["high_seen"]].max(axis=0)
@@ -95,5 +102,5 @@ def counted(problem: Problem, values: np.ndarray, law: LawPoint, form: int, seen
     for name, value in (("form", form), ("low", seen.low), ("high", seen.high)):
         row[places(machine, f"{law.identity}_watch", name)] = value
     at = state_places(machine, f"{law.identity}_watch")
-    states = np.array([end_state(problem, row, trial) for trial in problem.fit])
+    states = end_states(problem, row)
     return np.array([states[:, at[c]].sum(axis=0) for c in COUNTS]).T
