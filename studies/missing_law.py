@@ -1,10 +1,11 @@
 """The missing law put to the proof: robots of the reference simulator whose effect no library holds.
 
-    python -m studies.missing_law --out docs/missing_law.md [--cases NAME,...] [--real FOLDER]
+    python -m studies.missing_law --out docs/missing_law.md [--cases NAME,...] [--seed N] [--real FOLDER]
 
-The whole library is taken away, so that each effect of the reference simulator is a law that nobody knows. Scored: is
-the right part named, how much of the gap the learned law closes on a held-out motion of another kind, and whether
-anything is discovered in healthy robots. What was measured is kept beside --out, so that a run goes on where it ended.
+No effect of the library may explain anything, so that each effect of the reference simulator is a law that nobody
+knows; free inputs act at the points of all effects but the planted one. Scored: is the right part named, how much of
+the gap the learned law closes on a held-out motion of another kind, and whether anything is discovered in healthy
+robots. What was measured is kept beside --out, so that a run goes on where it ended.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
@@ -25,8 +26,11 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_machine import laws_of
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.free_input import free_courses
+from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.pipeline import isolated
-from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
 from studies.missing_law_page import Row, page, percent, restored
 
@@ -48,31 +52,61 @@ REAL = {"tendon_sheath": "tendon_sheath", "so101": "sage_so101"}
 SAME_PLACE = {"encoder.homing_offset": ("encoder", "motor", "tendon"), "tendon.slack": ("encoder", "motor", "tendon")}
 
 
-def blind_case(name: str) -> tuple[Case, tuple[str, ...], float]:
+def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:
     """A case of the reference simulator, the blocks of its effect and the gap [noise standard deviations]."""
     healthy = name in HEALTHY
     number = HEALTHY.index(name) if healthy else 100 + sorted(ENTRIES).index(name)
     ids = () if healthy else (name,)
     kind = "healthy" if healthy else "unknown" if name.startswith("outside") else "single"
-    plan = CasePlan(name, (SEED, number), kind, ids, True, CaseMix(duration=DURATION))
+    plan = CasePlan(name, (seed, number), kind, ids, True, CaseMix(duration=DURATION))
     case, label = case_and_label(plan)
     blocks = () if healthy else SAME_PLACE.get(name, blocks_of(name))
     return case, blocks, float(label["gap"])
 
 
+@dataclass(frozen=True)
+class Found:
+    """What was found in a case.
+
+    Attributes:
+        law: the missing law.
+        where: block that free inputs name; empty for a robot that is kept without an effect.
+        seconds: processor time.
+        right, wrong: largest shares that laws in the right parts and elsewhere remove.
+    """
+
+    law: MissingLaw
+    where: str
+    seconds: float
+    right: float = float("nan")
+    wrong: float = float("nan")
+
+
 def discovered(
-    case: Case, robot_name: str, tried: frozenset[str] | None, blocks: tuple[str, ...] = ()
-) -> tuple[MissingLaw, float, tuple[float, float]]:
-    """The missing law of a case, the processor seconds it took, and what laws in `blocks` and elsewhere remove."""
-    started = time.process_time()
+    case: Case, robot_name: str, tried: frozenset[str] | None, planted: str = "", blocks: tuple[str, ...] = ()
+) -> Found:
+    """What is found in a case with an effect planted in some blocks."""
     with one_blas_thread():
+        started = time.process_time()
         problem, found = isolated(make_problem(case, load_robot(robot_name), tried))
-        law = discover(problem, found)
+        where = block_of_inputs(problem, found, planted)
+        law = discover(problem, found, where=where)
         seconds = time.process_time() - started
         every = {point.block for point in laws_of(problem.robot.machine)}
         parts = (every.intersection(blocks), every.difference(blocks))
         shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]
-    return law, seconds, (shares[0], shares[1]) if blocks else (float("nan"), float("nan"))
+    return Found(law, where, seconds, *shares)
+
+
+def block_of_inputs(problem: Problem, found: Isolation, planted: str) -> str:
+    """Block of the free input that the logs are likeliest with, at any effect of the library but the planted one."""
+    e = found.retuned.explanation
+    if found.retuned.levels.kept or found.nominal.levels.kept:
+        return ""
+    effects = [effect for effect in problem.robot.machine.effects if effect.id != planted]
+    lin = linearise(found.likelihood, e.values, e.x, e.parameters, effects, e.jacobian, e.residual)
+    courses = free_courses(found.likelihood, lin, e)
+    return courses[0].block if courses else ""
 
 
 def most(law: MissingLaw, blocks: Collection[str]) -> float:
@@ -80,22 +114,19 @@ def most(law: MissingLaw, blocks: Collection[str]) -> float:
     return max((other.share for other in law.others if other.id.split(".")[0] in blocks), default=0.0)
 
 
-def row_of(
-    name: str, kind: str, blocks: tuple[str, ...], gap: float,
-    found: tuple[MissingLaw, float, tuple[float, float]],
-) -> Row:  # fmt: skip
+def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, found: Found) -> Row:
     """A case's row."""
-    law, seconds, (right, wrong) = found
+    law = found.law
     formula = "; ".join(f"{c}: {curve.formula}" for c, curve in law.curves.items() if curve.formula)
     closure = float("nan") if law.closure is None else law.closure.value
     runner = "" if law.runner_up is None else law.runner_up.id
     return Row(
         name, kind, blocks, gap, law.found, law.block, f"{law.id}: {law.words}", law.channels, law.share, closure,
-        runner, law.lead, formula, law.reason, seconds, right, wrong,
+        runner, law.lead, formula, law.reason, found.seconds, found.right, found.wrong, found.where,
     )  # fmt: skip
 
 
-def measured(name: str, real: Path | None) -> Row:
+def measured(name: str, seed: int, real: Path | None) -> Row:
     """One case made and searched."""
     if name in REAL:
         from exodrake.machines.recordings import reader
@@ -103,8 +134,8 @@ def measured(name: str, real: Path | None) -> Row:
         assert real is not None
         found = discovered(reader(name)(real / REAL[name]), name, None)
         return row_of(name, "real", (), float("nan"), found)
-    case, blocks, gap = blind_case(name)
-    found = discovered(replace(case, name=name), "exo_index", frozenset(), blocks)
+    case, blocks, gap = blind_case(name, seed)
+    found = discovered(replace(case, name=name), "exo_index", frozenset(), name, blocks)
     kind = "healthy" if name in HEALTHY else "outside" if name.startswith("outside") else "library"
     return row_of(name, kind, blocks, gap, found)
 
@@ -112,8 +143,9 @@ def measured(name: str, real: Path | None) -> Row:
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), default=Path("docs/missing_law.md"), help="Page to write.")
 @click.option("--cases", default="", help="Names of cases, with commas; all if empty.")
+@click.option("--seed", default=SEED, show_default=True, help="Of the robots and their logs.")
 @click.option("--real", type=click.Path(path_type=Path, exists=True), default=None, help="Folder of real recordings.")
-def main(out: Path, cases: str, real: Path | None) -> None:
+def main(out: Path, cases: str, seed: int, real: Path | None) -> None:
     """Measures the discovery of missing laws and writes the page."""
     every = [*LIBRARY, *OUTSIDE, *HEALTHY, *(REAL if real else ())]
     wanted = [n for n in cases.split(",") if n] or every
@@ -121,7 +153,7 @@ def main(out: Path, cases: str, real: Path | None) -> None:
     known = {d["name"]: d for d in map(json.loads, store.read_text().splitlines())} if store.is_file() else {}
     for name in wanted:
         if name not in known:
-            row = measured(name, real)
+            row = measured(name, seed, real)
             known[name] = row.__dict__
             with store.open("a") as file:
                 file.write(json.dumps(row.__dict__) + "\n")

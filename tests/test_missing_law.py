@@ -3,11 +3,13 @@
 import json
 import subprocess
 import sys
+from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import binomtest, multivariate_normal
 
 import exodrake as exo
 from exodrake.compiled.splice import state_indices
@@ -17,10 +19,15 @@ from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.discover import discover
+from exodrake.diagnosis.discovery.evidence import TIGHTER, Eliminated, weigh
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
+from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.discovery.search import ranked
 from exodrake.diagnosis.discovery.watch import state_places
-from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.likelihood import SAMPLE
+from exodrake.diagnosis.pipeline import isolated, with_law
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.result import Where
 from exodrake.effects import law_table
 from exodrake.simulation.simulate import simulate
 from studies.missing_law_page import ERROR, limit
@@ -136,6 +143,63 @@ def test_law_is_sought_in_the_parts_that_are_named_alone():
         elsewhere, here = (discover(problem, found, blocks=(block,)) for block in ("scale", "carriage"))
     assert not elsewhere.found and not elsewhere.others
     assert here.id == "carriage.learned_pushed" and {other.id.split(".")[0] for other in here.others} == {"carriage"}
+
+
+def test_log_evidence_is_that_of_a_normal_distribution():
+    """The logs are N(0, v I + J P^-1 J' + F S F'), tolerances tighter by as much as samples are less independent."""
+    rng, n = np.random.default_rng(2), 60
+    machine = SimpleNamespace(frame=SAMPLE)
+    likelihood = SimpleNamespace(weights=np.ones(n, np.float32), samples=n, robot=SimpleNamespace(machine=machine))
+    jacobian, directions, prior = rng.normal(size=(3, n)), rng.normal(size=(4, n)), np.array([0.3, 2.0, 0.01])
+    offset = 0.4 * rng.normal(size=n) + 1.5 * directions[0] + 0.3 * jacobian[0]
+    model = Eliminated(likelihood, offset, jacobian, prior)
+    scales, channel = np.array([1.0, 0.0, 0.7]), np.array([0, 1, 2, 2])
+    found = weigh(model, model.columns(directions), channel, scales)
+    j, f, y = (rows * model.weights for rows in (jacobian * (prior * TIGHTER)[:, None], directions, offset))
+    law = (f.T * scales[channel] ** 2) @ f
+    covariance = found.variance * np.eye(n) + j.T @ j + law
+    wanted = multivariate_normal(np.zeros(n), covariance).logpdf(y) + 0.5 * n * np.log(2 * np.pi)
+    assert found.log_evidence == pytest.approx(wanted, rel=1e-4)
+    gain = law @ np.linalg.solve(covariance, y)  # posterior mean of the law's part
+    assert found.modes @ f == pytest.approx(-gain, abs=1e-4 * np.max(np.abs(gain)))
+
+
+def fit_in(block):
+    """Of a fitted law, its block alone."""
+    return SimpleNamespace(block=block)
+
+
+@pytest.mark.parametrize(
+    "shares, where, first",
+    [
+        ((0.8, 0.7), "", "tendon"),  # no free input: the better evidence
+        ((0.8, 0.7), "finger", "finger"),  # takes up a third of what the finger's law leaves: not distinguished
+        ((0.9, 0.7), "finger", "tendon"),  # two thirds: it rejects the finger
+        ((0.3, -9.0), "finger", "finger"),
+        ((0.6, -9.0), "bus", "tendon"),  # in the bus no law acts
+    ],
+)
+def test_law_in_the_block_of_free_inputs_stands_first_unless_another_rejects_it(shares, where, first):
+    fits = [fit_in("tendon"), fit_in("finger")]
+    assert fits[ranked(fits, shares, where)[0]].block == first
+
+
+def test_unknown_cause_is_where_its_law_is():
+    problem = make_problem(case_of(saturating_spring), exo.load_robot("emps"), KNOWN)
+    law = MissingLaw(True, "", "carriage.learned_pushed", channels=())
+    for verdict, block in (("UNKNOWN", "carriage"), ("NAMED", "scale")):
+        made = SimpleDiagnosis(verdict, Where("scale"))
+        assert with_law(problem, made, law).where.block == block
+    assert with_law(problem, SimpleDiagnosis("UNKNOWN", Where("scale")), MissingLaw(False, "")).where.block == "scale"
+
+
+@dataclass(frozen=True)
+class SimpleDiagnosis:
+    """What of a diagnosis a missing law changes."""
+
+    verdict: str
+    where: Where
+    missing_law: MissingLaw | None = None
 
 
 @pytest.mark.parametrize("robots", [9, 24, 60])

@@ -11,6 +11,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
+from exodrake.core.signal import JOINTS, TENDONS
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
@@ -20,6 +21,7 @@ from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
+from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
@@ -32,7 +34,7 @@ from exodrake.diagnosis.part_used import SHARE, affordable, notes_on_length, ove
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.prune import pruned
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, Candidate, Diagnosis, NamedEffect
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, NamedEffect
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
 from exodrake.diagnosis.since import since_of
@@ -69,8 +71,19 @@ def diagnose(
         made = answer(problem, found, decision, started, progress)
         if not discovers(made.verdict):
             return made
-        law = discover(problem, found, progress)
-        return replace(made, missing_law=law, run_time=time.perf_counter() - started)
+        law = discover(problem, found, progress, where=made.where.block if made.verdict == UNKNOWN else "")
+        return replace(with_law(problem, made, law), run_time=time.perf_counter() - started)
+
+
+def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
+    """The diagnosis with a missing law, and of an unknown cause with the block and channels of the law as its own."""
+    where = made.where
+    if law.found and made.verdict == UNKNOWN and law.block != where.block:
+        wires, joints = (
+            tuple(c for c in law.channels if c in problem.robot.machine.axes.of(a)) for a in (TENDONS, JOINTS)
+        )
+        where = replace(where, block=law.block, wires=wires, joints=joints)
+    return replace(made, where=where, missing_law=law)
 
 
 def isolated(

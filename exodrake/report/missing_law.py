@@ -27,7 +27,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
     )
     figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
     rows = [(f"`{r.id}`", r.words, n.percent(r.share)) for r in law.others]
-    header = ("Law at, by evidence", "what over what", "share of the excess removed, fitted logs")
+    header = ("Law at", "what over what", "share of the excess removed, fitted logs")
     table = Table(header, rows, words=2, wide=False)
     return {
         "law": law,
@@ -56,7 +56,9 @@ def law_lines(law: MissingLaw | None) -> list[str]:
     if law.runner_up is not None:
         apart = "rejected" if law.distinguished else "not distinguished by these logs"
         other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
-        lines.append(f"        runner-up {other}: {apart} (the law takes up {n.percent(law.lead)} of what it leaves)")
+        lines.append(
+            f"        runner-up {other}: {apart} (the law takes up {n.percent(max(law.lead, 0.0))} of what it leaves)"
+        )
     return lines
 
 

@@ -91,10 +91,10 @@ def candidates(problem: Problem, laws: Sequence[LawPoint], seen: dict[tuple[str,
     longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
     found = []
     for law in laws:
-        channels, value = machine.axes.of(law.point.axis), seen[law.identity, len(law.forms) + 1]
+        channels, value = machine.axes.of(law.point.axis), seen.get((law.identity, len(law.forms) + 1))
         for k, form in enumerate(law.forms, 1):
-            here = seen[law.identity, k]
-            if np.all(here.counts.sum(axis=1) == 0.0):
+            here = seen.get((law.identity, k))
+            if here is None or value is None:
                 continue
             knots = knots_of(form, here, machine.frame, longest)
             size = MODEST * sizes(form, here, value)

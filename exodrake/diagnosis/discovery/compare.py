@@ -34,5 +34,8 @@ def level_of_noise(likelihood: Likelihood, model: Eliminated, laws: Sequence[Scr
 
 
 def lead(share: float, other: float) -> float:
-    """Share of what another law leaves above noise that a law takes up; both of which remove a share of the excess."""
-    return 1.0 - (1.0 - share) / max(1.0 - other, 1e-9)
+    """Share of what another law leaves above noise that a law takes up; both of which remove a share of the excess.
+
+    A share below 0 is that of a fit that ended early: with no law at all it is 0.
+    """
+    return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)

@@ -14,109 +14,111 @@ from exodrake.core.confidence import ALPHA
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.comparison import removed
+from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.discovery.candidate import Candidate, candidates
 from exodrake.diagnosis.discovery.compare import LEAD, lead, level_of_noise
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
-from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened, started
+from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened
 from exodrake.diagnosis.discovery.formula import Formula, formula
 from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
-from exodrake.diagnosis.discovery.watch import watched
+from exodrake.diagnosis.discovery.search import fit_best, ranked, rejects
+from exodrake.diagnosis.discovery.watch import counted, watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
 from exodrake.diagnosis.intervals import Z90
-from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.refine import Explanation, whole_jacobian
+from exodrake.diagnosis.refine import Explanation
+from exodrake.diagnosis.retune import LEAST_GAIN
 
-STARTED, FITTED = 14, 4  # laws simulated as the linearisation predicts them; fitted; the best two points to the end
-PER_POINT = 2  # of these at one point, at most
-FIRST, STEPS, WHOLE = 1, 2, 4  # Gauss-Newton steps of all; of those fitted to the end; of the best, on whole logs
+ROUNDS, WHOLE = 3, 4  # Jacobians of the best law's other parameters, on whole logs; Gauss-Newton steps with each
 
 
 def discover(
-    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = ()
-) -> MissingLaw:
-    """The law that is missing in a case.
+    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = (),
+    where: str = "",
+) -> MissingLaw:  # fmt: skip
+    """The law that is missing in a case: the best one in the block where free inputs act, or one that rejects it.
 
     Args:
         problem: the case, with what detectors found.
         found: its isolation.
         progress: called with the stage and the law that is worked on.
         blocks: of the robot whose points are tried; all where empty.
+        where: block that free inputs beside the retuned robot name (`localise`), if any; without a say where that
+            robot imitates a law, so that nothing is left for an input.
     """
     if found.retuned.levels.kept or found.nominal.levels.kept:
         return MissingLaw(False, "the robot without an effect leaves what noise leaves: no law is missing")
-    machine, retuned = problem.robot.machine, found.retuned.explanation
-    moved = Moved(machine, with_laws(machine))
-    base, likelihood = moved.explanation(retuned), moved.likelihood(found.likelihood).scaled_to(retuned.residual)
-    likelihood.stage = "discover"
+    where = "" if imitates(found.retuned) else where
+    moved = Moved(problem.robot.machine, with_laws(problem.robot.machine))
     progress(Stage.LINEARISE, "free laws")
-    laws = [law for law in laws_of(machine) if not blocks or law.block in blocks]
-    whole = moved.problem(problem)
-    tried = candidates(whole, laws, watched(whole, base.robot, laws))
-    jacobian = whole_jacobian(likelihood, base)
-    screen = screened(likelihood, base, jacobian, tried)
-    model = Eliminated(likelihood, base.residual - base.x @ jacobian, jacobian, base.prior_std)
+    likelihood, base, model, screen = linearised(problem, found, moved, blocks)
     p = level_of_noise(likelihood, model, screen)
     if p > ALPHA:
         return MissingLaw(False, f"no law takes up more than noise lets one (p = {p:.2g})", p_noise=p)
     if screen[0].weighed.log_evidence <= without(model).log_evidence:
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=p)
-    likelihood, fits = fit_best(likelihood, base, jacobian, model, screen, progress)
-    before = likelihood.chi2(base.residual)
-    shares = [removed(before, likelihood.chi2(fit.residual)) for fit in fits]
+    likelihood, fits = fit_best(likelihood, base, model, screen, where, progress)
+    retuned = moved.explanation(found.retuned.explanation)
+    shares = [taken_up(likelihood, retuned, replace(retuned, x=fit.x, residual=fit.residual))[1] for fit in fits]
+    order = ranked(fits, shares, where)
+    fits, shares = [fits[k] for k in order], [shares[k] for k in order]
+    best = fits[0].candidate
     if shares[0] < PROMISING:
-        reason = f"the best law, {fits[0].candidate.name}, removes only {shares[0]:.0%} of what retuning leaves"
+        there = f" in {where}, where free inputs act" if where else ""
+        reason = f"the best law{there}, {best.name}, removes only {shares[0]:.0%} of what retuning leaves"
         return MissingLaw(False, reason, p_noise=p, others=runners(fits, shares))
-    progress(Stage.CLOSURE, fits[0].candidate.name)
-    return answer(problem, found, moved, likelihood, base, fits, shares, p)
+    if where and best.law.block != where and not rejects(fits, shares, where):
+        reason = f"free inputs act in {where}, where no free law does; elsewhere {best.name} removes {shares[0]:.0%}"
+        return MissingLaw(False, reason, p_noise=p, others=runners(fits, shares))
+    progress(Stage.CLOSURE, best.name)
+    return answer(problem, found, moved, likelihood, base, fits, shares, p, where)
 
 
-def fit_best(
-    likelihood: Likelihood, base: Explanation, jacobian: np.ndarray, model: Eliminated, screen: Sequence[Screened],
-    progress: StageProgress,
-) -> tuple[Likelihood, list[Fit]]:  # fmt: skip
-    """The most promising laws fitted, best first, and the likelihood in units of what the best one leaves."""
-    chosen: list[Screened] = []
-    for s in screen:
-        here = [c for c in chosen if c.candidate.law is s.candidate.law]
-        if s.active and len(here) < PER_POINT and len(chosen) < STARTED:
-            chosen.append(s)
-    starts = [started(likelihood, base, model, s) for s in chosen]
-    starts.sort(key=lambda f: likelihood.mean_log(f.residual))
-    fits = []
-    for start in starts[:FITTED]:
-        progress(Stage.FIT, start.candidate.name)
-        fits.append(refined(likelihood, base, start, jacobian, FIRST))
-    fits.sort(key=lambda f: likelihood.mean_log(f.residual))
-    likelihood = likelihood.scaled_to(fits[0].residual)
-    fits = [refined(likelihood, base, f, nuisance_jacobian(likelihood, base, f), STEPS) for f in of_two_points(fits)]
-    return likelihood, sorted(fits, key=lambda f: -evidence(f))
+def linearised(
+    problem: Problem, found: Isolation, moved: Moved, blocks: Collection[str]
+) -> tuple[Likelihood, Explanation, Eliminated, list[Screened]]:
+    """Views of the case, the robot beside which laws are sought, its linearisation, and the screened laws."""
+    likelihood = moved.likelihood(found.likelihood)
+    likelihood.stage = "discover"
+    base = start_of(found, moved, likelihood)
+    likelihood = likelihood.scaled_to(base.residual)
+    laws = [law for law in laws_of(problem.robot.machine) if not blocks or law.block in blocks]
+    whole = moved.problem(problem)
+    tried = candidates(whole, laws, watched(whole, base.robot, laws))
+    model = Eliminated(likelihood, base.residual - base.x @ base.jacobian, base.jacobian, base.prior_std)
+    return likelihood, base, model, screened(likelihood, base, model, tried)
 
 
-def of_two_points(fits: Sequence[Fit]) -> list[Fit]:
-    """The first two fits at the point of the first one, and the first one at another point."""
-    here = [f for f in fits if f.candidate.law is fits[0].candidate.law]
-    return [*here[:PER_POINT], *[f for f in fits if f not in here][:1]]
+def imitates(retuned: Tested) -> bool:
+    """Whether a robot's nominal parameters imitate a law: it leaves no more than it may, but leaves its tolerances."""
+    return retuned.levels.fit > ALPHA and retuned.levels.moved > retuned.levels.most_moved
+
+
+def start_of(found: Isolation, moved: Moved, likelihood: Likelihood) -> Explanation:
+    """The robot beside which laws are sought, on a machine with laws: the retuned one, or one that imitates no law."""
+    if not imitates(found.retuned):
+        return moved.explanation(found.retuned.explanation)
+    start = moved.explanation(found.nominal.explanation)
+    jacobian = nominal_jacobian(likelihood, start.values, start.parameters, start.x, start.residual)
+    return start.with_jacobian(jacobian)
 
 
 def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
-    """A law fitted to all of the logs."""
-    robot = fit.robot(base, likelihood)
-    fit = replace(fit, residual=likelihood.residual(robot[None])[0])
-    likelihood = likelihood.scaled_to(fit.residual)
-    return refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)
-
-
-def evidence(fit: Fit) -> float:
-    """Log evidence of a fitted law."""
-    assert fit.weighed is not None
-    return fit.weighed.log_evidence
+    """A law fitted to all of the logs, the other parameters' Jacobian taken anew where that gains something."""
+    fit = replace(fit, residual=likelihood.residual(fit.robot(base, likelihood)[None])[0], directions=None)
+    for _ in range(ROUNDS):
+        before, likelihood = likelihood.mean_log(fit.residual), likelihood.scaled_to(fit.residual)
+        fit = refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)
+        if before - likelihood.mean_log(fit.residual) < LEAST_GAIN:
+            break
+    return fit
 
 
 def runners(fits: Sequence[Fit], shares: Sequence[float]) -> tuple[Runner, ...]:
@@ -126,26 +128,26 @@ def runners(fits: Sequence[Fit], shares: Sequence[float]) -> tuple[Runner, ...]:
 
 def answer(
     problem: Problem, found: Isolation, moved: Moved, likelihood: Likelihood, base: Explanation, fits: list[Fit],
-    shares: list[float], p: float,
+    shares: list[float], p: float, where: str,
 ) -> MissingLaw:  # fmt: skip
     """The answer about the best law."""
     best, others = fits[0], runners(fits, shares)
-    identity = best.candidate.law.identity
-    rival = next((k for k, f in enumerate(fits) if f.candidate.law.identity != identity), None)
+    rival = next((k for k, f in enumerate(fits) if f.block != best.block), None)
     ahead = 1.0 if rival is None else lead(shares[0], shares[rival])
     best = refitted(moved.whole(likelihood, problem), base, best)
     short = formula(best)
     whole, nominal = moved.problem(problem), moved.values(problem.silent())
-    rows = np.array([nominal, base.robot, best.robot(base, likelihood)])
+    rows = np.array([nominal, moved.values(found.retuned.explanation.robot), best.robot(base, likelihood)])
     closure = measure(whole, [rows] * len(problem.judged)).effect
     channels = tuple(name for name in (best.candidate.channels[i] for i in best.active) if name)
-    curves = curves_of(best, short)
+    counts = counted(whole, base.robot, best.candidate.law, best.candidate.number, best.candidate.seen)
+    curves = curves_of(best, short, counts)
     formulas = {name: curve.formula for name, curve in curves.items() if curve.formula}
     weights = best.candidate.weights(best.modes)
     text = effect_text(best.candidate, weights, problem.case.name, formulas)
     return MissingLaw(
         found=True,
-        reason=reason_of(best.candidate, shares[0]),
+        reason=reason_of(found, best.candidate, shares[0], where),
         id=best.candidate.law.learned,
         words=best.candidate.form.words,
         unit=best.candidate.form.unit,
@@ -164,9 +166,14 @@ def answer(
     )
 
 
-def reason_of(candidate: Candidate, share: float) -> str:
+def reason_of(found: Isolation, candidate: Candidate, share: float, where: str) -> str:
     """What was found, in one sentence."""
-    return f"a free law of {candidate.form.words} at {candidate.law.key} removes {share:.0%} of what retuning leaves"
+    said = f"a free law of {candidate.form.words} at {candidate.law.key} removes {share:.0%} of what retuning leaves"
+    if imitates(found.retuned):
+        return f"{said}; without it nominal parameters leave their tolerances"
+    if where not in ("", candidate.law.block):
+        return f"{said}; free inputs act in {where}, whose laws it rejects"
+    return said
 
 
 def improved(problem: Problem, found: Isolation, fit: Fit, weights: np.ndarray, text: str) -> Robot:
@@ -178,8 +185,8 @@ def improved(problem: Problem, found: Isolation, fit: Fit, weights: np.ndarray, 
     return robot_with(replace(problem.robot, values=values), fit.candidate, weights, text)
 
 
-def curves_of(fit: Fit, short: Formula | None) -> dict[str, Curve]:
-    """The law in each channel, with its 90 % band and the histogram of its variable."""
+def curves_of(fit: Fit, short: Formula | None, counts: np.ndarray) -> dict[str, Curve]:
+    """The law in each channel, with its 90 % band and the histogram of its variable, counts (channels, bins)."""
     assert fit.weighed is not None
     candidate, found = fit.candidate, {}
     at, shape = candidate.shape()
@@ -189,10 +196,8 @@ def curves_of(fit: Fit, short: Formula | None) -> dict[str, Curve]:
         to_values = shape[channel] @ (candidate.size[channel] * candidate.basis)
         std = np.sqrt(np.einsum("ij,jk,ik->i", to_values, fit.weighed.covariance[own, own], to_values))
         value, name = shape[channel] @ weights[channel], candidate.channels[channel]
-        edges = np.linspace(
-            candidate.seen.low[channel], candidate.seen.high[channel], candidate.seen.counts.shape[1] + 1
-        )
-        counts = candidate.seen.counts[channel] / max(float(candidate.seen.counts[channel].sum()), 1.0)
+        edges = np.linspace(candidate.seen.low[channel], candidate.seen.high[channel], counts.shape[1] + 1)
+        share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         text = short.text(name) if short else ""
-        found[name] = Curve(at[channel], value, value - Z90 * std, value + Z90 * std, edges, counts, text)
+        found[name] = Curve(at[channel], value, value - Z90 * std, value + Z90 * std, edges, share, text)
     return found

@@ -9,14 +9,13 @@ x is eliminated (Schur complement). The scale s of each channel and the variance
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from exodrake.diagnosis.likelihood import CORRELATION, SAMPLE, Likelihood
-from exodrake.diagnosis.projection import normal_matrix
 
 SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plausible size
+TIGHTER = float(np.sqrt(SAMPLE / CORRELATION))  # of tolerances, so that they count as where `CORRELATION` is a sample
 PASSES, ROUNDS = 2, 4  # over the channels; of the residual's variance
 
 
@@ -27,7 +26,7 @@ def weights_of(likelihood: Likelihood) -> np.ndarray:
 
 
 class Eliminated:
-    """A linear model with its nuisance parameters eliminated.
+    """A linear model with its nuisance parameters eliminated, in the basis in which J J' and P are diagonal.
 
     Args:
         likelihood: weights of the samples.
@@ -37,61 +36,71 @@ class Eliminated:
     """
 
     def __init__(self, likelihood: Likelihood, offset: np.ndarray, jacobian: np.ndarray, prior_std: np.ndarray) -> None:
-        self.weights = weights_of(likelihood)
-        self.jacobian = (jacobian * self.weights).astype(np.float32)
-        self.inverse = np.linalg.inv(normal_matrix(self.jacobian, prior_std**-2.0))
+        self.weights, prior_std = weights_of(likelihood), prior_std * TIGHTER
+        self.jacobian = (jacobian * self.weights * prior_std[:, None]).astype(np.float32)
+        roots, self.axes = np.linalg.eigh((self.jacobian @ self.jacobian.T).astype(float))
+        self.roots, self.prior_std = np.maximum(roots, 0.0), prior_std
         self.offset = (offset * self.weights).astype(np.float32)
         self.samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
         self.least = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
-        self.pull = (self.jacobian @ self.offset).astype(float)
-        self.left = float(self.offset.astype(float) @ self.offset - self.pull @ self.inverse @ self.pull)
+        self.pull = self.products(self.offset[None])[:, 0]
+        self.squares = float(self.offset.astype(float) @ self.offset)
+
+    def products(self, rows: np.ndarray) -> np.ndarray:
+        """Products (nuisance, n) of J with weighted rows (n, samples)."""
+        return self.axes.T @ (self.jacobian @ rows.T).astype(float)
 
     def columns(self, directions: np.ndarray) -> Columns:
         """The directions (n, samples) of a law beside the nuisance parameters."""
         weighted = (directions * self.weights).astype(np.float32)
-        cross = (self.jacobian @ weighted.T).astype(float)
-        gram = (weighted @ weighted.T).astype(float) - cross.T @ self.inverse @ cross
-        return Columns(weighted, cross, gram, self.slope(weighted, cross, self.offset, self.pull))
+        gram, slope = (weighted @ weighted.T).astype(float), (weighted @ self.offset).astype(float)
+        return Columns(weighted, self.products(weighted), gram, slope)
 
-    def slope(self, weighted: np.ndarray, cross: np.ndarray, row: np.ndarray, pull: np.ndarray) -> np.ndarray:
-        """Products (n,) or (n, rows) of weighted directions with rows, nuisance parameters eliminated."""
-        return (weighted @ row).astype(float) - cross.T @ (self.inverse @ pull)
+    def eliminated(self, variance: float) -> np.ndarray:
+        """Weights (nuisance,) of products with J in products of rows over the variance, x eliminated."""
+        return 1.0 / (variance * (self.roots + variance))
 
-    def products(self, rows: np.ndarray) -> np.ndarray:
-        """Products (nuisance, n) of J with weighted rows (n, samples)."""
-        return (self.jacobian @ rows.T).astype(float)
+    def left(self, variance: float) -> float:
+        """Sum of squares over the variance that is left without a law, the use of the nuisance's priors included."""
+        return self.squares / variance - float(self.eliminated(variance) @ self.pull**2)
 
-    def squares(self, rows: np.ndarray) -> np.ndarray:
-        """Sum of squares (n,) of weighted rows (n, samples), nuisance parameters eliminated."""
-        pull = self.products(rows)
-        return np.einsum("ij,ij->i", rows, rows, dtype=float) - np.einsum("in,in->n", pull, self.inverse @ pull)
+    def gram(self, columns: Columns, variance: float) -> np.ndarray:
+        """Gram matrix (n, n) of directions over the variance, x eliminated."""
+        return columns.gram / variance - (columns.cross.T * self.eliminated(variance)) @ columns.cross
+
+    def slope(self, columns: Columns, variance: float) -> np.ndarray:
+        """Products (n,) of directions with the offset over the variance, x eliminated."""
+        return columns.slope / variance - columns.cross.T @ (self.eliminated(variance) * self.pull)
 
     def taken_up(self, columns: Columns, prior: np.ndarray, variance: float, rows: np.ndarray) -> np.ndarray:
         """Sum of squares (n,) that a law with prior standard deviations (directions,) takes up of weighted rows."""
-        slope = self.slope(columns.weighted, columns.cross, rows.T, self.products(rows))
-        return np.einsum("in,in->n", slope, np.linalg.solve(columns.gram + variance * np.diag(prior**-2.0), slope))
+        pull = self.eliminated(variance)[:, None] * self.products(rows)
+        slope = (columns.weighted @ rows.T).astype(float) / variance - columns.cross.T @ pull
+        normal = self.gram(columns, variance) + np.diag(prior**-2.0)
+        return variance * np.einsum("in,in->n", slope, np.linalg.solve(normal, slope))
 
-    def log_evidence(self, variance: Any, penalised: Any, information: float) -> Any:
+    def log_evidence(self, variance: float, penalised: float, information: float) -> float:
         """Log evidence from the variance of a sample, squares over it with the use of the priors, and information."""
-        return -0.5 * (self.samples * np.log(variance) + penalised + information)
+        nuisance = float(np.sum(np.log1p(self.roots / variance)))
+        return -0.5 * (self.samples * float(np.log(variance)) + penalised + information + nuisance)
 
-    def nuisance(self, columns: Columns, modes: np.ndarray) -> np.ndarray:
-        """Coordinates x (nuisance,) beside coordinates (n,) of the law."""
-        return -self.inverse @ (self.pull + columns.cross @ modes)
+    def use(self, columns: Columns, modes: np.ndarray, variance: float) -> np.ndarray:
+        """Coordinates (nuisance,) beside coordinates (n,) of the law, in prior standard deviations, on the axes."""
+        return -(self.pull + columns.cross @ modes) / (self.roots + variance)
+
+    def nuisance(self, columns: Columns, weighed: Weighed) -> np.ndarray:
+        """Coordinates x (nuisance,) beside a fitted law."""
+        return self.prior_std * (self.axes @ self.use(columns, weighed.modes, weighed.variance))
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Weighted directions (n, samples) of a law, their products with J, their Gram matrix, and their slopes (n,)."""
+    """Weighted directions (n, samples) of a law, and their products with J, with each other and with the offset."""
 
     weighted: np.ndarray
     cross: np.ndarray
     gram: np.ndarray
     slope: np.ndarray
-
-    def part(self, rows: np.ndarray) -> Columns:
-        """Some of the directions."""
-        return Columns(self.weighted[rows], self.cross[:, rows], self.gram[np.ix_(rows, rows)], self.slope[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +113,7 @@ class Weighed:
         modes: (n,) coordinates of the directions.
         covariance: (n, n) theirs.
         variance: of a sample.
-        left: weighted sum of squares that is left, the use of the nuisance's priors included.
+        penalised: squares that are left over the variance, with the use of all priors, and the law's information.
     """
 
     log_evidence: float
@@ -112,30 +121,32 @@ class Weighed:
     modes: np.ndarray
     covariance: np.ndarray
     variance: float
-    left: float
+    penalised: float
 
 
-def information(gram: np.ndarray, prior: np.ndarray, variance: float) -> float:
+def information(gram: np.ndarray, prior: np.ndarray) -> float:
     """Log of the prior's volume over the posterior's, twice: Gram matrix (n, n) and prior standard deviations (n,)."""
-    return float(np.linalg.slogdet(np.eye(len(prior)) + gram * np.outer(prior, prior) / variance)[1])
+    return float(np.linalg.slogdet(np.eye(len(prior)) + gram * np.outer(prior, prior))[1])
 
 
 def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.ndarray) -> Weighed:
     """A law with given prior scales; channel (n,): of each direction."""
     prior = scales[channel]
     on = np.flatnonzero(prior > 0.0)
-    gram, slope, prior = columns.gram[np.ix_(on, on)], columns.slope[on], prior[on]
-    variance, best = max(model.left / model.samples, model.least), None
+    own = Columns(columns.weighted, columns.cross[:, on], columns.gram[np.ix_(on, on)], columns.slope[on])
+    variance, best, prior = max(model.left(1.0) / model.samples, model.least), None, prior[on]
     for _ in range(ROUNDS):
-        inverse = np.linalg.inv(gram / variance + np.diag(prior**-2.0))
-        modes = -inverse @ slope / variance
-        left = model.left + 2.0 * slope @ modes + modes @ gram @ modes
-        penalised = left / variance + np.sum((modes / prior) ** 2)
-        value = model.log_evidence(variance, penalised, information(gram, prior, variance))
+        gram, slope, left = model.gram(own, variance), model.slope(own, variance), model.left(variance)
+        inverse = np.linalg.inv(gram + np.diag(prior**-2.0))
+        modes = -inverse @ slope
+        left += float(2.0 * slope @ modes + modes @ gram @ modes)
+        used, within = float(np.sum((modes / prior) ** 2)), information(gram, prior)
+        value = model.log_evidence(variance, left + used, within)
         full, covariance = np.zeros(len(channel)), np.zeros((len(channel),) * 2)
         full[on], covariance[np.ix_(on, on)] = modes, inverse
-        best = Weighed(float(value), scales, full, covariance, variance, float(left))
-        variance = max(float(left) / model.samples, model.least)
+        best = Weighed(value, scales, full, covariance, variance, left + used + within)
+        residual = variance * (left - float(np.sum(model.use(own, modes, variance) ** 2)))
+        variance = max(residual / model.samples, model.least)
     assert best is not None
     return best
 
@@ -156,5 +167,5 @@ def fitted(model: Eliminated, columns: Columns, channel: np.ndarray) -> Weighed:
 
 def without(model: Eliminated) -> Weighed:
     """The logs without a law."""
-    nothing = Columns(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0))
+    nothing = Columns(np.zeros((0, 0)), np.zeros((len(model.pull), 0)), np.zeros((0, 0)), np.zeros(0))
     return weigh(model, nothing, np.zeros(0, dtype=int), np.zeros(0))

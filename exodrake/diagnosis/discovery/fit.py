@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.discovery.candidate import MODES, Candidate
 from exodrake.diagnosis.discovery.effect_text import SIZE
-from exodrake.diagnosis.discovery.evidence import Columns, Eliminated, Weighed, fitted, weights_of
-from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.discovery.evidence import TIGHTER, Columns, Eliminated, Weighed, fitted, weights_of
+from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.refine import Explanation
@@ -44,6 +46,7 @@ class Fit:
         x: (nuisance,) coordinates of the other parameters.
         modes: (channels, 8) coordinates of the law.
         residual: (samples,) whitened [noise_std].
+        directions: (n, samples) derivatives by the modes of its active channels there, once simulated.
         columns, model, weighed: its linearisation there and what follows from it.
     """
 
@@ -52,9 +55,15 @@ class Fit:
     x: np.ndarray
     modes: np.ndarray
     residual: np.ndarray
+    directions: np.ndarray | None = None
     columns: Columns | None = None
     model: Eliminated | None = None
     weighed: Weighed | None = None
+
+    @property
+    def block(self) -> str:
+        """Block of the robot that the law acts in."""
+        return self.candidate.law.block
 
     def robot(self, base: Explanation, likelihood: Likelihood) -> np.ndarray:
         """Flat parameter vector (n,) of the robot with the law."""
@@ -68,26 +77,26 @@ class Fit:
 
 
 def screened(
-    likelihood: Likelihood, base: Explanation, jacobian: np.ndarray, found: Sequence[Candidate]
+    likelihood: Likelihood, base: Explanation, model: Eliminated, found: Sequence[Candidate]
 ) -> list[Screened]:
     """All candidates by one linearisation at a robot without them, best first.
 
     Args:
         likelihood: views of the case.
         base: the robot, on a machine with laws.
-        jacobian: (parameters, samples) of its residual by all its parameters.
+        model: its linearisation.
         found: candidates.
     """
-    model = Eliminated(likelihood, base.residual - base.x @ jacobian, jacobian, base.prior_std)
-    robot, out = base.robot, []
-    for candidate in found:
-        everyone = range(len(candidate.channels))
-        modes = candidate.directions(everyone, MODES)
+    robot = base.robot
+
+    def screen(candidate: Candidate) -> Screened:
+        modes = candidate.directions(range(len(candidate.channels)), MODES)
         rows = [candidate.put(likelihood.robot.machine, robot, candidate.weights(one)) for one in modes]
-        directions = likelihood.residual(np.array(rows)) - base.residual
-        columns, channel = model.columns(directions), np.repeat(np.arange(len(candidate.channels)), MODES)
-        out.append(Screened(candidate, columns, channel, fitted(model, columns, channel)))
-    return sorted(out, key=lambda s: -s.weighed.log_evidence)
+        columns = model.columns(likelihood.residual(np.array(rows)) - base.residual)
+        channel = np.repeat(np.arange(len(candidate.channels)), MODES)
+        return Screened(candidate, columns, channel, fitted(model, columns, channel))
+
+    return sorted(side_by_side([partial(screen, one) for one in found]), key=lambda s: -s.weighed.log_evidence)
 
 
 def started(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Screened) -> Fit:
@@ -96,7 +105,7 @@ def started(likelihood: Likelihood, base: Explanation, model: Eliminated, s: Scr
     modes = np.zeros((count, SIZE))
     modes[:, :MODES] = s.weighed.modes.reshape(count, MODES)
     start = Fit(s.candidate, tuple(s.active), base.x, np.zeros((count, SIZE)), base.residual)
-    return searched(likelihood, base, start, model.nuisance(s.columns, s.weighed.modes), modes, s.weighed)
+    return searched(likelihood, base, start, model.nuisance(s.columns, s.weighed), modes, s.weighed)
 
 
 def searched(
@@ -108,36 +117,54 @@ def searched(
         replace(at, x=np.clip(at.x + t * (x - at.x), low, high), modes=at.modes + t * (modes - at.modes)) for t in STEPS
     ]
     rows = np.array([one.robot(base, likelihood) for one in tries])
-    tries = [replace(one, residual=r) for one, r in zip(tries, likelihood.residual(rows), strict=True)]
+    tries = [replace(one, residual=r, directions=None) for one, r in zip(tries, likelihood.residual(rows), strict=True)]
     return min((at, *tries), key=lambda one: cost(likelihood, base, one, weighed))
 
 
 def cost(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weighed) -> float:
     """Twice the negative log posterior of a fit, the variance of a sample as weighed."""
     weighted = fit.residual * weights_of(likelihood)
+    return float(weighted @ weighted) / weighed.variance + priors_used(base, fit, weighed)
+
+
+def priors_used(base: Explanation, fit: Fit, weighed: Weighed) -> float:
+    """Sum of squares of a fit's parameters and modes in standard deviations of their priors."""
     scale, active = np.zeros(len(fit.candidate.channels)), list(fit.active)
     scale[active] = weighed.scales if len(weighed.scales) == len(active) else weighed.scales[active]
     used = np.divide(fit.modes, scale[:, None], out=np.zeros_like(fit.modes), where=scale[:, None] > 0.0)
-    squares = float(weighted @ weighted) + float(np.sum((fit.x / base.prior_std) ** 2))
-    return squares / weighed.variance + float(np.sum(used**2))
+    return float(np.sum((fit.x / (TIGHTER * base.prior_std)) ** 2) + np.sum(used**2))
+
+
+def unlikely(likelihood: Likelihood, base: Explanation, fit: Fit, weighed: Weighed) -> float:
+    """Twice the negative log posterior of a fit, the variance of a sample as it leaves it."""
+    weights = weights_of(likelihood).astype(float)
+    weighted = fit.residual * weights
+    samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
+    variance = max(float(weighted @ weighted), float(weights @ weights)) / samples
+    return samples * float(np.log(variance)) + priors_used(base, fit, weighed)
 
 
 def differentiated(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray) -> Fit:
     """The fit with its linearisation: columns of all modes of its active channels."""
-    machine = likelihood.robot.machine
-    values = apply(base.values, base.parameters, fit.x)
+    directions = derivatives(likelihood, base, fit) if fit.directions is None else fit.directions
+    own = fit.modes[list(fit.active)].ravel()
+    offset = fit.residual - fit.x @ jacobian - own @ directions
+    model = Eliminated(likelihood, offset, jacobian, base.prior_std)
+    columns = model.columns(directions)
+    found = fitted(model, columns, fit.channel)
+    return replace(fit, directions=directions, model=model, columns=columns, weighed=found)
+
+
+def derivatives(likelihood: Likelihood, base: Explanation, fit: Fit) -> np.ndarray:
+    """Derivatives (n, samples) of the residual by the modes of a fit's active channels."""
+    machine, values = likelihood.robot.machine, apply(base.values, base.parameters, fit.x)
     units = fit.candidate.directions(fit.active, SIZE)
     steps = np.array([max(LEAST, RELATIVE * abs(float(np.sum(fit.modes * unit)))) for unit in units])
     rows = [
         fit.candidate.put(machine, values, fit.candidate.weights(fit.modes + step * unit))
         for unit, step in zip(units, steps, strict=True)
     ]
-    directions = (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
-    own = fit.modes[list(fit.active)].ravel()
-    offset = fit.residual - fit.x @ jacobian - own @ directions
-    model = Eliminated(likelihood, offset, jacobian, base.prior_std)
-    columns = model.columns(directions)
-    return replace(fit, model=model, columns=columns, weighed=fitted(model, columns, fit.channel))
+    return (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
 
 
 def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray, steps: int) -> Fit:
@@ -147,7 +174,7 @@ def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.nd
         assert fit.model is not None and fit.columns is not None and fit.weighed is not None
         modes = np.zeros_like(fit.modes)
         modes[list(fit.active)] = fit.weighed.modes.reshape(len(fit.active), SIZE)
-        x = fit.model.nuisance(fit.columns, fit.weighed.modes)
+        x = fit.model.nuisance(fit.columns, fit.weighed)
         before = cost(likelihood, base, fit, fit.weighed)
         found = searched(likelihood, base, fit, x, modes, fit.weighed)
         if found is fit:

@@ -100,20 +100,20 @@ def formula(fit: Fit) -> Formula | None:
     """The shortest formula as likely as the free law, or none."""
     model, columns, weighed = fit.model, fit.columns, fit.weighed
     assert model is not None and columns is not None and weighed is not None
-    penalty, v = np.log(model.samples), weighed.variance
-    free = -2.0 * weighed.log_evidence - model.samples * np.log(v)
+    penalty, free, v = np.log(model.samples), weighed.penalised, weighed.variance
+    gram, slope, without = model.gram(columns, v), model.slope(columns, v), model.left(v)
     back = np.linalg.inv(fit.candidate.basis)
     known = {term: coordinates(fit, term, back) for term in terms_of(fit.candidate)}
     chosen: list[Term] = []
-    best = model.left / v
+    best = without
 
     def solved(terms: list[Term]) -> tuple[float, np.ndarray, np.ndarray]:
         t = np.concatenate([known[term] for term in terms]).T
-        normal = t.T @ columns.gram @ t
-        normal = normal + 1e-9 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal))
-        b = -np.linalg.solve(normal, t.T @ columns.slope)
-        left = model.left + 2.0 * (t.T @ columns.slope) @ b + b @ normal @ b
-        return left / v + penalty * len(b), b, v * np.linalg.inv(normal)
+        normal = t.T @ gram @ t
+        normal = normal + 1e-9 * np.diag(np.diag(normal)) + 1e-12 / v * np.eye(len(normal))
+        b = -np.linalg.solve(normal, t.T @ slope)
+        left = without + 2.0 * (t.T @ slope) @ b + b @ normal @ b
+        return left + penalty * len(b), b, np.linalg.inv(normal)
 
     while len(chosen) < MOST:
         trial = min((t for t in known if t not in chosen), key=lambda t: solved([*chosen, t])[0])

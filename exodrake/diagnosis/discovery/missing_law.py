@@ -51,12 +51,13 @@ class MissingLaw:
         words: what it is over what.
         unit: of the variable.
         channels: that have it; () for the whole robot.
-        share: of the excess over noise that retuning leaves on the fitted logs, removed by it.
+        share: of the excess over noise that retuning leaves on the fitted logs, removed by it; what nominal parameters
+            use of their tolerances counts as left.
         p_noise: p-value of that were there noise alone.
-        runner_up: the best law at another point.
+        runner_up: the best law in another block.
         lead: share of what the runner-up leaves above noise that the law takes up.
         distinguished: whether it is more than a law in a wrong part takes up of a right one's (`compare.LEAD`).
-        others: laws that were fitted to the end, by evidence, best first.
+        others: laws that were fitted to the end, the named one first.
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
         held_out: whether these logs were held out.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows
 from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.discovery.effect_text import COUNTS
 from exodrake.diagnosis.discovery.forms import LawPoint
 from exodrake.diagnosis.problem import Problem, Trial
@@ -17,11 +19,10 @@ from exodrake.diagnosis.problem import Problem, Trial
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Where a variable went: `low`, `high` (channels,) [its unit], `counts` (channels, bins) between these."""
+    """Where a variable went: `low`, `high` (channels,) [its unit]."""
 
     low: np.ndarray
     high: np.ndarray
-    counts: np.ndarray
 
     @property
     def span(self) -> np.ndarray:
@@ -64,6 +65,11 @@ def end_state(problem: Problem, values: np.ndarray, trial: Trial) -> np.ndarray:
     return state
 
 
+def end_states(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """Flat states (trials, n) at the ends of all fitted trials."""
+    return np.array(side_by_side([partial(end_state, problem, values, trial) for trial in problem.fit]))
+
+
 def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> dict[tuple[str, int], Seen]:
     """Where the variable of each form of each law goes, and the scale of the law (one number above all forms).
 
@@ -71,6 +77,9 @@ def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> d
         problem: the case, its robot on a machine with laws and watches.
         values: (parameters,) flat vector of the robot that runs.
         laws: points.
+
+    Returns:
+        The range of each variable that is ever computed.
     """
     found, machine = {}, problem.robot.machine
     for k in range(1, max(len(law.forms) for law in laws) + 2):
@@ -78,19 +87,20 @@ def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> d
         row = values.copy()
         for law in here:
             row[places(machine, f"{law.identity}_watch", "form")] = k
-        states = [end_state(problem, row, trial) for trial in problem.fit]
-        ends = {}
+        states = end_states(problem, row)
         for law in here:
             at = state_places(machine, f"{law.identity}_watch")
-            low = np.min([s[at["low_seen"]] for s in states], axis=0)
-            high = np.max([s[at["high_seen"]] for s in states], axis=0)
-            ends[law.identity] = low, np.where(high > low, high, low + 1e-9)
-            for name, end in zip(("low", "high"), ends[law.identity], strict=True):
-                row[places(machine, f"{law.identity}_watch", name)] = end
-        states = [end_state(problem, row, trial) for trial in problem.fit]
-        for law in here:
-            at = state_places(machine, f"{law.identity}_watch")
-            counts = sum(np.array([s[at[c]] for c in COUNTS]).T for s in states)
-            low, high = ends[law.identity]
-            found[law.identity, k] = Seen(low, high, np.asarray(counts))
+            low, high = states[:, at["low_seen"]].min(axis=0), states[:, at["high_seen"]].max(axis=0)
+            if np.any(states[:, at["started"]]):
+                found[law.identity, k] = Seen(low, np.where(high > low, high, low + 1e-9))
     return found
+
+
+def counted(problem: Problem, values: np.ndarray, law: LawPoint, form: int, seen: Seen) -> np.ndarray:
+    """How often (channels, bins) the variable of a form is in each part of its range; arguments as `watched` has."""
+    machine, row = problem.robot.machine, values.copy()
+    for name, value in (("form", form), ("low", seen.low), ("high", seen.high)):
+        row[places(machine, f"{law.identity}_watch", name)] = value
+    at = state_places(machine, f"{law.identity}_watch")
+    states = end_states(problem, row)
+    return np.array([states[:, at[c]].sum(axis=0) for c in COUNTS]).T
