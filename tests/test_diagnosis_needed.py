@@ -1,14 +1,20 @@
-"""A larger set of effects speaks against a smaller one only where its effects are there."""
+"""A larger set speaks against a smaller one only where its effects are there; an absent effect is taken out."""
 
 from collections import defaultdict
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
+from exodrake.diagnosis import isolation
+from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.prune import pruned
 from exodrake.diagnosis.retune import retune
+from exodrake.diagnosis.select import NormalMatrix
 from exodrake.diagnosis.verdict import rejected
 from exodrake.machines.robot_file import load_robot
 
@@ -38,3 +44,33 @@ def test_an_offset_that_is_there_is_needed_beside_friction(friction):
     isolator, larger = pairs_of(friction.splice("mocap.offset", {"offset": 0.1}))
     assert larger.left[0].explanation.effects == TRIED[:2] and isolator.needed(larger)
     assert rejected(larger.left[0]).endswith("takes up too little of what a smaller one leaves")
+
+
+def isolation_with_an_offset(robot, offset):
+    """An isolation whose retuned robot is stuck at the nominal one, and that keeps an offset fitted beside the true."""
+    problem = make_problem(case_of(robot, 1, FRAMES // 2), load_robot(), frozenset(TRIED)).shortened(2 * SHARE)
+    start, simulated = retune(problem)
+    isolator = Isolator(problem, start, defaultdict(float, simulated))
+    found = isolator.isolate(0)
+    singles = NormalMatrix(found.likelihood, found.retuned.explanation, found.tests.lin).singles()
+    predicted = next(p for p in singles if p.probes[0].effect == TRIED[1])
+    (joined, *_) = isolator.starts(found.likelihood, found.retuned.explanation, predicted)
+    count = joined.nominal
+    x = [p.coordinate(offset) for p in joined.parameters[count:]]
+    e = isolator.refined(found.likelihood, joined.at(found.likelihood, np.r_[joined.x[:count], x]), 3)
+    (kept,) = isolation.tested(found.likelihood, found.tests, [e])
+    return found, replace(found, retuned=found.nominal, tested=((kept,),), left=(kept,))
+
+
+def test_a_robot_that_needs_no_effect_is_retuned_from_where_an_absent_one_led():
+    robot = healthy_robot(load_robot(), np.random.default_rng(3))
+    found, stuck = isolation_with_an_offset(robot, 0.0)
+    assert stuck.retuned.chi2[0] > 2.0 > found.retuned.chi2[0]
+    made = pruned(stuck)
+    assert made.left == (made.retuned,) and made.retuned.explanation.effects == ()
+    assert made.retuned.chi2 == pytest.approx(found.retuned.chi2, rel=0.05)
+
+
+def test_an_offset_that_is_there_stays():
+    _, stuck = isolation_with_an_offset(load_robot().splice("mocap.offset", {"offset": 0.1}), 0.1)
+    assert pruned(stuck) is stuck

@@ -1,9 +1,10 @@
 """Effects that a set does not need, taken out again: one that came first may stand for those that came later.
 
-    while an effect of a kept set of three or more may as well be absent:
+    while an effect of a kept set of three or more, or of every kept set, may as well be absent:
         fit the set without it; go on with that if the logs do not reject it and the larger set does not beat it
 
-Smaller sets were tried on the way up.
+Smaller sets were tried on the way up. Where no kept set needs all of its effects, a smaller one ended elsewhere: an
+effect that is hardly there may lead the nominal parameters out of a minimum where the robot without it is stuck.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from exodrake.diagnosis.isolation import Isolation, Tested, tested
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import Explanation, minimise
 
-LEAST = 3  # effects of a set that is looked at
+LEAST = 3  # effects of a set that is looked at where others need all of theirs
 STEPS, TOL = 5, 5e-4  # of a fit, as where sets grow
 
 
@@ -35,20 +36,24 @@ def spurious(t: Tested, fit: Fitted, counted: Collection[str]) -> list[str]:
 
 def pruned(found: Isolation) -> Isolation:
     """The isolation whose kept sets have no effect that they do not need."""
-    if len(found.tested) < LEAST or not found.left:
-        return found
     counted = found.likelihood.views[0].problem.counted
-    made = [needed(found, t, counted) for t in found.left]
+    all_spurious = all(spurious(t, fitted(found, t), counted) for t in found.left if t.explanation.effects)
+    least = 1 if all_spurious else LEAST
+    if not found.left or len(found.left[0].explanation.effects) < least:
+        return found
+    made = [needed(found, t, counted, least) for t in found.left]
     size = min(len(t.explanation.effects) for t in made)
     smallest = {frozenset(t.explanation.effects): t for t in made if len(t.explanation.effects) == size}
     left = tuple(sorted(smallest.values(), key=lambda t: t.cost))
     new = tuple(t for t in left if t not in found.left)
+    if not size:
+        return replace(found, retuned=left[0], left=left)
     return replace(found, tested=(*found.tested, new), left=left) if new else found
 
 
-def needed(found: Isolation, t: Tested, counted: Collection[str]) -> Tested:
-    """The explanation without the effects that it does not need."""
-    if len(t.explanation.effects) < LEAST:
+def needed(found: Isolation, t: Tested, counted: Collection[str], least: int) -> Tested:
+    """The explanation without the effects that it does not need; one of fewer than `least` as it is."""
+    if len(t.explanation.effects) < least:
         return t
     for effect in spurious(t, fitted(found, t), counted):
         found.likelihood.stage = "refine again"
@@ -56,7 +61,7 @@ def needed(found: Isolation, t: Tested, counted: Collection[str]) -> Tested:
         smaller = minimise(found.likelihood.scaled_to(t.explanation.residual), start, STEPS, TOL)
         (again,) = tested(found.likelihood, found.tests, [smaller], [t.explanation])
         if again.levels.kept:
-            return needed(found, again, counted)
+            return needed(found, again, counted, least)
     return t
 
 
