@@ -122,7 +122,7 @@ def test_a_set_of_several_mixes_is_made_and_scored_mix_by_mix(short, tmp_path):
         "healthy",
     ]
     result = CliRunner().invoke(cli, words)
-    assert result.exit_code == 0 and "2 cases in" in result.output, result.output
+    assert result.exit_code == 0 and ": 2; labels in" in result.output, result.output
     labels = read_committed(folder.with_name("set-labels.json"), folder / "seal.txt")
     assert [label["mix"] for label in labels.values()] == ["no-mocap", "healthy"]
     kinds = [{column.split("_")[0] for column in read_case(folder / name).logs[0].log.columns} for name in labels]
