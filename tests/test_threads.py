@@ -5,8 +5,14 @@ import time
 
 import numba
 import pytest
+from diagnosis_cases import FRAMES, case_of, robot_with
 
 from exodrake.core.threads import HELPERS, side_by_side
+from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.problem import make_problem
+from exodrake.machines.robot_file import load_robot
+
+TRIED = frozenset(("tendon.capstan_friction", "mocap.offset", "sensor.drift"))
 
 
 @pytest.fixture(params=[1, 2, 3])
@@ -64,3 +70,14 @@ def test_after_an_error_no_task_begins_and_it_is_raised(limit):
     assert len(begun) <= 2 + limit
     assert HELPERS.busy == 0
     assert side_by_side([lambda: 7]) == [7]
+
+
+def test_an_isolation_is_the_same_on_one_thread_and_on_three(monkeypatch):
+    problem = make_problem(case_of(robot_with("mocap.offset", 1, offset=0.1), 1, FRAMES // 2), load_robot(), TRIED)
+    monkeypatch.setattr(numba, "set_num_threads", lambda count: None)
+    found = {}
+    for count in (1, 3):
+        monkeypatch.setattr(numba, "get_num_threads", lambda count=count: count)
+        _, isolation = isolated(problem)
+        found[count] = [(t.explanation.name, *t.chi2, *t.explanation.x, t.levels.fit) for t in isolation.tested[0]]
+    assert found[1] and found[1] == found[3]
