@@ -34,18 +34,18 @@ Measured on {made}.
 Wanted were a right part for 80 % or more, 80 % closed or more in the median, and nothing discovered in 98 % of healthy
 robots, which takes some 150 of them to show. What falls short, and why:
 
-- Free inputs show what the retuned robot leaves. Where nominal parameters imitate the effect at the price of their
-  tolerances (`finger.stiffness`, `sensor.gain`, `mocap.gain`), that is nothing, and the block is that of the best law
-  beside the nominal robot. The laws of the wrong stiffness and of the load cell are in the right part so, but retuning
-  imitates these effects on held-out motions better than the laws remove them. A gap within the tolerances
-  (`motor.spool_growth` of this robot) is no gap.
+- Where the robot without an effect leaves no more than it may, the gap lies within the tolerances of the nominal
+  parameters, and no law is missing: a miss all the same. Where they imitate the effect at the price of their tolerances,
+  free inputs are misled, as they show what the retuned robot leaves; the block is that of the best law beside the
+  nominal robot then.
 - Friction that depends on posture looks like friction of the tendons to both evidences, since three tendons and three
-  joints span the same forces on the finger; a finger that is pushed sideways looks to free inputs like a wrong load
-  cell. Both are laws of several variables, and one law of one variable is sought. A cell that sticks and a wire that
-  snags are events: the block is right, and the law removes little.
-- The law in the place of a dead zone, hysteresis, makes the held-out motions worse, as that of the snag does: the data
+  joints span the same forces on the finger. A finger that is pushed sideways has its block from the free inputs, and
+  no law of one variable removes a tenth of it. A cell that sticks and a wire that snags are events: the block is right,
+  and the law removes little.
+- Hysteresis, which stands for a dead zone or for a finger that snaps over, may make held-out motions worse: the data
   under a curve are those of the fitted motions. Nothing refuses a law by its held-out closure; the answer states it.
-- These robots have been looked at while the search was made. What they say of new ones is optimistic.
+- With no effect in the library nothing leads a retuned robot out of a minimum where it is stuck, which then looks like
+  a missing law.
 
 {tables}
 
