@@ -149,7 +149,7 @@ def main(out: Path, cases: str, seed: int, real: Path | None) -> None:
     """Measures the discovery of missing laws and writes the page."""
     every = [*LIBRARY, *OUTSIDE, *HEALTHY, *(REAL if real else ())]
     wanted = [n for n in cases.split(",") if n] or every
-    store = out.with_suffix(".jsonl")
+    store = out.with_name(f"{out.stem}-{seed}.jsonl")
     known = {d["name"]: d for d in map(json.loads, store.read_text().splitlines())} if store.is_file() else {}
     for name in wanted:
         if name not in known:
@@ -161,7 +161,7 @@ def main(out: Path, cases: str, seed: int, real: Path | None) -> None:
                 f"{name}: {row.law} {percent(row.share)} {percent(row.closure)} {row.seconds:.0f} s {row.reason}"
             )
     rows = [restored(known[n]) for n in every if n in known]
-    out.write_text(page(rows, "python -m studies.missing_law --out docs/missing_law.md --real DIR"))
+    out.write_text(page(rows, f"python -m studies.missing_law --seed {seed} --out docs/missing_law.md --real DIR"))
 
 
 if __name__ == "__main__":

@@ -35,9 +35,9 @@ Wanted were a right part for 80 % or more, 80 % closed or more in the median, an
 robots, which takes some 150 of them to show. What falls short, and why:
 
 - Where the robot without an effect leaves no more than it may, the gap lies within the tolerances of the nominal
-  parameters, and no law is missing: a miss all the same. Where they imitate the effect at the price of their tolerances,
-  free inputs are misled, as they show what the retuned robot leaves; the block is that of the best law beside the
-  nominal robot then.
+  parameters, and no law is missing: a miss all the same. Where they imitate the effect at the price of their
+  tolerances, free inputs are misled, as they show what the retuned robot leaves; the block is that of the best law
+  beside the nominal robot then.
 - Friction that depends on posture looks like friction of the tendons to both evidences, since three tendons and three
   joints span the same forces on the finger. A finger that is pushed sideways has its block from the free inputs, and
   no law of one variable removes a tenth of it. A cell that sticks and a wire that snags are events: the block is right,
