@@ -25,7 +25,7 @@ from typing import Any
 from exodrake.core.errors import InputError
 from exodrake.core.threads import ONE_THREAD, one_blas_thread, one_thread
 
-ONE_TASK = RLock()  # numba's thread pool ends a process in which two threads enter it at once
+ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
 TIMEOUT = "10s"  # for a scheduler to answer
 QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
 CRASHED = "the worker process crashed (out of memory?)"
