@@ -42,15 +42,20 @@ def fit_best(
     cost = {id(f): unlikely(likelihood, base, f, s.weighed) for f, s in zip(starts, chosen, strict=True)}
     starts.sort(key=lambda f: cost[id(f)])
     block = where or starts[0].block
-    first = [f for inside in (True, False) for f in [f for f in starts if (f.block == block) is inside][:FITTED]]
+    first = [f for part in parted(starts, block) for f in part[:FITTED]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in first)))
     fits = side_by_side([partial(refined, likelihood, base, f, base.jacobian, FIRST) for f in first])
     fits.sort(key=lambda f: -evidence(f))
     likelihood = likelihood.scaled_to(min((f.residual for f in fits), key=likelihood.mean_log))
-    inside, outside = ([f for f in fits if (f.block == block) is inside] for inside in (True, False))
+    inside, outside = parted(fits, block)
     last = [*inside[:PER_POINT], *outside[:1]]
     fits = side_by_side([partial(fitted_anew, likelihood, base, f) for f in last])
     return likelihood, sorted(fits, key=lambda f: -evidence(f))
+
+
+def parted(fits: Sequence[Fit], block: str) -> tuple[list[Fit], list[Fit]]:
+    """Fits in a block, and those outside it, in their order."""
+    return [f for f in fits if f.block == block], [f for f in fits if f.block != block]
 
 
 def fitted_anew(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
