@@ -24,7 +24,7 @@ from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed, with_effects
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.prune import fitted, spurious
+from exodrake.diagnosis.prune import spurious
 from exodrake.diagnosis.refine import SETTLED, Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 
@@ -108,7 +108,7 @@ class Isolator:
     def needed(self, larger: Isolation) -> bool:
         """Whether some set of the last size has no effect that may as well be absent, or none is kept."""
         counted = self.problem.counted
-        return not larger.left or not all(spurious(t, fitted(larger, t), counted) for t in larger.left)
+        return not larger.left or not all(spurious(t, larger.fitted(t), counted) for t in larger.left)
 
     def singles(self, found: Isolation, screened: Sequence[Predicted]) -> list[Explanation]:
         """The most promising single effects, fitted, and what would be added to the best of them."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
 from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.comparison import richer_law, taken_up
+from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.levels import Levels, Tests
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
@@ -90,6 +91,16 @@ class Isolation:
         best = self.left[0]
         others = (t for t in self.left if t.levels.next_effect not in best.explanation.effects)
         return best.levels.sufficient and all(t.levels.sufficient for t in others)
+
+    @cached_property
+    def fitted(self) -> Callable[[Tested], Fitted]:
+        """Parameters of the effects of an explanation with their covariance, computed once each."""
+
+        def found(t: Tested) -> Fitted:
+            e = t.explanation
+            return Fitted(e.parameters[e.nominal :], e.x[e.nominal :], self.tests.covariance(e))
+
+        return cache(found)
 
     @property
     def explanations(self) -> list[Explanation]:

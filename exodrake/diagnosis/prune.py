@@ -23,12 +23,6 @@ LEAST = 3  # effects of a set that is looked at where others need all of theirs
 STEPS, TOL = 5, 5e-4  # of a fit, as where sets grow
 
 
-def fitted(found: Isolation, t: Tested) -> Fitted:
-    """Parameters of the effects of an explanation with their covariance."""
-    e = t.explanation
-    return Fitted(e.parameters[e.nominal :], e.x[e.nominal :], found.tests.covariance(e))
-
-
 def spurious(t: Tested, fit: Fitted, counted: Collection[str]) -> list[str]:
     """Effects of an explanation that may as well be absent; those that were counted are not."""
     return [effect for effect in t.explanation.effects if effect not in counted and fit.of(effect).holds_null()]
@@ -37,7 +31,7 @@ def spurious(t: Tested, fit: Fitted, counted: Collection[str]) -> list[str]:
 def pruned(found: Isolation) -> Isolation:
     """The isolation whose kept sets have no effect that they do not need."""
     counted = found.likelihood.views[0].problem.counted
-    all_spurious = all(spurious(t, fitted(found, t), counted) for t in found.left if t.explanation.effects)
+    all_spurious = all(spurious(t, found.fitted(t), counted) for t in found.left if t.explanation.effects)
     least = 1 if all_spurious else LEAST
     if not found.left or len(found.left[0].explanation.effects) < least:
         return found
@@ -55,7 +49,7 @@ def needed(found: Isolation, t: Tested, counted: Collection[str], least: int) ->
     """The explanation without the effects that it does not need; one of fewer than `least` as it is."""
     if len(t.explanation.effects) < least:
         return t
-    for effect in spurious(t, fitted(found, t), counted):
+    for effect in spurious(t, found.fitted(t), counted):
         found.likelihood.stage = "refine again"
         start = without(found, t.explanation, effect)
         smaller = minimise(found.likelihood.scaled_to(t.explanation.residual), start, STEPS, TOL)

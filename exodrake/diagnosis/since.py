@@ -32,7 +32,7 @@ from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN
 from exodrake.diagnosis.session_screen import screened
 from exodrake.diagnosis.session_series import RESIDUAL, Followed, Series, series_of, tested
 from exodrake.diagnosis.sessions import ROUNDS, Session, dated_sessions, estimates, windows
-from exodrake.diagnosis.verdict import Decision, fitted
+from exodrake.diagnosis.verdict import Decision
 
 MOST, TRIED = 4, 5  # nominal parameters that are followed, and single effects that are tried
 BEHIND = 10.0  # excess over the least after a first step beyond which an effect is not fitted on: assumed
@@ -194,7 +194,7 @@ def changed(found: Isolation, decision: Decision, left: Sequence[Tested], p: flo
         left[0],
         tuple(left),
         (*decision.reasons[:-1], reason),
-        fitted(found, left[0]),
+        found.fitted(left[0]),
     )
 
 

@@ -13,7 +13,7 @@ from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.prune import fitted, spurious
+from exodrake.diagnosis.prune import spurious
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 
 
@@ -39,7 +39,7 @@ class Decision:
 def decide(problem: Problem, found: Isolation) -> Decision:
     """The verdict of an isolation."""
     detected = tuple(d.reason for d in problem.detected if d.certain)
-    fits = {t: fitted(found, t) if t.explanation.effects else None for t in found.left}
+    fits = {t: found.fitted(t) if t.explanation.effects else None for t in found.left}
     left = tuple(t for t, fit in fits.items() if not (fit and spurious(t, fit, problem.counted)))
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
