@@ -46,6 +46,13 @@ def test_an_offset_that_is_there_is_needed_beside_friction(friction):
     assert rejected(larger.left[0]).endswith("takes up too little of what a smaller one leaves")
 
 
+def test_an_effect_of_a_set_grown_before_joins_a_set_without_it(friction):
+    isolator, larger = pairs_of(friction)
+    (offset,) = (t for t in larger.tested[0] if t.explanation.effects == TRIED[1:2])
+    grown = isolator.grown(replace(larger, tested=(*larger.tested, (offset,))))
+    assert grown.explanations[0].effects == (TRIED[1], TRIED[0])
+
+
 def isolation_with_an_offset(robot, offset):
     """An isolation whose retuned robot is stuck at the nominal one, and that keeps an offset fitted beside the true."""
     problem = make_problem(case_of(robot, 1, FRAMES // 2), load_robot(), frozenset(TRIED)).shortened(2 * SHARE)

@@ -138,7 +138,8 @@ class Isolator:
         best = parent.explanation
         likelihood = found.likelihood.scaled_to(best.residual)
         likelihood.stage = "linearise again"
-        lin = self.linearised(likelihood, best, found.tests.lin)
+        known = renewed(found.beside_retuned, found.tests.lin, ())  # those of the sets before lack their own effects
+        lin = self.linearised(likelihood, best, known)
         likelihood.stage = "refine again"
         tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
