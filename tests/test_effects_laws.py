@@ -60,6 +60,7 @@ from exodrake.effects.signal import (
 )
 from exodrake.systems.finger import inertia
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
+from exodrake.systems.sensor import followed
 
 DT = 0.002
 LENGTH, MASS, RADIUS = (0.04264, 0.02014, 0.01872), (0.0119, 0.0045, 0.0032), (0.009, 0.008, 0.007)
@@ -67,9 +68,12 @@ NOTHING, STILL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 BONES = (LENGTH, inertia(LENGTH, MASS, RADIUS)[2])
 
 
-def test_dead_zone() -> None:
-    assert motor_dead_zone.command(0.9e-3, 5.0, 1e-3) == 0.0
-    assert motor_dead_zone.command(-1.1e-3, 5.0, 1e-3) == -1.1e-3
+def test_dead_zone_starts_above_its_width_and_stops_below_its_release() -> None:
+    moving, followed = 0.0, []
+    for speed in (0.9e-3, -1.1e-3, -0.9e-3, 0.7e-3, 0.9e-3):
+        moving = motor_dead_zone.follow(DT, speed, 0.0, 1e-3, 0.8, moving)
+        followed.append(motor_dead_zone.command(speed, 5.0, 1e-3, 0.8, moving))
+    assert followed == [0.0, -1.1e-3, -0.9e-3, 0.0, 0.0]
 
 
 def test_speed_droop_falls_with_load() -> None:
@@ -78,8 +82,21 @@ def test_speed_droop_falls_with_load() -> None:
 
 
 def test_current_limit_never_raises_it() -> None:
-    assert motor_current_limit.current_limit(0.3, 0.1) == 0.1
-    assert motor_current_limit.current_limit(0.3, 0.5) == 0.3
+    assert motor_current_limit.current_limit(0.3, 0.1, 0.1) == 0.1
+    assert motor_current_limit.current_limit(0.3, 0.5, 0.1) == 0.3
+
+
+def test_current_bends_to_its_limit() -> None:
+    """Half a limit at a knee of 1 where the drive wants the limit; 2^-knee of it at any; a clip for a knee of 0."""
+
+    def current(wanted, knee):
+        return motor_current_limit.current(min(max(wanted, -0.1), 0.1), wanted, 0.1, 0.1, knee)
+
+    assert current(0.1, 1.0) == pytest.approx(0.05)
+    assert current(-0.1, 0.2) == pytest.approx(-0.1 * 2.0**-0.2)
+    assert current(100.0, 0.2) == pytest.approx(0.1, rel=1e-6)
+    assert current(1e-3, 0.2) == pytest.approx(1e-3, rel=1e-6)
+    assert [current(w, 0.0) for w in (-0.2, 0.05, 0.2)] == [-0.1, 0.05, 0.1]
 
 
 def test_motor_friction_saturates_at_its_torque() -> None:
@@ -183,8 +200,14 @@ def test_bouc_wen_steps_add_up() -> None:
 
 
 def test_compliance_is_two_springs_in_series() -> None:
-    tension = tendon_compliance.elastic(2700.0 * 0.004, 0.004, 2700.0, 3000.0)
+    tension = tendon_compliance.elastic(2700.0 * 0.004, 0.004, 2700.0, 3000.0, 1e-9)
     assert tension / 2700.0 + tension / 3000.0 == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("stretch", [0.001, 0.004, 0.02])
+def test_garment_that_stiffens_yields_by_tension_over_stiffness(stretch) -> None:
+    tension = tendon_compliance.elastic(2700.0 * stretch, stretch, 2700.0, 1500.0, 300.0)
+    assert tension / 2700.0 + tension / (1500.0 + 300.0 * tension) == pytest.approx(stretch)
 
 
 def test_creep_asymptote_and_time() -> None:
@@ -212,6 +235,12 @@ def test_stiffening_tangent() -> None:
     assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
 
 
+def test_contact_force_rises_by_the_power_of_its_depth() -> None:
+    """Far deeper than its onset: Hertz's law has the exponent 3/2."""
+    shallow, deep = (finger_contact.pressed(depth, 2000.0, 1.5) for depth in (0.01, 0.04))
+    assert deep / shallow == pytest.approx(8.0, rel=0.01)
+
+
 @pytest.mark.parametrize("stretch", [0.001, 0.005])
 def test_stiffening_comes_to_the_nominal_wire_as_it_fades(stretch) -> None:
     """Neither a jump nor a wire stiffer than both its parts, however little a wire is affected."""
@@ -230,7 +259,18 @@ def test_sensor_errors_are_what_they_say() -> None:
     assert sensor_offset.reading(8.0, 0.0, -0.2) == pytest.approx(7.8)
     assert sensor_drift.reading(8.0, 60.0, 0.005) == pytest.approx(8.3)
     assert sensor_crosstalk.mixed(8.0, 5.0, 0.03) == pytest.approx(8.15)
-    assert sensor_lag.lag(0.0016, 0.02) == 0.02
+    assert sensor_lag.lag(0.0016, 0.02, 0.25, 0.0) == 0.015
+
+
+def test_two_filters_lag_by_the_time_constant_behind_a_ramp() -> None:
+    """Behind a steady ramp the lags of filters in series add up."""
+    amplified, filtered, slope = 0.0, 0.0, 20.0
+    for k in range(200):
+        before, load = slope * k * DT, slope * (k + 1) * DT
+        amplified = followed(amplified, before, load, DT, sensor_lag.lag(0.0016, 0.02, 0.25, filtered))
+        filtered = sensor_lag.settle(DT, load, amplified, 0.0, 0.02, 0.25, filtered)
+    behind = (load - sensor_lag.reading(amplified, 0.0, 0.02, 0.25, filtered)) / slope
+    assert behind == pytest.approx(0.02, abs=0.5 * DT)
 
 
 def test_nonlinearity_vanishes_at_both_ends() -> None:
@@ -240,16 +280,17 @@ def test_nonlinearity_vanishes_at_both_ends() -> None:
 
 
 def test_pulley_friction_over_half_a_turn() -> None:
-    pull, release = (sensor_pulley_friction.felt(8.0, s, 0.04) for s in (1.0, -1.0))
+    ends = [sensor_pulley_friction.settle(DT, 8.0, 8.0, way, 0.04, 1e-4, 0.0) for way in (0.01, -0.01)]
+    pull, release = (sensor_pulley_friction.felt(8.0, 0.0, 0.04, 1e-4, bristle) for bristle in ends)
     assert pull == pytest.approx(4.0 * (1.0 + exp(-0.04 * pi)))
     assert (release - 4.0) * (pull - 4.0) == pytest.approx(16.0)
 
 
 def test_cell_creep_and_hysteresis() -> None:
-    crept = sensor_creep.settle(10.0, 8.0, 0.05, 10.0, 0.0)
+    crept = sensor_creep.settle(10.0, 8.0, 8.0, 0.0, 0.05, 10.0, 0.0)
     assert sensor_creep.reading(8.0, 0.0, 0.05, 10.0, crept) == pytest.approx(8.0 + 0.4 * (1.0 - exp(-1.0)))
-    up = sensor_hysteresis.settle(DT, 8.0, 0.1, 1.0, 0.0, 0.0)
-    down = sensor_hysteresis.settle(DT, 1.0, 0.1, 1.0, *up)
+    up = sensor_hysteresis.settle(DT, 8.0, 8.0, 0.0, 0.1, 1.0, 0.0, 0.0)
+    down = sensor_hysteresis.settle(DT, 1.0, 1.0, 0.0, 0.1, 1.0, *up)
     assert (up[1], down[1]) == (8.0, 1.0)
     readings = [sensor_hysteresis.reading(4.0, 0.0, 0.1, 1.0, *state) for state in (up, down)]
     assert readings[0] - readings[1] == pytest.approx(0.2, rel=2e-3)
@@ -329,16 +370,16 @@ def height(angle) -> float:
 def test_contact_pushes_by_virtual_work() -> None:
     angle, stiffness = (0.5, 0.7, 0.4), 2000.0
     distance = height(angle) - 0.001
-    torque = finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance, stiffness)
-    force = finger_contact.pressed(0.001, stiffness)
+    torque = finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance, stiffness, 1.5)
+    force = finger_contact.pressed(0.001, stiffness, 1.5)
     assert force == pytest.approx(2.0, rel=0.03)
     assert torque == pytest.approx(energy_slope(lambda q: force * height(q), angle), rel=1e-5)
-    assert finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance + 0.002, stiffness) == NOTHING
+    assert finger_contact.external(NOTHING, angle, STILL, BONES, 0.0, distance + 0.002, stiffness, 1.5) == NOTHING
 
 
 def test_contact_force_is_smooth_at_its_onset() -> None:
     onset = finger_contact.ONSET
-    around = [finger_contact.pressed(onset + d, 2000.0) for d in (-1e-9, 0.0, 1e-9)]
+    around = [finger_contact.pressed(onset + d, 2000.0, 1.3) for d in (-1e-9, 0.0, 1e-9)]
     assert around[2] - around[1] == pytest.approx(around[1] - around[0], rel=1e-3)
 
 

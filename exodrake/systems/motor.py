@@ -55,6 +55,11 @@ def current_limit(e, z, j, limit):
     return limit
 
 
+def current(e, z, j, clipped, wanted, limit):
+    """Point: current that flows [A] where the drive wants another one and clips it [A]."""
+    return clipped
+
+
 def load(e, z, j, tension, spool):
     """Point: wire tension felt by the gear at the spool's nominal radius [N]; spool: r theta [m]."""
     return tension
@@ -79,22 +84,22 @@ def settle(e, z, j, dt, rotor_speed):
     """Point: after a tick, states of the effects on motor j advance by dt [s]; rotor speed [rad/s]."""
 
 
-def slope(w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
+def slope(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n):
     """Rotor acceleration [rad/s2] and rate of the integral part [A/s]."""
     error = w_ref - w
     wanted = kp * error + integral
-    current = min(max(wanted, -i_max), i_max)
+    amps = current(e, z, j, min(max(wanted, -i_max), i_max), wanted, i_max)
     frozen = (wanted > i_max and error > 0.0) or (wanted < -i_max and error < 0.0)
-    return (n.kM[j] * current - n.b[j] * w - load_torque) / n.J[j], 0.0 if frozen else ki * error
+    return (n.kM[j] * amps - n.b[j] * w - load_torque) / n.J[j], 0.0 if frozen else ki * error
 
 
-def turn(w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
+def turn(e, z, w, integral, angle, w_ref, load_torque, kp, ki, i_max, dt, j, n):
     """Rotor speed, integral part and output angle after dt."""
     half = 0.5 * dt
-    a1, c1 = slope(w, integral, w_ref, load_torque, kp, ki, i_max, j, n)
-    a2, c2 = slope(w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, j, n)
-    a3, c3 = slope(w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, j, n)
-    a4, c4 = slope(w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, j, n)
+    a1, c1 = slope(e, z, w, integral, w_ref, load_torque, kp, ki, i_max, j, n)
+    a2, c2 = slope(e, z, w + half * a1, integral + half * c1, w_ref, load_torque, kp, ki, i_max, j, n)
+    a3, c3 = slope(e, z, w + half * a2, integral + half * c2, w_ref, load_torque, kp, ki, i_max, j, n)
+    a4, c4 = slope(e, z, w + dt * a3, integral + dt * c3, w_ref, load_torque, kp, ki, i_max, j, n)
     sixth = dt / 6.0
     angle += (dt * w + sixth * dt * (a1 + a2 + a3)) / n.N
     return w + sixth * (a1 + 2.0 * (a2 + a3) + a4), integral + sixth * (c1 + 2.0 * (c2 + c3) + c4), angle
@@ -109,7 +114,7 @@ def update(x, z, n, e, dt, speed_applied, tension_spool):
         load_torque = drag(e, z, j, n.r[j] * load(e, z, j, tension_spool[j], n.r[j] * x[6 + j]) / n.N)
         kp, ki = n.Kp[j] * loop_gain(e, z, j, 1.0), n.Ki[j] * integral_gain(e, z, j, 1.0)
         limit = current_limit(e, z, j, n.i_max[j])
-        x[j], x[3 + j], x[6 + j] = turn(w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n)
+        x[j], x[3 + j], x[6 + j] = turn(e, z, w, x[3 + j], x[6 + j], w_ref, load_torque, kp, ki, limit, dt, j, n)
         settle(e, z, j, dt, x[j])
 
 
@@ -134,6 +139,7 @@ POINTS = (
     "loop_gain",
     "integral_gain",
     "current_limit",
+    "current",
     "load",
     "drag",
     "wound",

@@ -40,8 +40,11 @@ def mixed(e, z, j, load, following):
     return load
 
 
-def settle(e, z, j, dt, load):
-    """Point: after a tick, states of the effects on cell j advance by dt [s] under a load [N]."""
+def settle(e, z, j, dt, load, cell, travel):
+    """Point: after a tick, states of the effects on cell j advance by dt [s].
+
+    load: on the cell [N]; cell: the same behind the amplifier [N]; travel: of the wire in this tick [m].
+    """
 
 
 def reading(e, z, j, tension, clock):
@@ -69,8 +72,9 @@ def update(x, z, n, e, dt, tension, wire_speed):
         load = load_on(x, z, e, j, tension)
         x[CELL + j] = followed(x[CELL + j], x[LOAD + j], load, dt, lag(e, z, j, n.tau_F))
         x[LOAD + j] = load
-        x[SLIDE + j] = min(max(x[SLIDE + j] + wire_speed[j] * dt / PRESLIDING, -1.0), 1.0)
-        settle(e, z, j, dt, load)
+        travel = wire_speed[j] * dt
+        x[SLIDE + j] = min(max(x[SLIDE + j] + travel / PRESLIDING, -1.0), 1.0)
+        settle(e, z, j, dt, load, x[CELL + j], travel)
     x[CLOCK] += dt
     x[TICK] = dt
 

@@ -14,7 +14,7 @@ def reading(tension, clock, fraction, time_constant, crept):
     return tension + crept
 
 
-def settle(dt, load, fraction, time_constant, crept):
+def settle(dt, load, cell, travel, fraction, time_constant, crept):
     """Reading by creep [N]."""
     return relaxed(crept, fraction * load, dt, time_constant)
 

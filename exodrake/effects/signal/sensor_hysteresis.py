@@ -14,7 +14,7 @@ def reading(tension, clock, error, width, bristle, load_before):
     return tension + error * bristle
 
 
-def settle(dt, load, error, width, bristle, load_before):
+def settle(dt, load, cell, travel, error, width, bristle, load_before):
     """Bristle [-1 .. 1] and the load it has seen [N]."""
     return bent(bristle, load - load_before, width), load
 

@@ -1,15 +1,31 @@
 """Slower filter than nominal in the load cell's amplifier.
 
-time_constant F' = T - F
+(1 - filtering) time_constant a' = T - a          filtering time_constant F' = a - F
+
+An amplifier is followed by the filter of its converter, which may be slow as well; both lag by `time_constant`.
 """
 
 from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
+from exodrake.effects.relaxation import relaxed
+
+FASTEST = 1e-4  # time constant of a filter that shows [s]
 
 
-def lag(nominal, time_constant):
+def lag(nominal, time_constant, filtering, filtered):
     """Amplifier's time constant [s]."""
-    return max(nominal, time_constant)
+    return max(nominal, (1.0 - filtering) * time_constant)
+
+
+def reading(tension, clock, time_constant, filtering, filtered):
+    """Filtered tension [N]."""
+    return filtered if filtering * time_constant > FASTEST else tension
+
+
+def settle(dt, load, cell, travel, time_constant, filtering, filtered):
+    """Filtered tension [N]."""
+    return relaxed(filtered, cell, dt, max(filtering * time_constant, FASTEST))
 
 
 EFFECT = Effect(
@@ -17,8 +33,13 @@ EFFECT = Effect(
     summary="slower filter than nominal in the load cell's amplifier",
     signature="reading lags in ramps and rounds off steps, alike in both directions; nothing at rest",
     source="physics.md 4.C; 2-50 ms",
-    at={"sensor.lag": lag},
-    parameters=(EffectParameter("time_constant", "s", null=0.0, low=0.003, high=0.1, axis=TENDONS, default=0.02),),
+    at={"sensor.lag": lag, "sensor.reading": reading, "sensor.settle": settle},
+    parameters=(
+        EffectParameter("time_constant", "s", null=0.0, low=0.003, high=0.1, axis=TENDONS, default=0.02),
+        EffectParameter("filtering", "-", null=0.2, low=0.02, high=0.5, axis=TENDONS, default=0.2),
+    ),
+    states=(State("filtered", TENDONS, unit="N"),),
+    advances=("sensor.settle",),
     family="lag",
     order=315,
 )
