@@ -17,12 +17,11 @@ from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rival import Rival
+from exodrake.diagnosis.stuck import from_another_law
 from exodrake.experiment import design as search, terms as inside
 from exodrake.experiment.contest import Laws, contest_of
 from exodrake.experiment.design import design
@@ -193,10 +192,8 @@ def test_a_fit_that_is_stuck_goes_on_from_a_simpler_law(problem):
     rivals = [COULOMB, Rival(("carriage.stribeck_friction",), {"carriage.stribeck_friction.force": 3.0})]
     contest = contest_of(problem, rivals)
     simpler, stuck = contest.explanations
-    start, simulated = retune(problem)
-    isolator = Isolator(problem, start, simulated)
     assert stuck.cost(contest.likelihood) > simpler.cost(contest.likelihood)
-    found = isolator.unstuck(contest.likelihood, stuck, [simpler, stuck])
+    found = from_another_law(contest.likelihood, stuck, [simpler, stuck], np.inf)
     assert found.effects == stuck.effects
     assert found.cost(contest.likelihood) < 1.02 * simpler.cost(contest.likelihood)
 

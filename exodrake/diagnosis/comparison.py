@@ -56,11 +56,16 @@ def removed(before: np.ndarray, after: np.ndarray) -> float:
     return 1.0 - float(np.mean(np.maximum(after - 1.0, 0.0) / np.maximum(before - 1.0, 1e-12)))
 
 
+def other_law(likelihood: Likelihood, e: Explanation, other: Explanation) -> bool:
+    """Whether two explanations hold different laws of the same effects."""
+    machine = likelihood.robot.machine
+    kinds = [sorted((machine.effect(i).block, machine.effect(i).family) for i in x.effects) for x in (e, other)]
+    return kinds[0] == kinds[1] and e.effects != other.effects
+
+
 def richer_law(likelihood: Likelihood, richer: Explanation, simpler: Explanation) -> bool:
     """Whether an explanation holds another law of the same effects, with more parameters."""
-    machine = likelihood.robot.machine
-    kinds = [sorted((machine.effect(i).block, machine.effect(i).family) for i in e.effects) for e in (richer, simpler)]
-    return kinds[0] == kinds[1] and len(richer.x) > len(simpler.x)
+    return len(richer.x) > len(simpler.x) and other_law(likelihood, richer, simpler)
 
 
 def contributions(

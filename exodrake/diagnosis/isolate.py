@@ -18,19 +18,20 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.threads import side_by_side
-from exodrake.diagnosis.comparison import richer_law, taken_up
+from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed, with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import spurious
-from exodrake.diagnosis.refine import SETTLED, Explanation, minimise
+from exodrake.diagnosis.refine import ROUGH, STEPS, TOL, Explanation, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
+from exodrake.diagnosis.stuck import from_another_law, searched
 
 REFINED = 5  # sets of effects of one size that are fitted
 EXCHANGED = 2  # other sets than the best one beside which an effect is tried that was found beside the best
-FIRST_STEPS, STEPS, TOL = 2, 5, 5e-4  # of all fits, of those that are not far behind, and their tolerance
+FIRST_STEPS = 2  # of all fits; those that are not far behind go on
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
 RENEWED = 24  # effects whose directions are taken anew beside an explanation, the most promising by the known ones
@@ -158,8 +159,9 @@ class Isolator:
         """
         first = side_by_side([partial(self.first_steps, likelihood, known, p) for p in found])
         cost = [likelihood.mean_log(e.residual) for e in first]
-        near = [c < min(*cost, least) + BEHIND and e not in SETTLED for c, e in zip(cost, first, strict=True)]
-        further = side_by_side([partial(self.refined, likelihood, e, STEPS) for e, ok in zip(first, near) if ok])
+        near = [c < min(*cost, least) + BEHIND for c in cost]
+        scaled = [likelihood.scaled_to(e.residual) for e in first]
+        further = side_by_side([partial(self.refined, s, e, STEPS) for s, e, ok in zip(scaled, first, near) if ok])
         done = [*further, *(e for e, ok in zip(first, near, strict=True) if not ok)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
         closer = likelihood.scaled_to(done[0].residual) if done else likelihood
@@ -167,27 +169,10 @@ class Isolator:
             left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
             if CONVERGED < left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
                 done[k] = self.refreshed(closer, e)
-        done = side_by_side([partial(self.unstuck, likelihood, e, done) for e in done])
+            if done[k] in ROUGH and left > CONVERGED:
+                done[k] = searched(likelihood.scaled_to(done[k].residual), done[k])
+        done = side_by_side([partial(from_another_law, likelihood, e, done, BEHIND) for e in done])
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
-
-    def unstuck(self, likelihood: Likelihood, e: Explanation, found: Sequence[Explanation]) -> Explanation:
-        """An explanation fitted again from a simpler law of the same effects, if that leaves less than it does.
-
-        Parameters of the effects keep the values of those that are called alike, and others begin anew.
-        """
-        simpler = [s for s in found if richer_law(likelihood, e, s) and s.cost(likelihood) < e.cost(likelihood)]
-        if not simpler:
-            return e
-        best, count = min(simpler, key=lambda s: s.cost(likelihood)), e.nominal
-        known = {(p.name.split(".")[-1], p.channels): p.value(x) for p, x in zip(best.parameters, best.x) if p.effect}
-        own, low, high = e.parameters[count:], *e.bounds[:, count:]
-        starts = []
-        for others in (np.array([p.start for p in own]), e.x[count:], low, high):
-            alike = [known.get((p.name.split(".")[-1], p.channels)) for p in own]
-            x = [o if value is None else p.coordinate(value) for p, o, value in zip(own, others, alike, strict=True)]
-            starts.append(np.r_[best.x[:count], np.clip(x, low, high)])
-        first = min(e.at_each(likelihood, starts), key=lambda s: s.cost(likelihood)).with_jacobian(best.jacobian)
-        return min(e, self.refined(likelihood, first, STEPS), key=lambda s: s.cost(likelihood))
 
     def exchanged(
         self, likelihood: Likelihood, found: list[Explanation], others: Sequence[Explanation]

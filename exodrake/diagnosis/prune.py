@@ -17,10 +17,9 @@ import numpy as np
 from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested, tested
 from exodrake.diagnosis.linearise import without_effect
-from exodrake.diagnosis.refine import Explanation, minimise
+from exodrake.diagnosis.refine import STEPS, TOL, Explanation, minimise
 
 LEAST = 3  # effects of a set that is looked at where others need all of theirs
-STEPS, TOL = 5, 5e-4  # of a fit, as where sets grow
 
 
 def spurious(t: Tested, fit: Fitted, counted: Collection[str]) -> list[str]:

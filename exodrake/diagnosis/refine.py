@@ -18,6 +18,7 @@ from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 TRIES = 4  # damped steps before a fit ends
+STEPS, TOL = 5, 5e-4  # of a fit as a rule
 FREE = 1e3  # prior standard deviations, in scales, of an effect's parameter: none, but the matrix stays regular
 
 
@@ -103,25 +104,27 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
     for _ in range(steps):
         columns, before = whole_jacobian(likelihood, found), found.cost(likelihood)
         slope, curvature = slope_and_curvature(likelihood, found, columns)
+        promised = 0.0
         for _ in range(TRIES):
-            trial = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)))
+            trial, gain = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)))
+            promised = max(promised, gain)
             found = corrected(found, trial, found.residual + (trial.x - found.x) @ columns)
             if trial.cost(likelihood) < before:
                 break
             damping = max(LARGER * damping, 1e-3)
         else:
-            SETTLED.add(found)
+            if promised > tol * before:
+                ROUGH.add(found)
             return found
         found, damping = trial.with_jacobian(found.jacobian), max(SMALLER * damping, DAMPING)
         if found.cost(likelihood) > (1.0 - tol) * before:
-            SETTLED.add(found)
             COLUMNS[found] = columns[found.nominal :]
             break
     return found
 
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
-SETTLED: WeakSet[Explanation] = WeakSet()  # explanations from which a fit gained next to nothing
+ROUGH: WeakSet[Explanation] = WeakSet()  # explanations beside which the cost does not fall as derivatives promise
 
 
 def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
@@ -156,11 +159,13 @@ def slope_and_curvature(
     return slope, weighted @ weighted.T + np.diag(precision)
 
 
-def stepped(likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray) -> Explanation:
-    """The explanation after one step within its bounds."""
+def stepped(
+    likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray
+) -> tuple[Explanation, float]:
+    """The explanation after one step within its bounds, and by how much the derivatives let its cost fall."""
     low, high = here.bounds - here.x
-    move, _ = bounded(curvature, slope, low, high)
-    return here.at(likelihood, np.clip(here.x + move, low + here.x, high + here.x))
+    move, change = bounded(curvature, slope, low, high)
+    return here.at(likelihood, np.clip(here.x + move, low + here.x, high + here.x)), -change
 
 
 def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> Explanation:

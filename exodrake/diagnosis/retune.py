@@ -1,4 +1,8 @@
-"""Retune: the nominal parameters alone, fitted in closed loop."""
+"""Retune: the nominal parameters alone, fitted to the prediction errors, or in closed loop where there are none.
+
+A loop that hunts, or a finger that snaps over, leaves a cost of many minima in closed loop; measured outputs that are
+fed back leave few (prediction error method: Ljung 1999; multiple shooting: Bock 1983). The isolation fits in both.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.likelihood import output_error, with_prediction
 from exodrake.diagnosis.linearise import nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem
@@ -18,11 +22,12 @@ STEPS, TOL = 4, 1e-3  # of the fit after each
 
 
 def retune(problem: Problem, known: Explanation | None = None) -> tuple[Explanation, defaultdict[str, float]]:
-    """The nominal parameters fitted in closed loop in units of the sensors' noise, and the simulated time.
+    """The nominal parameters fitted in units of the sensors' noise, and the simulated time.
 
     known: the same before something was detected, where the fit begins; the nominal robot if None.
     """
-    nominal, likelihood, values = nominal_parameters(problem.robot), output_error(problem, "retune"), problem.silent()
+    nominal, values = nominal_parameters(problem.robot), problem.silent()
+    likelihood = output_error(with_prediction(problem)[-1], "retune")
     x = np.zeros(len(nominal)) if known is None else known.x
     found = Explanation((), nominal, x, values, np.zeros(0), np.zeros((0, 0))).at(likelihood, x)
     for _ in range(RETUNE_ROUNDS):
