@@ -139,7 +139,7 @@ def test_mean_square_of_so_many_tolerances_exceeds_its_limit_as_often_as_it_says
 
 def test_values_are_drawn_in_the_plausible_range():
     contact = load_robot("exo_index").machine.effect("finger.contact")
-    distance, stiffness = contact.parameters
+    distance, stiffness, _ = contact.parameters
     rng = np.random.default_rng(2)
     drawn = np.array([drawn_value(stiffness, rng) for _ in range(4000)])
     assert stiffness.low <= drawn.min() and drawn.max() <= stiffness.high

@@ -65,7 +65,7 @@ def test_a_log_without_commands_cannot_steer(nominal):
 
 @pytest.mark.parametrize(
     ("identity", "parameters"),
-    [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3})],
+    [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3, "release": 1.0})],
 )
 def test_noise_in_a_hunting_loop_is_repeated_in_prediction_error(nominal, identity, parameters):
     robot = nominal.splice(identity, parameters)

@@ -20,6 +20,7 @@ TOLERANCE = 0.01
 # planted where the effect's defaults hide a parameter
 PLANTED = {
     "motor.slow_velocity_loop": {"share": 0.4, "order": 1.5},
+    "motor.current_limit": {"limit": 0.03},
     "finger.gravity": {"pitch": 0.4},
     "motor.spool_layers": {"pitch": 0.004},
     "finger.voluntary_torque": {"growth": 0.02},
@@ -141,8 +142,12 @@ def test_a_scan_finds_the_planted_parameter_again(name: str, identity: str) -> N
     truth, near = parameter.initial, NEAR.get(identity)
     low, high = ((1.0 - near) * truth, (1.0 + near) * truth) if near else (parameter.low, parameter.high)
     grid = np.geomspace(low, high, 60)
-    measured = exam.log([truth] * len(exam.fitted))
-    costs = [np.sum((exam.log([value] * len(exam.fitted)) - measured) ** 2) for value in grid]
+
+    def log(value: float) -> np.ndarray:
+        return exam.log([value if p is parameter else p.initial for p, _ in exam.fitted])
+
+    measured = log(truth)
+    costs = [np.sum((log(value) - measured) ** 2) for value in grid]
     nearest = np.argsort(np.abs(np.log(grid / truth)))[:2]
     assert np.argmin(costs) in nearest
 
