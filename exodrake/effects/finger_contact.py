@@ -41,7 +41,7 @@ EFFECT = Effect(
     id="finger.contact",
     summary="fingertip meets a flat object parallel to the palm",
     signature="angles stop short beyond a posture while tension goes on rising; nothing before that posture",
-    source="physics.md 4.D; 1-10 N/mm; motions up to 12 N reach 58-80 mm",
+    source="physics.md 4.D; 1-10 N/mm; motions up to 12 N reach 58-80 mm; exponent: Hertz 3/2",
     at={"finger.external": external},
     parameters=(
         EffectParameter("distance", "m", null=inf, low=0.03, high=0.055, default=0.045, transform="reciprocal"),

@@ -29,7 +29,7 @@ EFFECT = Effect(
     id="motor.current_limit",
     summary="current is limited lower than nominal",
     signature="tension levels off and speed falls short where load or acceleration is high",
-    source="physics.md 4.A; 0.11 A holds 12 N at the wire, above 0.12 A nothing clips",
+    source="physics.md 4.A; 0.11 A holds 12 N at the wire, above 0.12 A nothing clips; knee assumed",
     at={"motor.current_limit": current_limit, "motor.current": current},
     parameters=(
         EffectParameter(

@@ -32,7 +32,7 @@ EFFECT = Effect(
     id="sensor.lag",
     summary="slower filter than nominal in the load cell's amplifier",
     signature="reading lags in ramps and rounds off steps, alike in both directions; nothing at rest",
-    source="physics.md 4.C; 2-50 ms",
+    source="physics.md 4.C; 2-50 ms; share of the converter's filter assumed",
     at={"sensor.lag": lag, "sensor.reading": reading, "sensor.settle": settle},
     parameters=(
         EffectParameter("time_constant", "s", null=0.0, low=0.003, high=0.1, axis=TENDONS, default=0.02),
