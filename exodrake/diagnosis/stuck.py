@@ -29,10 +29,12 @@ def from_another_law(
         likelihood: views of the case.
         e: the explanation.
         found: fitted explanations.
-        behind: mean logarithm of chi-squares by which e is so far behind that its law is wrong.
+        behind: mean logarithm of chi-squares by which e is so far behind that its law is wrong, unless it has more
+            parameters, as a law has that holds another one.
     """
     left = likelihood.mean_log(e.residual)
-    better = [s for s in found if 0.0 < left - likelihood.mean_log(s.residual) < behind and other_law(likelihood, e, s)]
+    better = [s for s in found if likelihood.mean_log(s.residual) < left and other_law(likelihood, e, s)]
+    better = [s for s in better if len(e.x) > len(s.x) or left - likelihood.mean_log(s.residual) < behind]
     if not better:
         return e
     best, count = min(better, key=lambda s: s.cost(likelihood)), e.nominal
