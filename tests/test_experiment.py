@@ -143,8 +143,8 @@ def test_a_refit_carried_to_its_end_leaves_what_its_robot_leaves(problem):
     contest = contest_of(problem, [VISCOUS, twice])
     reference = problem.fit[0].reference
     linear, terms = information(contest, reference), inside.terms_of(contest, reference)
-    assert linear is not None and terms is not None
-    found = refitted(contest, reference, linear)
+    found = refitted(contest, reference)
+    assert linear is not None and terms is not None and found is not None
     left, z = found.left[0, 1], found.refit(0, 1)
     e = contest.explanations[1]
     robot = apply(e.values, e.parameters, np.clip(e.x + contest.spreads[1] @ z, *e.bounds))
@@ -165,15 +165,27 @@ def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(co
 
 
 def test_page_counts_each_motion_where_it_ran():
-    """Of two cases with the truth `a`: both resolved by a random motion, and one designed motion that left `b`."""
+    """Of two cases with the truth `a` both are resolved by a random motion, one by the designed one that ran."""
     right, wrong = ({"verdict": "NAMED", "class": [name], "taken": {"b": 0.9}} for name in "ab")
     before = {"verdict": "AMBIGUOUS", "class": ["a", "b"]}
     row = {"truth": ["a"], "before": before, "promised": {}, "after": {"random": right}}
-    other = row | {"promised": {"designed": [0.5, 20.0]}, "after": {"random": right, "designed": wrong}}
+    told = {"designed": {"probability": 0.5, "left": 20.0}}
+    other = row | {"promised": told, "after": {"random": right, "designed": wrong}}
     text = page({"s/one": row, "s/two": other}, "command")
     assert "| designed | 0 of 1 (0% to 79%) | 0 of 1 (0% to 79%) | 1 | 50% |" in text
     assert "| random | 2 of 2 (34% to 100%) | 2 of 2 (34% to 100%) | 0 | - |" in text
     assert "| -, - | not measured | NAMED a | yes |" in text and "| 20, - | NAMED b | NAMED a | yes |" in text
+    assert "| a, b | 2 | 2 | 0 of 1 | 2 of 2 |" in text
+
+
+def test_page_pairs_motions_by_an_exact_test():
+    """Six cases that the designed motion alone resolves: p = 2 / 2^6; a log that is the same resolves none."""
+    right, left = ({"verdict": v, "class": c, "taken": {"b": 0.9}} for v, c in (("NAMED", "a"), ("AMBIGUOUS", "ab")))
+    row = {"truth": ["a"], "before": left, "promised": {}, "after": {"random": left, "designed": right}}
+    same = row | {"after": dict.fromkeys(("random", "designed"), left | {"same": True})}
+    text = page({**{f"s/{k}": row for k in range(6)}, "s/same": same}, "command")
+    assert "Of 7 cases with both motions 0 are resolved by either one, 6 by the designed one alone, 0 by" in text
+    assert "p = 0.031" in text and "| the same log | the same log | no |" in text
 
 
 def test_equal_explanations_leave_nothing(problem):

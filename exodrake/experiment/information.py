@@ -36,7 +36,7 @@ from itertools import permutations
 import numpy as np
 
 from exodrake.experiment.contest import Contest, Laws, contributed, effective
-from exodrake.experiment.terms import terms_of
+from exodrake.experiment.terms import Terms, terms_of
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
@@ -154,8 +154,11 @@ class Information:
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     terms = terms_of(contest, reference)
-    if terms is None:
-        return None
+    return told(contest, terms) if terms else None
+
+
+def told(contest: Contest, terms: Terms) -> Information | None:
+    """What the runs on a motion tell; None if a robot without an effect does not come to its end."""
     rows, frames, laws = terms.rows, effective(terms.likelihood), contest.laws
     errors = [
         sum(float(np.sum(part**2)) for part in contributed(terms.likelihood, e, row).values())
