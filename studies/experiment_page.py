@@ -14,12 +14,34 @@ TEXT = """Cases of the reference simulator whose stored answer is ambiguous, dia
 `exodrake experiment` designs or of a random one as long, and are diagnosed again with it. Resolved: one explanation is
 left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log once it is
 refitted, in variances of noise; promised is the probability that follows from it. The same log: T of a random motion is
-below 1, less than noise, and no experiment is run. A case can be resolved in principle if after one of the motions the
-true law takes up a larger share of what each rival leaves than an absent effect takes up of what a true law leaves
-(`taken` of the calibration).
+below 1, less than noise, and no experiment is run. A case can be resolved in principle if a motion did it, or if after
+one the true law takes up a larger share of what each rival leaves than an absent effect takes up of what a true law
+leaves (`taken` of the calibration).
 
     {command}"""
-FOUND = """"""
+FOUND = """What the cases show:
+
+- Length tells much. After a random motion of half a minute the true law takes up 0.59 of what the wrong one leaves of
+  u6/case_31, and the class stays (0.6 is wanted); after one of a minute 0.84. So experiments last a minute.
+- Random motions of a minute resolve delay against clock skew, gain against nonlinearity, drift against offset,
+  hysteresis of a joint against friction of a tendon, and a tendon that stiffens against one that yields, where the
+  true explanation is in the class.
+- Dry friction that falls with speed stays beside Coulomb friction. The latter counts as true as long as it leaves no
+  more than an error of its law of 40 % would (`levels.py`). The injected forces fall by ratios of 1.5 to 1.7, within
+  26 % of a constant one, so no motion makes it leave more: with random motions of a minute an error of 14 to 21 %
+  explains what it leaves, although the true law takes up 0.84 and 0.86 of that in two of three cases. Of u8/case_99
+  ten random motions promise 0.1 % (the median), and what the search finds 0.4 %. Friction that builds up over a longer
+  way after each reversal looks alike, so that no smaller limit decides (commit `205abcb`).
+- The simulator's garment yields and stiffens a little. Where it is softer than the nominal one (`tendon.compliance`),
+  the library's stiffening tendon fits better than the library's yielding one, and both stay.
+- u8/case_33, u9/case_42, u9/case_55 and u9/case_63: the true set is not in the class, and no log of these laws helps.
+- A slack tendon against an offset of an encoder: the two write the same log.
+- Promises are rough: 10 to 51 % were promised of five of the resolved cases, 82 and 100 % of u9/case_42 and
+  u9/case_59, where neither law of the class is that of the simulator.
+
+The limit of a share of 80 % is thus set by which laws the diagnosis grants how much error, not by the shape of the
+motion. With half a minute and the code of commit `361ada6` designed motions resolved 4 of 6 cases that can be resolved,
+random ones 5 of 7: no gain of the shape was shown then, either."""
 
 
 def is_true(row: dict[str, Any], name: str) -> bool:
@@ -34,14 +56,20 @@ def resolved(row: dict[str, Any], motion: str) -> bool:
 
 
 def in_principle(row: dict[str, Any]) -> bool:
-    """Whether after one of the motions the true law takes up most of what each other law of the class leaves."""
+    """Whether a motion resolved it, or after one the true law takes up most of what each other one leaves."""
     from exodrake.diagnosis.calibration import calibration_of
     from exodrake.machines.robot_file import load_robot
 
-    limit, class_ = calibration_of(load_robot().machine).taken, row["before"]["class"]
-    run = [after["taken"] for after in row["after"].values() if not after.get("same")]
-    taken = [[shares.get(name, 0.0) for name in class_ if not is_true(row, name)] for shares in run]
-    return any(is_true(row, name) for name in class_) and any(shares and min(shares) > limit for shares in taken)
+    limit, others = (
+        calibration_of(load_robot().machine).taken,
+        [c for c in row["before"]["class"] if not is_true(row, c)],
+    )
+    if len(others) == len(row["before"]["class"]):
+        return False
+    run = {motion: after["taken"] for motion, after in row["after"].items() if not after.get("same")}
+    shares = [{frozenset(n.split(" + ")): share for n, share in taken.items()} for taken in run.values()]
+    taken = [min((own.get(frozenset(n.split(" + ")), 0.0) for n in others), default=0.0) for own in shares]
+    return any(resolved(row, motion) for motion in run) or any(least > limit for least in taken)
 
 
 def page(rows: dict[str, dict[str, Any]], command: str) -> str:
