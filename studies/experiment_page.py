@@ -104,6 +104,8 @@ def paired(rows: list[dict[str, Any]]) -> str:
     from scipy.stats import binomtest
 
     both = [tuple(resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
+    if not both:
+        return "No case has both motions yet."
     designed, random = both.count((True, False)), both.count((False, True))
     p = binomtest(designed, designed + random).pvalue if designed + random else 1.0
     return (
