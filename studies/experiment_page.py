@@ -19,7 +19,7 @@ one the true law takes up a larger share of what each rival leaves than an absen
 leaves (`taken` of the calibration).
 
     {command}"""
-FOUND = """What the cases show:
+FOUND = """What the cases show, with the diagnosis and the effects of commit `361ada6`:
 
 - Length tells much. After a random motion of half a minute the true law takes up 0.59 of what the wrong one leaves of
   u6/case_31, and the class stays (0.6 is wanted); after one of a minute 0.84. So experiments last a minute.
