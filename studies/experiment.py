@@ -1,18 +1,19 @@
 """What a designed experiment gains: `docs/experiment.md`.
 
     exodrake blind make --seed 7 --cases 200 --out cases && exodrake blind run cases
+    python -m studies.experiment cases --labels cases-labels.json --keep kept --motion designed --motion random
     python -m studies.experiment cases --labels cases-labels.json --keep kept --out docs/experiment.md
 
 Cases of the reference simulator that a diagnosis leaves ambiguous: the experiment that `exodrake experiment` designs
 runs on the withheld robot, and the case is diagnosed again with that log; then the same with a random motion as long.
-Labels serve to run the robot, and to count. What is measured is kept case by case, so that the command can be repeated.
+Labels serve to run the robot, and to count. What is measured is kept case by case: `--motion` measures what is missing.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
-from studies.experiment_page import DESIGNED, RANDOM, page
+from studies.experiment_page import DESIGNED, MOTIONS, page, said
 
 if TYPE_CHECKING:
     from exodrake.blind.robot_spec import RobotSpec
@@ -30,49 +31,72 @@ if TYPE_CHECKING:
     from exodrake.experiment.contest import Contest
 
 LOG_SEED = 9  # of the noise of further logs
+SAME = 1.0  # T of two laws that write the same log: less than noise
 
 
 def measured(
-    case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str], duration: float | None, seed: int
-) -> dict[str, Any]:
-    """What became of a case: its class, what the design promises, and the class after either motion.
+    row: dict[str, Any], case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str],
+    duration: float | None, motions: tuple[str, ...],
+) -> Iterator[dict[str, Any]]:  # fmt: skip
+    """What became of a case, as far as it is measured, piece by piece.
 
-    effects: those of the class that its stored answer leaves.
+    Args:
+        row: what is measured already: its class with the rivals, and for each motion what it promises and leaves.
+        case: the case.
+        spec: its robot.
+        truth: ids of the injected effects.
+        effects: those of the class that its stored answer leaves.
+        duration: length of the experiment [s].
+        motions: those wanted.
     """
-    from exodrake.core.threads import one_blas_thread
     from exodrake.diagnosis.problem import make_problem
+    from exodrake.diagnosis.rival import Rival
     from exodrake.experiment.contest import contest_of
-    from exodrake.experiment.design import design
-    from exodrake.experiment.information import CHANCE
+    from exodrake.experiment.length import default_duration
     from exodrake.machines.robot_file import load_robot
-    from exodrake.simulation.references import protocol
 
     robot = load_robot()
-    with one_blas_thread():
-        before, rivals = explained(make_problem(case, robot, effects), truth)
-        found: dict[str, Any] = {"truth": truth, "before": before}
-        if len(rivals) < 2:
-            return found
-        contest = contest_of(make_problem(case, robot), rivals)
-        designed = design(contest, duration, seed)
-        length = len(designed.reference.tension) * robot.machine.frame
-        motions = {
-            DESIGNED: designed.reference.tension,
-            RANDOM: protocol(f"random-motion:seed={seed},duration={length:g}", robot).tension,
-        }
-        expected = {name: promised(contest, reference) for name, reference in motions.items()}
-        found |= {
-            "duration": length,
-            "size": designed.size,
-            "promised": expected,
-            "after": dict.fromkeys(motions, before),
-        }
-        if max(left for _, left in expected.values()) < CHANCE**2:
-            return found | {"same": True}
-        for name, reference in motions.items():
-            again = make_problem(with_log(case, spec, reference), robot, effects)
-            found["after"][name] = explained(again, truth)[0]
-    return found
+    if "before" not in row:
+        before, found = explained(make_problem(case, robot, effects), truth)
+        rivals = [{"effects": r.effects, "parameters": r.parameters} for r in found]
+        row |= {"truth": truth, "before": before, "rivals": rivals}
+        yield row
+    if len(row["rivals"]) < 2 or set(motions) <= set(row.get("after", {})):
+        return
+    contest = contest_of(
+        make_problem(case, robot), [Rival(tuple(r["effects"]), r["parameters"]) for r in row["rivals"]]
+    )
+    length = duration or default_duration(robot.machine.frame)
+    for motion in sorted(set(motions) - set(row.get("after", {})), key=lambda m: m == DESIGNED):
+        known = [after for after in row.get("after", {}).values() if after.get("same")]
+        reference, said = (None, {"left": 0.0}) if known else motion_of(motion, contest, length)
+        again = row["before"] | {"same": True}
+        if reference is not None and said["left"] >= SAME:
+            again, _ = explained(make_problem(with_log(case, spec, reference), robot, effects), truth)
+        row.setdefault("promised", {})[motion] = said
+        row.setdefault("after", {})[motion] = again
+        yield row
+
+
+def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarray, dict[str, Any]]:
+    """A motion (frames, references) [SI], designed or random, and what it promises."""
+    from time import process_time
+
+    from exodrake.experiment.design import design
+    from exodrake.experiment.information import information
+    from exodrake.simulation.references import protocol
+
+    started = process_time()
+    if motion == DESIGNED:
+        made = design(contest, duration)
+        reference, found = made.reference.tension, made.information
+    else:
+        text = f"random-motion:seed=0,duration={duration:g}"
+        reference = protocol(text, contest.problem.robot).tension
+        found = information(contest, reference)
+    left = found.left[found.closest] if found else 0.0
+    said = {"probability": found.probability if found else 0.0, "left": left, "time": process_time() - started}
+    return reference, said
 
 
 def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
@@ -88,17 +112,9 @@ def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple
     true = next((t.explanation for t in tested if sorted(t.explanation.effects) == sorted(truth)), None)
     others = [t.explanation for t in tested if len(t.explanation.effects) == len(truth) and t.explanation is not true]
     taken = {e.name: taken_up(found.likelihood, e, true)[1] for e in others} if true else {}
-    laws = {t.explanation.name: t.levels.law_error for t in tested}
+    levels = {t.explanation.name: {**asdict(t.levels), "chi2": t.chi2.tolist(), "cost": t.cost} for t in tested}
     said = {"verdict": decision.verdict, "class": [t.explanation.name for t in decision.left]}
-    return {**said, "taken": taken, "law_error": laws}, tuple(rival(problem, t.explanation) for t in decision.left)
-
-
-def promised(contest: Contest, reference: np.ndarray) -> tuple[float, float]:
-    """Probability that a motion distinguishes the rivals, and T of the two that it distinguishes worst."""
-    from exodrake.experiment.information import information
-
-    found = information(contest, reference)
-    return (found.probability, found.left[found.closest]) if found else (0.0, 0.0)
+    return {**said, "taken": taken, "levels": levels}, tuple(rival(problem, t.explanation) for t in decision.left)
 
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
@@ -135,12 +151,12 @@ def left_in(answer: dict[str, Any]) -> frozenset[str]:
 @click.option("--labels", multiple=True, type=click.Path(exists=True, path_type=Path), help="Of each set, in order.")
 @click.option("--cases", default="", metavar="NAME,...", help="SET/CASE of these alone.")
 @click.option("--duration", type=float, default=None, help="Of an experiment [the designer's own].")
-@click.option("--seed", default=0, show_default=True, help="Of the search and of the random motion.")
+@click.option("--motion", "motions", multiple=True, type=click.Choice(MOTIONS), help="Measure it where it is missing.")
 @click.option("--keep", required=True, type=click.Path(path_type=Path), help="Folder of what is measured, by case.")
 @click.option("--out", type=click.Path(path_type=Path), default=None, help="Write the page.")
 def command(
-    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, duration: float | None, seed: int, keep: Path,
-    out: Path | None,
+    folders: tuple[Path, ...], labels: tuple[Path, ...], cases: str, motions: tuple[str, ...], duration: float | None,
+    keep: Path, out: Path | None,
 ) -> None:  # fmt: skip
     """Measure what the designed experiment resolves on ambiguous cases of the sets in FOLDERS."""
     from exodrake.core.files import write_text
@@ -152,12 +168,12 @@ def command(
         for case in places(folder, wanted):
             name = f"{folder.name}/{case.name}"
             place = keep / f"{folder.name}-{case.name}.json"
-            if not place.is_file():
-                row = of_case(case, json.loads(file.read_text()), duration, seed)
-                keep.mkdir(parents=True, exist_ok=True)
-                write_text(place, json.dumps(row, indent=1) + "\n")
-            rows[name] = json.loads(place.read_text())
-            click.echo(f"{name}: {rows[name]}")
+            rows[name] = json.loads(place.read_text()) if place.is_file() else {}
+            if motions or not place.is_file():
+                for row in of_case(rows[name], case, json.loads(file.read_text()), duration, motions):
+                    keep.mkdir(parents=True, exist_ok=True)
+                    write_text(place, json.dumps(row, indent=1) + "\n")
+            click.echo(f"{name}: {summary(rows[name])}")
     if out:
         sets = " ".join(folder.name for folder in folders)
         write_text(out, page(rows, f"python -m studies.experiment {sets} --labels LABELS --keep kept --out {out}"))
@@ -170,20 +186,29 @@ def places(folder: Path, wanted: list[str]) -> Iterable[Path]:
     )
 
 
-def of_case(case: Path, labels: dict[str, Any], duration: float | None, seed: int) -> dict[str, Any]:
-    """What became of one case folder."""
+def of_case(
+    row: dict[str, Any], case: Path, labels: dict[str, Any], duration: float | None, motions: tuple[str, ...]
+) -> Iterator[dict[str, Any]]:
+    """As `measured`, of a case folder."""
     from exodrake.blind.run import ANSWER
     from exodrake.blind.transfer import withheld
     from exodrake.core.json_file import read_json
+    from exodrake.core.threads import one_blas_thread
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 
-    label = labels.get("cases", labels)[case.name]
-    machine = load_robot().machine
+    label, machine = labels.get("cases", labels)[case.name], load_robot().machine
     truth = [effect["id"] for effect in label["effects"]]
-    read = read_case(case, required_of(machine), machine.frame)
-    return measured(read, withheld(case.name, label), truth, left_in(read_json(case / ANSWER)), duration, seed)
+    read, effects = read_case(case, required_of(machine), machine.frame), left_in(read_json(case / ANSWER))
+    with one_blas_thread():
+        yield from measured(row, read, withheld(case.name, label), truth, effects, duration, motions)
+
+
+def summary(row: dict[str, Any]) -> str:
+    """What is measured of a case, in a line."""
+    after = "; ".join(f"{motion}: {said(found)}" for motion, found in row.get("after", {}).items())
+    return f"{', '.join(row['truth'])}: {said(row['before'])}; {after}"
 
 
 if __name__ == "__main__":

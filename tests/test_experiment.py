@@ -17,13 +17,14 @@ from exodrake.core.plain import plain
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case, write_case
 from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.rival import Rival
 from exodrake.diagnosis.stuck import from_another_law
 from exodrake.experiment import design as search, terms as inside
-from exodrake.experiment.contest import Laws, contest_of
+from exodrake.experiment.contest import Laws, contest_of, contributed
 from exodrake.experiment.design import design
 from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
 from exodrake.experiment.length import frames_of
@@ -86,15 +87,16 @@ def test_information_adds_over_motions():
 
 
 def planted(left, contributed, error, granted, richer=((False, False), (False, False)), bent=0.0):
-    """Information of a motion by hand: T both ways, and what the laws contribute, err by and are granted."""
+    """Information of a motion by hand: T both ways, what laws contribute, and their relative errors: own, granted."""
     pair = pair_of(np.full(4, np.sqrt(left / 4.0)), np.zeros((0, 4)), np.ones(4))
-    laws = Laws(np.zeros(2), np.ones(2), np.full(2, error), np.full(2, granted), 0.6, np.array(richer))
-    return Information({(0, 1): pair, (1, 0): pair}, np.full(2, contributed), np.full(2, bent), laws)
+    laws = Laws(np.zeros(2), np.ones(2), np.full(2, error / granted), 0.6, np.array(richer))
+    granted = np.full(2, granted**2 * contributed)
+    return Information({(0, 1): pair, (1, 0): pair}, granted, np.full(2, bent), laws)
 
 
 def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask_for():
     """T = 64. Chance asks for 4 sigma; a truth that leaves 0.1^2 of 9000 and a share of 0.6 for T* = 135."""
-    assert planted(64.0, 9000.0, 0.0, 0.0).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    assert planted(64.0, 9000.0, 0.0, 0.1).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
     found = planted(64.0, 9000.0, 0.1, 1.0)
     assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
     both = found + found
@@ -143,8 +145,8 @@ def test_a_refit_carried_to_its_end_leaves_what_its_robot_leaves(problem):
     contest = contest_of(problem, [VISCOUS, twice])
     reference = problem.fit[0].reference
     linear, terms = information(contest, reference), inside.terms_of(contest, reference)
-    assert linear is not None and terms is not None
-    found = refitted(contest, reference, linear)
+    found = refitted(contest, reference)
+    assert linear is not None and terms is not None and found is not None
     left, z = found.left[0, 1], found.refit(0, 1)
     e = contest.explanations[1]
     robot = apply(e.values, e.parameters, np.clip(e.x + contest.spreads[1] @ z, *e.bounds))
@@ -165,15 +167,27 @@ def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(co
 
 
 def test_page_counts_each_motion_where_it_ran():
-    """Of two cases with the truth `a`: both resolved by a random motion, and one designed motion that left `b`."""
+    """Of two cases with the truth `a` both are resolved by a random motion, one by the designed one that ran."""
     right, wrong = ({"verdict": "NAMED", "class": [name], "taken": {"b": 0.9}} for name in "ab")
     before = {"verdict": "AMBIGUOUS", "class": ["a", "b"]}
     row = {"truth": ["a"], "before": before, "promised": {}, "after": {"random": right}}
-    other = row | {"promised": {"designed": [0.5, 20.0]}, "after": {"random": right, "designed": wrong}}
+    told = {"designed": {"probability": 0.5, "left": 20.0}}
+    other = row | {"promised": told, "after": {"random": right, "designed": wrong}}
     text = page({"s/one": row, "s/two": other}, "command")
     assert "| designed | 0 of 1 (0% to 79%) | 0 of 1 (0% to 79%) | 1 | 50% |" in text
     assert "| random | 2 of 2 (34% to 100%) | 2 of 2 (34% to 100%) | 0 | - |" in text
     assert "| -, - | not measured | NAMED a | yes |" in text and "| 20, - | NAMED b | NAMED a | yes |" in text
+    assert "| a, b | 2 | 2 | 0 of 1 | 2 of 2 |" in text
+
+
+def test_page_pairs_motions_by_an_exact_test():
+    """Six cases that the designed motion alone resolves: p = 2 / 2^6; a log that is the same resolves none."""
+    right, left = ({"verdict": v, "class": c, "taken": {"b": 0.9}} for v, c in (("NAMED", "a"), ("AMBIGUOUS", "ab")))
+    row = {"truth": ["a"], "before": left, "promised": {}, "after": {"random": left, "designed": right}}
+    same = row | {"after": dict.fromkeys(("random", "designed"), left | {"same": True})}
+    text = page({**{f"s/{k}": row for k in range(6)}, "s/same": same}, "command")
+    assert "Of 7 cases with both motions 0 are resolved by either one, 6 by the designed one alone, 0 by" in text
+    assert "p = 0.031" in text and "| the same log | the same log | no |" in text
 
 
 def test_equal_explanations_leave_nothing(problem):
@@ -183,8 +197,19 @@ def test_equal_explanations_leave_nothing(problem):
 
 def test_the_error_of_a_wrong_law_is_larger_than_that_of_the_true_one(contest):
     """The carriage follows the viscous law of the library: what it leaves is noise, and the least error is granted."""
-    true, wrong = contest.laws.error
-    assert true == pytest.approx(calibration_of(contest.problem.robot.machine).same_meaning) and wrong > 3.0 * true
+    (true, wrong), limits = contest.laws.error, calibration_of(contest.problem.robot.machine)
+    assert true == pytest.approx(limits.same_meaning / limits.law_error) and wrong > 3.0 * true
+
+
+def test_a_law_that_is_known_is_granted_less_of_what_it_contributes(problem):
+    """A constant force of 3 N beside viscous friction: 0.05 of what it contributes, 0.4 of what friction does."""
+    limits, (offset, friction) = calibration_of(problem.robot.machine), ("carriage.offset", *VISCOUS.effects)
+    both = Rival((friction, offset), VISCOUS.parameters | {"carriage.offset.force": 3.0})
+    likelihood, (e, _) = (found := contest_of(problem, [both, VISCOUS])).likelihood, found.explanations
+    granted = contributed(likelihood, e, e.residual)
+    whole = contributions(problem.robot.machine, e, likelihood.residual, e.residual)
+    assert granted[offset] == pytest.approx(limits.same_meaning * whole[offset]) and whole[offset].any()
+    assert granted[friction] == pytest.approx(limits.law_error * whole[friction]) and whole[friction].any()
 
 
 def test_a_fit_that_is_stuck_goes_on_from_a_simpler_law(problem):

@@ -29,7 +29,7 @@ ADVICE = (
 )
 @click.option("--figure", default=None, help="Figure (PNG) [beside --out].", **FILE)
 @click.option("--case", "folder", default=None, help="Folder of the case, for an answer that lies elsewhere.", **FILE)
-@click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [30].")
+@click.option("--duration", type=float, default=None, help="Length of the experiment, 20 to 60 s [60].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the search.")
 @robot_option()
 def command(
@@ -97,6 +97,7 @@ def show(console: Console, contest: Contest, best: Design) -> None:
         )
     console.print(table(("if the cause is", "rejected", ">what it leaves (T)", ">probability"), rows, wrapped=0))
     console.print(f"\n[bold]{best.information.probability:.0%}[/bold] expected: all but the true cause are rejected")
+    console.print(f"{best.random:.0%} promised by a random motion as long, the median of those that were tried")
     if not best.enough:
         console.print(f"[yellow]note[/yellow]    {ADVICE}")
     console.print()

@@ -36,19 +36,17 @@ class Laws:
     """What the logs show of the laws of explanations.
 
     Attributes:
-        contributed: (explanations,) C, sum of squares of what the effects of each contribute and no other parameter
-            imitates, in frames that count as one [noise_std^2].
-        own: (explanations,) share of what they contribute that no other parameter imitates.
-        error: (explanations,) a, relative error of the laws of each, with which it leaves what it leaves.
-        granted: (explanations,) rho, relative error that a diagnosis grants them.
+        granted: (explanations,) G, sum of squares of what a diagnosis grants the laws of each to be wrong by: rho times
+            what effects contribute and no other parameter imitates, in frames that count as one [noise_std^2].
+        own: (explanations,) share of rho times what they contribute that no other parameter imitates.
+        error: (explanations,) a, error of the laws of each with which it leaves what it leaves, in units of rho.
         share: q, that a true explanation takes up of what a wrong one leaves.
         richer: (explanations, explanations) whether the first one is a richer law of the effects of the second.
     """
 
-    contributed: np.ndarray
+    granted: np.ndarray
     own: np.ndarray
     error: np.ndarray
-    granted: np.ndarray
     share: float
     richer: np.ndarray
 
@@ -137,13 +135,11 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
         own = [project.own(row, effect) for effect, rows in changes.items() for row in rows]
         whole, size = (sum(float(power(np.asarray(rows)).sum()) for rows in some) for some in ([own], changes.values()))
         left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
-        law = any(not machine.effect(effect).same_meaning for effect in e.effects)
-        rho = limits.law_error if law else limits.same_meaning
-        rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left, rho))
-    whole, own, left, rho = np.array(rows).T
-    error = np.sqrt(left / whole)
+        rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left))
+    granted, own, left = np.array(rows).T
+    least = limits.same_meaning / limits.law_error
     richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
-    return Laws(whole, own, np.clip(error, limits.same_meaning, None), rho, limits.taken, richer)
+    return Laws(granted, own, np.clip(np.sqrt(left / granted), least, None), limits.taken, richer)
 
 
 def effective(likelihood: Likelihood) -> float:
@@ -152,8 +148,14 @@ def effective(likelihood: Likelihood) -> float:
 
 
 def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """What each channel of each effect of an explanation contributes, effect -> (channels, samples) [noise_std]."""
-    return contributions(likelihood.robot.machine, e, likelihood.residual, residual)
+    """What each channel of each effect contributes, times its rho: effect -> (channels, samples) [noise_std].
+
+    rho: relative error that a diagnosis grants the law of an effect (`levels.Tests.contributions`).
+    """
+    machine, decoded = likelihood.robot.machine, likelihood.views[0].problem.counted
+    limits, found = calibration_of(machine), contributions(machine, e, likelihood.residual, residual)
+    exact = [i for i in found if machine.effect(i).same_meaning and i not in decoded]
+    return {i: (limits.same_meaning if i in exact else limits.law_error) * rows for i, rows in found.items()}
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:

@@ -3,9 +3,10 @@
     library: random motifs, and windows of the machine's own experiments or of the case's motion
     sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
         once of many short motifs, once of a few long ones
-    random: motions of the whole length, since one that is not searched for may tell more
+    random: motions of the whole length, since one that is not searched for may tell more; what the median one promises
+        says what the search gains
     check: the whole motion on every explanation; smaller until it is safe
-    refit: carried to its end on those that tell most; the one that then tells most is kept
+    refit: of all parameters, and carried to its end, on those that tell most; the one that then tells most is kept
 
 All chance is seeded.
 """
@@ -30,10 +31,10 @@ from exodrake.experiment.stage import Stage, stage_of
 from exodrake.simulation.references import protocol
 
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
-RANDOM, WINDOWS, MUTATIONS = 80, 24, 30  # motifs in a search of two rivals; fewer for more
-WHOLE = 8  # random motions that the sequences are held against: assumed
-FINAL = 4  # motions for two rivals on which refits are carried to their end: assumed
-LIBRARY = 4  # one in so many of the motifs is kept, those on which the rivals as they are differ most
+RANDOM, WINDOWS, MUTATIONS = 80, 24, 12  # motifs in a search of two rivals; fewer for more
+WHOLE = 10  # random motions for two rivals that the sequences are held against: assumed
+FINAL = 2  # motions on which refits are carried to their end: assumed
+LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
 PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
@@ -58,6 +59,7 @@ class Design:
         size: factor by which the whole was made smaller to be safe [-].
         safety: ranges that it keeps.
         tried: motions that were simulated.
+        random: probability that the median of random motions of this length promises.
     """
 
     reference: Reference
@@ -65,6 +67,7 @@ class Design:
     size: float
     safety: Safety
     tried: int
+    random: float = 0.0
 
     def log(self, machine: Machine) -> Log:
         """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
@@ -101,10 +104,11 @@ class Designer:
         self.quick = reduced(contest, self.pilot) if self.pilot else contest
         self.fewer = 2.0 / len(contest.explanations)
 
-    def follow(self, found: Information) -> None:
+    def follow(self, design: Design) -> None:
         """Let the quick search keep the directions, too, in which a refit changes a motion that was found."""
-        self.pilot = self.pilot + found if self.pilot else found
-        self.quick = reduced(self.contest, self.pilot)
+        if found := information(self.contest, design.reference.tension):
+            self.pilot = self.pilot + found if self.pilot else found
+            self.quick = reduced(self.contest, self.pilot)
 
     @property
     def frames(self) -> int:
@@ -136,10 +140,6 @@ class Designer:
         """A motif with its course, unless a robot does not come to its end."""
         found = information(self.quick, self.stage.reference(shares).tension)
         return Piece(motif, shares, found) if found else None
-
-    def violations(self, reference: Reference) -> list[str]:
-        """What a reference would take out of its range, on any explanation."""
-        return self.safety.violations(self.contest.names, self.contest.records(reference))
 
     def library(self) -> list[Piece]:
         """Of random motifs and windows of known motions those that tell most at first sight, at a size that is safe."""
@@ -180,25 +180,30 @@ class Designer:
     def designed(self) -> Design:
         """The experiment: the best of sequences of short and of long pieces, and of random motions."""
         found = [design for shares in self.random() if (design := self.checked(shares))]
+        random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
         for self.pieces in PIECES:
             chosen = self.improved(self.sequence(self.library()))
             if design := self.checked(np.concatenate([piece.course for piece in chosen])):
                 found.append(design)
-                self.follow(design.information)
+                self.follow(design)
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
         found.sort(key=lambda d: d.information.criterion, reverse=True)
-        last = [self.refitted(design) for design in found[: max(round(FINAL * self.fewer), 2)]]
-        return replace(max(last, key=lambda d: d.information.criterion), tried=self.tried)
+        last = [ended for design in found[:FINAL] if (ended := self.refitted(design))] or found[:1]
+        best = max(last, key=lambda d: d.information.criterion)
+        promised = [min(d.information.probability, best.information.probability) for d in random]
+        return replace(best, tried=self.tried, random=promised[0] if promised else 0.0)
 
-    def refitted(self, design: Design) -> Design:
-        """An experiment with the refits of all rivals carried to their end."""
-        return replace(design, information=refitted(self.contest, design.reference.tension, design.information))
+    def refitted(self, design: Design) -> Design | None:
+        """An experiment with the refits of all rivals, of all their parameters, carried to their end."""
+        found = refitted(self.contest, design.reference.tension)
+        return replace(design, information=found) if found else None
 
     def random(self) -> list[np.ndarray]:
         """Random motions of the whole length, led from and to rest, in shares (frames, channels) of the span."""
         length, robot = self.whole * self.stage.frame, self.contest.problem.robot
-        texts = [f"random-motion:seed={k},duration={length:g}" for k in self.rng.integers(2**31, size=WHOLE)]
+        count = max(round(WHOLE * self.fewer), 3)
+        texts = [f"random-motion:seed={k},duration={length:g}" for k in self.rng.integers(2**31, size=count)]
         return [Window(self.shares_of(protocol(t, robot))).shares(self.whole, self.stage.rest) for t in texts]
 
     def checked(self, shares: np.ndarray) -> Design | None:
@@ -207,8 +212,9 @@ class Designer:
         size, rest = 1.0, self.stage.rest
         for _ in range(2 * SHRINKS):
             reference = self.stage.reference(rest + size * (shares - rest))
-            found = None if self.violations(reference) else information(self.contest, reference.tension)
-            if found is not None:
+            records = self.contest.records(reference)
+            safe = not self.safety.violations(self.contest.names, records)
+            if safe and (found := information(self.quick, reference.tension)):
                 return Design(reference, found, size, self.safety, self.tried)
             size *= SMALLER
         return None
@@ -235,7 +241,7 @@ def design(contest: Contest, duration: float | None = None, seed: int = 0) -> De
 
     Args:
         contest: explanations still in play.
-        duration: its length [s]; half a minute, or as many frames as a slow machine needs, if None.
+        duration: its length [s]; a minute, or as many frames as a slow machine needs, if None.
         seed: of the search.
 
     Raises:

@@ -15,16 +15,18 @@ all columns about that time. Where a finger snaps over or a carriage sticks the 
 jump in time: T does not hold there, and such frames count little.
 
 d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap. What the law of i is wrong by, and so
-what i itself leaves, grows with what its effects contribute: E_i = a_i^2 C_i, with a_i as in the present logs.
+what i itself leaves, grows with what its effects contribute: E_i = a_i^2 G_i with a_i as in the present logs. G sums
+squares of what effects contribute, times the relative error rho that a diagnosis grants the law of each: little for a
+delay, whose law is known.
 
-A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the error rho_j that its law is granted or, unless
+A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the errors that its laws are granted or, unless
 i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
 
-    T*_ij = max(z^2, min(rho_j^2 C_j - E_i, E_i q / (1 - q)))
+    T*_ij = max(z^2, min(G_j - E_i, E_i q / (1 - q)))
 
 z: chance. T must exceed q / (1 - q) times B_i + B_j, too, what these robots miss the linearisation by in all: where a
 motion moves snaps, true laws are rejected like wrong ones. The probability of that is Phi((sqrt T - sqrt T*) / s):
-s^2 is 1 for noise, and more as E_i and C_j differ in a new motion. A richer law j of a true i leaves as little as i
+s^2 is 1 for noise, and more as E_i and G_j differ in a new motion. A richer law j of a true i leaves as little as i
 does and is dropped as needless where it takes up nothing: as probable as the reverse.
 """
 
@@ -36,7 +38,7 @@ from itertools import permutations
 import numpy as np
 
 from exodrake.experiment.contest import Contest, Laws, contributed, effective
-from exodrake.experiment.terms import terms_of
+from exodrake.experiment.terms import Terms, terms_of
 
 CHANCE = 4.0  # z, of the best of a hundred effects and channels at 0.3 % (normal law)
 UNSURE = 0.25  # relative standard deviation of sqrt(E) in a new motion: assumed
@@ -78,22 +80,22 @@ class Information:
 
     Attributes:
         pairs: (true, rival) -> information.
-        contributed: (explanations,) C, what the effects of each contribute in the present logs and these.
+        granted: (explanations,) G of each, of the present logs and these.
         bent: (explanations,) B, what plausible changes of the parameters of each miss the linearisation by in these.
         laws: what the present logs tell of the laws.
         ended: (true, rival) -> T and changes (parameters,) of a refit that was carried to its end (`refit`).
     """
 
     pairs: dict[tuple[int, int], Pair]
-    contributed: np.ndarray
+    granted: np.ndarray
     bent: np.ndarray
     laws: Laws
     ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
 
     def __add__(self, other: Information) -> Information:
         pairs = {key: pair + other.pairs[key] for key, pair in self.pairs.items()}
-        contributed = self.contributed + other.contributed - self.laws.contributed
-        return Information(pairs, contributed, self.bent + other.bent, self.laws)
+        granted = self.granted + other.granted - self.laws.granted
+        return Information(pairs, granted, self.bent + other.bent, self.laws)
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
@@ -107,8 +109,7 @@ class Information:
     def required(self, true: int, rival: int) -> float:
         """T* without the part of chance; not below 0."""
         laws = self.laws
-        excess = float(laws.error[true] ** 2 * self.contributed[true])
-        granted = float(laws.granted[rival] ** 2 * self.contributed[rival])
+        excess, granted = float(laws.error[true] ** 2 * self.granted[true]), float(self.granted[rival])
         more = laws.share / (1.0 - laws.share)
         beaten = np.inf if laws.richer[true, rival] else excess * more
         return max(min(beaten, granted - excess), float(self.bent[true] + self.bent[rival]) * more)
@@ -154,8 +155,11 @@ class Information:
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     terms = terms_of(contest, reference)
-    if terms is None:
-        return None
+    return told(contest, terms) if terms else None
+
+
+def told(contest: Contest, terms: Terms) -> Information | None:
+    """What the runs on a motion tell; None if a robot without an effect does not come to its end."""
     rows, frames, laws = terms.rows, effective(terms.likelihood), contest.laws
     errors = [
         sum(float(np.sum(part**2)) for part in contributed(terms.likelihood, e, row).values())
@@ -168,7 +172,7 @@ def information(contest: Contest, reference: np.ndarray) -> Information | None:
         (i, j): pair_of(rows[j] - rows[i], -terms.columns[j], terms.weights(i, j))
         for i, j in permutations(range(len(rows)), 2)
     }
-    return Information(pairs, laws.contributed + laws.own * np.array(errors) / frames, bent / frames, laws)
+    return Information(pairs, laws.granted + laws.own * np.array(errors) / frames, bent / frames, laws)
 
 
 def reduced(contest: Contest, pilot: Information) -> Contest:

@@ -6,7 +6,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.experiment.stage import check_limits
 
-SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 30.0  # s of an experiment
+SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 60.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed
 
 
