@@ -3,8 +3,7 @@
     library: random motifs, and windows of the machine's own experiments or of the case's motion
     sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
         once of many short motifs, once of a few long ones
-    random: motions of the whole length, since one that is not searched for may tell more; what the median one promises
-        says what the search gains
+    random: motions of the whole length, since one of them may tell more; the median one says what the search gains
     check: the whole motion on every explanation; smaller until it is safe
     refit: of all parameters, and carried to its end, on those that tell most; the one that then tells most is kept
 
