@@ -69,11 +69,11 @@ def measured(
     length = duration or default_duration(robot.machine.frame)
     for motion in sorted(set(motions) - set(row.get("after", {})), key=lambda m: m == DESIGNED):
         known = [after for after in row.get("after", {}).values() if after.get("same")]
-        reference, said = (None, {"left": 0.0}) if known else motion_of(motion, contest, length)
+        reference, promised = (None, {"left": 0.0}) if known else motion_of(motion, contest, length)
         again = row["before"] | {"same": True}
-        if reference is not None and said["left"] >= SAME:
+        if reference is not None and promised["left"] >= SAME:
             again, _ = explained(make_problem(with_log(case, spec, reference), robot, effects), truth)
-        row.setdefault("promised", {})[motion] = said
+        row.setdefault("promised", {})[motion] = promised
         row.setdefault("after", {})[motion] = again
         yield row
 
@@ -95,8 +95,8 @@ def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarra
         reference = protocol(text, contest.problem.robot).tension
         found = information(contest, reference)
     left = found.left[found.closest] if found else 0.0
-    said = {"probability": found.probability if found else 0.0, "left": left, "time": process_time() - started}
-    return reference, said
+    probability = found.probability if found else 0.0
+    return reference, {"probability": probability, "left": left, "time": process_time() - started}
 
 
 def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
@@ -113,8 +113,9 @@ def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple
     others = [t.explanation for t in tested if len(t.explanation.effects) == len(truth) and t.explanation is not true]
     taken = {e.name: taken_up(found.likelihood, e, true)[1] for e in others} if true else {}
     levels = {t.explanation.name: {**asdict(t.levels), "chi2": t.chi2.tolist(), "cost": t.cost} for t in tested}
-    said = {"verdict": decision.verdict, "class": [t.explanation.name for t in decision.left]}
-    return {**said, "taken": taken, "levels": levels}, tuple(rival(problem, t.explanation) for t in decision.left)
+    kept = [t.explanation.name for t in decision.left]
+    answer = {"verdict": decision.verdict, "class": kept, "taken": taken, "levels": levels}
+    return answer, tuple(rival(problem, t.explanation) for t in decision.left)
 
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:

@@ -32,7 +32,7 @@ Measured on {made}.
 {summary}
 
 Wanted were a right part for 80 % or more, 80 % closed or more in the median, and nothing discovered in 98 % of healthy
-robots, which takes some 150 of them to show. What falls short, and why:
+robots. What falls short, and why:
 
 - Where the robot without an effect leaves no more than it may, the gap lies within the tolerances of the nominal
   parameters, and no law is missing: a miss all the same. Where they imitate the effect at the price of their
@@ -191,8 +191,9 @@ def page(rows: list[Row], command: str) -> str:
     """The page."""
     titles = {
         "library": "Effects of the library, taken away", "outside": "Effects outside the library",
-        "healthy": "Healthy robots", "real": "Real machines, beside their whole library",
+        "healthy": "Healthy robots in which something is found", "real": "Real machines, beside their whole library",
     }  # fmt: skip
-    parts = [(title, [r for r in rows if r.kind == kind]) for kind, title in titles.items()]
+    shown = [r for r in rows if r.found or r.kind != "healthy"]
+    parts = [(title, [r for r in shown if r.kind == kind]) for kind, title in titles.items()]
     tables = "\n\n".join(f"## {title}\n\n{table(own)}" for title, own in parts if own)
     return PAGE.format(command=command, made=made(), held=1.0 - ERROR, summary=summary(rows), tables=tables)

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.diagnosis.isolate import STEPS, TOL
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.linearise import with_effects
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.refine import Explanation, minimise
+from exodrake.diagnosis.refine import STEPS, TOL, Explanation, minimise
 from exodrake.diagnosis.result import AMBIGUOUS, RETUNE
 from exodrake.diagnosis.rival import Rival
 from exodrake.diagnosis.select import NormalMatrix

@@ -6,7 +6,7 @@ change (`change_point`), with Bonferroni's correction for their number.
 
 A robot that changed has no constant explanation: its case may be UNKNOWN, or its change passes for the law's error of a
 wrong effect. So single effects are compared with amplitudes of their own in each session (`changing`). One that leaves
-what noise and the error of its law leave, and takes up most of what every other one leaves so, is NAMED.
+no more than noise and the error of its law would, and takes up most of what every other one leaves so, is NAMED.
 """
 
 from __future__ import annotations
@@ -187,8 +187,10 @@ def changed(found: Isolation, decision: Decision, left: Sequence[Tested], p: flo
     if list(left) == list(decision.left):
         return decision
     names = ", ".join(t.explanation.name for t in left)
-    leaves = f"with an amplitude for each session it leaves what noise and the error of its law leave (p = {p:.2g})"
-    reason = f"{names} changed: {leaves}" if len(left) == 1 else f"the sessions reject none of these: {names}"
+    reason = f"the sessions reject none of these: {names}"
+    if len(left) == 1:
+        size = f"by no more than noise and the error of its law (p = {p:.2g})"
+        reason = f"{names} changed: with an amplitude for each session the logs differ from the robot {size}"
     return Decision(
         NAMED if len(left) == 1 else AMBIGUOUS,
         left[0],

@@ -65,12 +65,13 @@ def decide(problem: Problem, found: Isolation) -> Decision:
 def kept(t: Tested) -> str:
     """Why an explanation is kept, in one sentence."""
     p, views = t.levels, t.levels.views
-    name = t.explanation.name if t.explanation.effects else "the robot without an effect"
+    if not t.explanation.effects:
+        robot, law = "without an effect", "noise"
+    else:
+        robot, law = f"with {t.explanation.name}", "noise and the error of its law"
     if min(p.fit, *views) > ALPHA:
-        return f"{name} leaves what noise and the error of its law leave (p = {min(p.fit, *views):.2g})"
-    return (
-        f"{name} leaves as prediction error what noise and its law leave (p = {views[-1]:.2g}); the closed loop hunts"
-    )
+        return f"{robot} the logs differ from the robot by no more than {law} (p = {min(p.fit, *views):.2g})"
+    return f"{robot} the prediction errors are no larger than {law} (p = {views[-1]:.2g}); the closed loop hunts"
 
 
 def rejected(t: Tested) -> str:

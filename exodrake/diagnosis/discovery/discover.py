@@ -54,7 +54,9 @@ def discover(
             robot imitates a law, so that nothing is left for an input.
     """
     if found.retuned.levels.kept or found.nominal.levels.kept:
-        return MissingLaw(False, "the robot without an effect leaves what noise leaves: no law is missing")
+        return MissingLaw(
+            False, "without an effect the logs differ from the robot by no more than noise: no law is missing"
+        )
     where = "" if imitates(found.retuned) else where
     moved = Moved(problem.robot.machine, with_laws(problem.robot.machine))
     progress(Stage.LINEARISE, "free laws")
