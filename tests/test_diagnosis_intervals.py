@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import ANY_SHAPE, LAW_STD, SHAPE_STD
-from exodrake.diagnosis.intervals import ROUNDING, Z90, Fitted, affected, describe, interval, pooled
+from exodrake.diagnosis.intervals import ROUNDING, Fitted, affected, describe, interval, pooled
 from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.machines.robot_file import load_robot
 
@@ -100,4 +101,4 @@ def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect,
     stated = found.parameters[parameter]
     log = at.transform == "log"
     width = np.log(stated.high / stated.low) if log else (stated.high - stated.low) / stated.value
-    assert width / 2 == pytest.approx(Z90 * std, rel=1e-3)
+    assert width / 2 == pytest.approx(NORMAL_90 * std, rel=1e-3)

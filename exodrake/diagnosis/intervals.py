@@ -15,14 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.confidence import CONFIDENCE
+from exodrake.core.confidence import CONFIDENCE, NORMAL_90
 from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import Interval, NamedEffect
 
-Z90 = 1.645  # half width of a 90 % interval in standard deviations
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
 
 
@@ -116,8 +115,8 @@ def interval(parameter: Parameter, x: float, std: float, unit: str, law: float =
 
     An interval ends at the parameter's bounds, beyond which it has no meaning or no fit would go.
     """
-    std = float(np.hypot(std, law if parameter.transform == "log" else law * abs(x)))
-    low, high = max(x - Z90 * std, min(x, parameter.bounds[0])), min(x + Z90 * std, max(x, parameter.bounds[1]))
+    half = NORMAL_90 * float(np.hypot(std, law if parameter.transform == "log" else law * abs(x)))
+    low, high = max(x - half, min(x, parameter.bounds[0])), min(x + half, max(x, parameter.bounds[1]))
     ends = [parameter.value(low), parameter.value(high)]
     return Interval(parameter.value(x), min(ends), max(ends), unit)
 

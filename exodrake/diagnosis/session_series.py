@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from exodrake.core.confidence import ALPHA
+from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.diagnosis.change_point import Change, ChangePoint
 from exodrake.diagnosis.comparison import exceeding, power
-from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.projection import Projection
@@ -113,7 +112,7 @@ def tested(followed: Sequence[Followed], sessions: Sequence[Session]) -> tuple[S
         scan = ChangePoint(times, one.covariance)
         p = min(1.0, float(scan.p_values(one.x[:, None])[0]) * len(followed))
         change = scan(one.x, rng) if p < ALPHA else None
-        half = Z90 * np.sqrt(np.diag(one.covariance))
+        half = NORMAL_90 * np.sqrt(np.diag(one.covariance))
         ends = np.sort([[one.value(v) for v in one.x - half], [one.value(v) for v in one.x + half]], axis=0)
         values, low, high = tuple(one.value(v) for v in one.x), tuple(ends[0].tolist()), tuple(ends[1].tolist())
         stated = None if change is None else in_unit(one, change)

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import Effect
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, outside
-from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.result import Interval, NamedEffect
 
@@ -206,4 +206,4 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
 
 def torque(value: float) -> Interval:
     """A torque [N m] with its 90 % interval: the waveform is not known."""
-    return Interval(value, value * (1.0 - Z90 * LAW), value * (1.0 + Z90 * LAW), "N m")
+    return Interval(value, value * (1.0 - NORMAL_90 * LAW), value * (1.0 + NORMAL_90 * LAW), "N m")

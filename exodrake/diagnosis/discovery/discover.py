@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.core.confidence import ALPHA
+from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
@@ -26,7 +26,6 @@ from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
 from exodrake.diagnosis.discovery.search import fit_best, ranked, rejects
 from exodrake.diagnosis.discovery.watch import counted, watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
-from exodrake.diagnosis.intervals import Z90
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
@@ -201,5 +200,5 @@ def curves_of(fit: Fit, short: Formula | None, counts: np.ndarray) -> dict[str, 
         edges = np.linspace(candidate.seen.low[channel], candidate.seen.high[channel], counts.shape[1] + 1)
         share = counts[channel] / max(float(counts[channel].sum()), 1.0)
         text = short.text(name) if short else ""
-        found[name] = Curve(at[channel], value, value - Z90 * std, value + Z90 * std, edges, share, text)
+        found[name] = Curve(at[channel], value, value - NORMAL_90 * std, value + NORMAL_90 * std, edges, share, text)
     return found
