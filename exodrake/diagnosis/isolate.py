@@ -25,7 +25,7 @@ from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed, with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import spurious
-from exodrake.diagnosis.refine import ROUGH, STEPS, TOL, Explanation, minimise
+from exodrake.diagnosis.refine import ROUGH, STEPS, TOL, Explanation, astray, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 from exodrake.diagnosis.stuck import from_another_law, searched
 
@@ -33,7 +33,7 @@ REFINED = 5  # sets of effects of one size that are fitted
 EXCHANGED = 2  # other sets than the best one beside which an effect is tried that was found beside the best
 FIRST_STEPS = 2  # of all fits; those that are not far behind go on
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
-CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian
+CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian, if it is not astray
 RENEWED = 24  # effects whose directions are taken anew beside an explanation, the most promising by the known ones
 FRESH = 2  # fits with a new nominal Jacobian
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
@@ -167,8 +167,8 @@ class Isolator:
         closer = likelihood.scaled_to(done[0].residual) if done else likelihood
         for k, e in enumerate(done[:FRESH]):
             left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
-            if CONVERGED < left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
-                done[k] = self.refreshed(closer, e)
+            if left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
+                done[k] = self.refreshed(closer, e) if left > CONVERGED or astray(closer, e) else e
             if done[k] in ROUGH and left > CONVERGED:
                 done[k] = searched(likelihood.scaled_to(done[k].residual), done[k])
         done = side_by_side([partial(from_another_law, likelihood, e, done, BEHIND) for e in done])
