@@ -76,14 +76,14 @@ def test_every_direction_belongs_to_one_probe_and_simulated_time_is_counted(prob
 
 
 def test_renewed_directions_are_new_where_there_are_new_ones_and_old_elsewhere(problem):
-    """Three effects at one robot, the second of them at another one; the third is in that robot already."""
+    """Three effects at one robot, the second of them at another one."""
     likelihood, effects, values = output_error(problem), problem.robot.machine.effects[:3], problem.silent()
     other = problem.robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
     old = linearise(likelihood, values, np.zeros(0), (), effects)
     new = linearise(likelihood, problem.silent(other), np.zeros(0), (), effects[1:2])
-    found = renewed(old, new, {effects[2].id})
-    assert {p.effect for p in found.probes} == {e.id for e in effects[:2]} and found.residual is new.residual
-    wanted = {id(p.x): (p, old) for p in old.probes if p.effect == effects[0].id} | {
+    found = renewed(old, new)
+    assert {p.effect for p in found.probes} == {e.id for e in effects} and found.residual is new.residual
+    wanted = {id(p.x): (p, old) for p in old.probes if p.effect != effects[1].id} | {
         id(p.x): (p, new) for p in new.probes
     }
     assert len(found.probes) == len(wanted)

@@ -139,8 +139,7 @@ class Isolator:
         best = parent.explanation
         likelihood = found.likelihood.scaled_to(best.residual)
         likelihood.stage = "linearise again"
-        known = renewed(found.beside_retuned, found.tests.lin, ())  # those of the sets before lack their own effects
-        lin = self.linearised(likelihood, best, known)
+        lin = self.linearised(likelihood, best, found.tests.lin)
         likelihood.stage = "refine again"
         tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
@@ -233,4 +232,4 @@ class Isolator:
         promising = [effect for effect in ranked if effect not in tried][:RENEWED]
         effects, count = [effect for effect in self.effects if effect.id in promising], e.nominal
         lin = linearise(likelihood, e.at_nominal, e.x[:count], e.parameters[:count], effects, e.jacobian, e.residual)
-        return renewed(known, lin, e.effects)
+        return renewed(known, lin)

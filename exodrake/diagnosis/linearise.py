@@ -8,7 +8,7 @@ matrix of the directions.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -126,9 +126,9 @@ def linearise(
     return Linearisation(nominal, x, residual, jacobian, directions, tuple(probe for probe, _ in found))
 
 
-def renewed(old: Linearisation, new: Linearisation, without: Collection[str]) -> Linearisation:
-    """A linearisation with the directions of an older one for effects that it lacks, but for those in `without`."""
-    known = {p.effect for p in new.probes}.union(without)
+def renewed(old: Linearisation, new: Linearisation) -> Linearisation:
+    """A linearisation with the directions of an older one for effects that it lacks."""
+    known = {p.effect for p in new.probes}
     at, probes, rows = len(new.directions), list(new.probes), []
     for probe in (p for p in old.probes if p.effect not in known):
         probes.append(replace(probe, rows=np.arange(at, at := at + len(probe.rows))))
