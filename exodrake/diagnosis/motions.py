@@ -6,16 +6,18 @@ Each kind of fitted motion in turn is judged by the robot as it would be without
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from exodrake.data.case import Case
 from exodrake.diagnosis.closure import overall
+from exodrake.diagnosis.improved import on_their_channels
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_logs
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import Closure, Interval
+from exodrake.diagnosis.result import Closure, Interval, NamedEffect
 
 
 def kind_of(protocol: str) -> str:
@@ -28,14 +30,18 @@ def kinds_of_logs(case: Case) -> dict[str, str]:
     return {item.file: kind_of(item.protocol) for item in case.logs}
 
 
-def with_motions(closure: Closure, problem: Problem, found: Isolation, best: Tested) -> Closure:
+def with_motions(
+    closure: Closure, problem: Problem, found: Isolation, best: Tested, effects: Sequence[NamedEffect]
+) -> Closure:
     """The closure with the kinds of motion that it was measured on, and closures on each kind left out of the fit."""
     kinds = kinds_of_logs(problem.case)
     measured_on = tuple(dict.fromkeys(kinds.get(trial.name, trial.name) for trial in problem.judged))
-    return replace(closure, measured_on=measured_on, motions=left_out_by_motion(problem, found, best))
+    return replace(closure, measured_on=measured_on, motions=left_out_by_motion(problem, found, best, effects))
 
 
-def left_out_by_motion(problem: Problem, found: Isolation, best: Tested) -> dict[str, Interval]:
+def left_out_by_motion(
+    problem: Problem, found: Isolation, best: Tested, effects: Sequence[NamedEffect]
+) -> dict[str, Interval]:
     """Closure on each kind of fitted motion by the robot that was fitted to the others; empty for one kind alone."""
     kinds, groups = kinds_of_logs(problem.case), dict[str, list[int]]()
     for k, trial in enumerate(problem.fit):
@@ -44,6 +50,7 @@ def left_out_by_motion(problem: Problem, found: Isolation, best: Tested) -> dict
         return {}
     nominal, closures = replace(problem, detected=()).silent(), {}
     robots = without_logs(found.likelihood, best.explanation, list(groups.values()))
+    robots = on_their_channels(problem.robot.machine, robots, effects)
     for (kind, logs), robot in zip(groups.items(), robots, strict=True):
         part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
         closures[kind] = overall(part, [np.array([nominal, robot])] * len(logs))

@@ -22,10 +22,10 @@ from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.improved import judged, on_their_channels, robot_of
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.level_table import level_table
 from exodrake.diagnosis.localise import localise
 from exodrake.diagnosis.motions import with_motions
@@ -116,20 +116,6 @@ def isolated(
     return whole, found
 
 
-def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
-    """The nominal robot with what a fit changed, noise and resolutions as they were.
-
-    Args:
-        problem: the case.
-        values: (parameters,) flat vector of a noise-free fitted robot [SI].
-        found_in: name of the case.
-    """
-    nominal = problem.robot
-    changed = values != replace(problem, detected=()).silent()
-    sources = {e.name: f"fitted to {found_in}" for e, c in zip(nominal.machine.parameters, changed, strict=True) if c}
-    return replace(nominal, values=np.where(changed, values, nominal.values), sources={**nominal.sources, **sources})
-
-
 def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
     """The effects that a decision names, with channels and intervals; detected ones last."""
     machine, best = problem.robot.machine, decision.best
@@ -181,10 +167,11 @@ def answer(problem: Problem, found: Isolation, decided: Decision, started: float
     case, best = problem.case, decision.best
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()
-    rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": best.explanation.robot}
-    closure = measure(problem, judged(problem, found, best, np.array(list(rows.values()))))
-    closure = with_motions(closure, problem, found, best)
     effects = effects_of(problem, found, decision)
+    improved = on_their_channels(problem.robot.machine, best.explanation.robot, effects)
+    rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
+    closure = measure(problem, judged(problem, found, best, effects, np.array(list(rows.values()))))
+    closure = with_motions(closure, problem, found, best, effects)
     moves = retuned(found)
     progress(Stage.LOCALISE, "")
     class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)
@@ -217,19 +204,6 @@ def notes_of(problem: Problem, best: Tested) -> tuple[str, ...]:
     case, machine = problem.case, problem.robot.machine
     found = suspicions(case, problem.robot)
     return (*case.notes, *found, *notes_on_length(problem, best), *calibration_notes(machine))
-
-
-def judged(problem: Problem, found: Isolation, best: Tested, rows: np.ndarray) -> list[np.ndarray]:
-    """The robots that each log judges, (3, parameters) flat vectors [SI].
-
-    `rows`, the nominal, the retuned and the best one; without held-out logs the latter two as fitted to the other logs.
-    """
-    if problem.holdout:
-        return [rows] * len(problem.holdout)
-    if len(problem.fit) == 1:
-        return [rows]
-    retuned, improved = (without_each_log(found.likelihood, t.explanation) for t in (found.retuned, best))
-    return [np.array([rows[0], a, b]) for a, b in zip(retuned, improved, strict=True)]
 
 
 def evidence_of(found: Isolation, best: Tested) -> dict[str, float]:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.robot import Robot
+from exodrake.diagnosis.improved import robot_of
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
-from exodrake.diagnosis.pipeline import robot_of
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation, minimise
 
