@@ -2,7 +2,7 @@
 
 A threshold is crossed in one frame or in the next, so that the residual of a dead zone jumps with its width: slopes
 over small steps say nothing of larger ones. Steps to both sides of each parameter are simulated at once instead, and
-halved where none lowers the cost (Hooke & Jeeves 1961).
+halved where none lowers the cost by `TOL` (Hooke & Jeeves 1961).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def searched(likelihood: Likelihood, e: Explanation) -> Explanation:
     step, found = FIRST, e
     while step > LEAST:
         best = min(found.at_each(likelihood, neighbours(found, step)), key=lambda t: t.cost(likelihood))
-        if best.cost(likelihood) < found.cost(likelihood):
+        if best.cost(likelihood) < (1.0 - TOL) * found.cost(likelihood):
             found = best
         else:
             step /= 2.0
