@@ -47,9 +47,9 @@ robots. What falls short, and why:
 - With no effect in the library nothing leads a retuned robot out of a minimum where it is stuck, which then looks like
   a missing law.
 
-Since then retuning follows the prediction errors, which leave fewer minima. 150 other healthy robots (seed 663071, commit
-`3f6a1fa`, `--healthy 150` with their names in `--cases`): something is found in one (0.7 %, 0.0 to 3.7 %), a torque of the
-finger that removes half of what retuning leaves; in another one a law that removes 3 % is refused.
+Since then retuning follows the prediction errors, which leave fewer minima. 150 other healthy robots (seed 663071,
+commit `3f6a1fa`, `--healthy 150` with their names in `--cases`): something is found in one (0.7 %, 0.0 to 3.7 %), a
+torque of the finger that removes half of what retuning leaves; in another one a law that removes 3 % is refused.
 
 {tables}
 
