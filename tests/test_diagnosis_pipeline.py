@@ -56,7 +56,7 @@ def test_nominal_parameters_come_back_from_where_retuning_led():
     assert found.closure.rms["retuned"] > 20.0 and found.closure.rms["after"] < 1.2
 
 
-def test_improved_robot_has_the_effect_where_it_is_named():
+def test_improved_robot_has_no_traces_of_an_effect_where_it_is_not_named():
     found = one_wire()
     (friction,) = found.effects
     assert friction.wires == ("AF",)

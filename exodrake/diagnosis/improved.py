@@ -1,31 +1,50 @@
-"""The improved robot: as it was fitted, with each effect on the channels that it is named on and nowhere else.
+"""The improved robot: as it was fitted, without traces of its effects.
 
-A fit gives every channel an amplitude; of a channel that the effect does not sit on (`channels.py`), it is what noise
-and the error of the law leave there.
+A fit gives every channel an amplitude. On a channel that the effect does not sit on (`channels.py`) it may be a smaller
+one, or a trace: what noise and the error of the law leave there, no more than its 90 % interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from exodrake.core.machine import Machine
+from exodrake.core.confidence import NORMAL_90
 from exodrake.core.robot import Robot
+from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_each_log
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import NamedEffect
 
 
-def on_their_channels(machine: Machine, rows: np.ndarray, effects: Sequence[NamedEffect]) -> np.ndarray:
-    """Flat vectors (..., parameters) [SI] with effects at their null values on channels that they do not sit on."""
-    found = rows.copy()
+def traces(effects: Sequence[NamedEffect], fitted: Fitted | None) -> dict[int, float]:
+    """Amplitudes of effects on channels that they do not sit on, where the 90 % interval holds 0.
+
+    Args:
+        effects: that are named.
+        fitted: their parameters; None where none was fitted.
+
+    Returns:
+        Index in the flat parameter vector -> value without the effect.
+    """
+    found: dict[int, float] = {}
+    if fitted is None:
+        return found
     for named in effects:
-        lead, sits = machine.effect(named.id).parameters[0], {"", *named.wires, *named.joints}
-        at = machine.effect_indices(named.id, lead.name)
-        found[..., [i for channel, i in at.items() if channel not in sits]] = lead.null
+        own, sits = fitted.of(named.id), {"", *named.wires, *named.joints}
+        for p, x, std in zip(own.parameters, own.x, own.std, strict=True):
+            if p.amplitude and not sits.issuperset(p.channels) and abs(x) < NORMAL_90 * std:
+                found |= dict.fromkeys(p.index, p.value(0.0))
+    return found
+
+
+def without(rows: np.ndarray, traces: Mapping[int, float]) -> np.ndarray:
+    """Flat vectors (..., parameters) [SI] with traces of effects at their null values."""
+    found = rows.copy()
+    found[..., list(traces)] = list(traces.values())
     return found
 
 
@@ -44,7 +63,7 @@ def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
 
 
 def judged(
-    problem: Problem, found: Isolation, best: Tested, effects: Sequence[NamedEffect], rows: np.ndarray
+    problem: Problem, found: Isolation, best: Tested, traces: Mapping[int, float], rows: np.ndarray
 ) -> list[np.ndarray]:
     """The robots that each log judges, (3, parameters) flat vectors [SI].
 
@@ -55,5 +74,4 @@ def judged(
     if len(problem.fit) == 1:
         return [rows]
     retuned, improved = (without_each_log(found.likelihood, t.explanation) for t in (found.retuned, best))
-    improved = on_their_channels(problem.robot.machine, improved, effects)
-    return [np.array([rows[0], a, b]) for a, b in zip(retuned, improved, strict=True)]
+    return [np.array([rows[0], a, b]) for a, b in zip(retuned, without(improved, traces), strict=True)]

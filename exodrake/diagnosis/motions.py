@@ -6,18 +6,18 @@ Each kind of fitted motion in turn is judged by the robot as it would be without
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from exodrake.data.case import Case
 from exodrake.diagnosis.closure import overall
-from exodrake.diagnosis.improved import on_their_channels
+from exodrake.diagnosis.improved import without
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_logs
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import Closure, Interval, NamedEffect
+from exodrake.diagnosis.result import Closure, Interval
 
 
 def kind_of(protocol: str) -> str:
@@ -31,16 +31,16 @@ def kinds_of_logs(case: Case) -> dict[str, str]:
 
 
 def with_motions(
-    closure: Closure, problem: Problem, found: Isolation, best: Tested, effects: Sequence[NamedEffect]
+    closure: Closure, problem: Problem, found: Isolation, best: Tested, traces: Mapping[int, float]
 ) -> Closure:
     """The closure with the kinds of motion that it was measured on, and closures on each kind left out of the fit."""
     kinds = kinds_of_logs(problem.case)
     measured_on = tuple(dict.fromkeys(kinds.get(trial.name, trial.name) for trial in problem.judged))
-    return replace(closure, measured_on=measured_on, motions=left_out_by_motion(problem, found, best, effects))
+    return replace(closure, measured_on=measured_on, motions=left_out_by_motion(problem, found, best, traces))
 
 
 def left_out_by_motion(
-    problem: Problem, found: Isolation, best: Tested, effects: Sequence[NamedEffect]
+    problem: Problem, found: Isolation, best: Tested, traces: Mapping[int, float]
 ) -> dict[str, Interval]:
     """Closure on each kind of fitted motion by the robot that was fitted to the others; empty for one kind alone."""
     kinds, groups = kinds_of_logs(problem.case), dict[str, list[int]]()
@@ -49,8 +49,7 @@ def left_out_by_motion(
     if len(groups) < 2 or not best.explanation.effects:
         return {}
     nominal, closures = replace(problem, detected=()).silent(), {}
-    robots = without_logs(found.likelihood, best.explanation, list(groups.values()))
-    robots = on_their_channels(problem.robot.machine, robots, effects)
+    robots = without(without_logs(found.likelihood, best.explanation, list(groups.values())), traces)
     for (kind, logs), robot in zip(groups.items(), robots, strict=True):
         part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
         closures[kind] = overall(part, [np.array([nominal, robot])] * len(logs))
