@@ -7,10 +7,11 @@ says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.plugins import single_machines
 from exodrake.core.schema import anything, mapping, number, text
@@ -39,6 +40,10 @@ class Calibration:
     taken: float
     moved: float
     source: str = ""
+
+    def rho(self, effect: Effect, decoded: Collection[str]) -> float:
+        """Relative standard deviation of the law of an effect [-]; `decoded`: ids of effects whose size was decoded."""
+        return self.same_meaning if effect.same_meaning and effect.id not in decoded else self.law_error
 
 
 # from development robots of the Exo-Index with 50 tolerances: 40 healthy ones moved by 0.24 to 0.89; absent effects

@@ -20,7 +20,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.result import NamedEffect
 
 
-def traces(effects: Sequence[NamedEffect], fitted: Fitted | None) -> dict[int, float]:
+def traces_of(effects: Sequence[NamedEffect], fitted: Fitted | None) -> dict[int, float]:
     """Amplitudes of effects on channels that they do not sit on, where the 90 % interval holds 0.
 
     Args:
@@ -41,8 +41,8 @@ def traces(effects: Sequence[NamedEffect], fitted: Fitted | None) -> dict[int, f
     return found
 
 
-def without(rows: np.ndarray, traces: Mapping[int, float]) -> np.ndarray:
-    """Flat vectors (..., parameters) [SI] with traces of effects at their null values."""
+def without_traces(rows: np.ndarray, traces: Mapping[int, float]) -> np.ndarray:
+    """Flat vectors (..., parameters) [SI] with other values where traces of effects were found (`traces_of`)."""
     found = rows.copy()
     found[..., list(traces)] = list(traces.values())
     return found
@@ -74,4 +74,4 @@ def judged(
     if len(problem.fit) == 1:
         return [rows]
     retuned, improved = (without_each_log(found.likelihood, t.explanation) for t in (found.retuned, best))
-    return [np.array([rows[0], a, b]) for a, b in zip(retuned, without(improved, traces), strict=True)]
+    return [np.array([rows[0], a, b]) for a, b in zip(retuned, without_traces(improved, traces), strict=True)]

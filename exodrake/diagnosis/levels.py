@@ -216,9 +216,8 @@ class Tests:
         decoded = self.likelihood.views[0].problem.counted
         found = [(self.moved, limits.same_meaning)]
         for identity, rows in residual_contributions(self.likelihood, e).items():
-            effect = machine.effect(identity)
-            rho = limits.same_meaning if effect.same_meaning and effect.id not in decoded else limits.law_error
-            found += [(project.own(row, effect.id), rho) for row in rows]
+            rho = limits.rho(machine.effect(identity), decoded)
+            found += [(project.own(row, identity), rho) for row in rows]
         return found
 
     def most_moved(self, project: Projection, law: np.ndarray) -> float:

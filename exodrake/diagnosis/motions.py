@@ -13,7 +13,7 @@ import numpy as np
 
 from exodrake.data.case import Case
 from exodrake.diagnosis.closure import overall
-from exodrake.diagnosis.improved import without
+from exodrake.diagnosis.improved import without_traces
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_logs
 from exodrake.diagnosis.problem import Problem
@@ -49,7 +49,7 @@ def left_out_by_motion(
     if len(groups) < 2 or not best.explanation.effects:
         return {}
     nominal, closures = replace(problem, detected=()).silent(), {}
-    robots = without(without_logs(found.likelihood, best.explanation, list(groups.values())), traces)
+    robots = without_traces(without_logs(found.likelihood, best.explanation, list(groups.values())), traces)
     for (kind, logs), robot in zip(groups.items(), robots, strict=True):
         part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
         closures[kind] = overall(part, [np.array([nominal, robot])] * len(logs))

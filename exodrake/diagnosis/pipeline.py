@@ -22,7 +22,7 @@ from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.improved import judged, robot_of, traces, without
+from exodrake.diagnosis.improved import judged, robot_of, traces_of, without_traces
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.isolation import Isolation, Tested
@@ -168,11 +168,11 @@ def answer(problem: Problem, found: Isolation, decided: Decision, started: float
     progress(Stage.CLOSURE, "")
     nominal = replace(problem, detected=()).silent()
     effects = effects_of(problem, found, decision)
-    left = traces(effects, decision.fitted)
-    improved = without(best.explanation.robot, left)
+    traces = traces_of(effects, decision.fitted)
+    improved = without_traces(best.explanation.robot, traces)
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
-    closure = measure(problem, judged(problem, found, best, left, np.array(list(rows.values()))))
-    closure = with_motions(closure, problem, found, best, left)
+    closure = measure(problem, judged(problem, found, best, traces, np.array(list(rows.values()))))
+    closure = with_motions(closure, problem, found, best, traces)
     moves = retuned(found)
     progress(Stage.LOCALISE, "")
     class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)

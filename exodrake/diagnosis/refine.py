@@ -19,7 +19,7 @@ from exodrake.diagnosis.parameter import STEP, Parameter, apply
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 TRIES = 4  # damped steps before a fit ends
 STEPS, TOL = 5, 5e-4  # of a fit as a rule
-BACK = 0.1  # share of the nominal parameters' changes that a fit is asked to take back: assumed
+BACK = 0.1  # share of the nominal parameters' changes that is taken back to test a fit: assumed
 FREE = 1e3  # prior standard deviations, in scales, of an effect's parameter: none, but the matrix stays regular
 
 

@@ -150,12 +150,11 @@ def effective(likelihood: Likelihood) -> float:
 def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
     """What each channel of each effect contributes, times its rho: effect -> (channels, samples) [noise_std].
 
-    rho: relative error that a diagnosis grants the law of an effect (`levels.Tests.contributions`).
+    rho: relative error that a diagnosis grants the law of an effect (`Calibration.rho`).
     """
     machine, decoded = likelihood.robot.machine, likelihood.views[0].problem.counted
     limits, found = calibration_of(machine), contributions(machine, e, likelihood.residual, residual)
-    exact = [i for i in found if machine.effect(i).same_meaning and i not in decoded]
-    return {i: (limits.same_meaning if i in exact else limits.law_error) * rows for i, rows in found.items()}
+    return {i: limits.rho(machine.effect(i), decoded) * rows for i, rows in found.items()}
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:

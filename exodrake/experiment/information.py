@@ -155,10 +155,10 @@ class Information:
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
     terms = terms_of(contest, reference)
-    return told(contest, terms) if terms else None
+    return information_of(contest, terms) if terms else None
 
 
-def told(contest: Contest, terms: Terms) -> Information | None:
+def information_of(contest: Contest, terms: Terms) -> Information | None:
     """What the runs on a motion tell; None if a robot without an effect does not come to its end."""
     rows, frames, laws = terms.rows, effective(terms.likelihood), contest.laws
     errors = [

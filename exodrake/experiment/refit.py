@@ -8,7 +8,7 @@ import numpy as np
 
 from exodrake.diagnosis.parameter import apply
 from exodrake.experiment.contest import Contest
-from exodrake.experiment.information import Information, told
+from exodrake.experiment.information import Information, information_of
 from exodrake.experiment.terms import Terms, derivatives, terms_of
 
 STEPS = 2  # of Gauss and Newton after the linear refit: assumed
@@ -18,7 +18,7 @@ SHARES = 1.0, 0.5, 0.25, 0.1  # of a step that are tried
 def refitted(contest: Contest, reference: np.ndarray) -> Information | None:
     """What a reference (frames, references) [SI] tells, each rival with the least that it leaves; None as there."""
     terms = terms_of(contest, reference)
-    found = told(contest, terms) if terms else None
+    found = information_of(contest, terms) if terms else None
     if terms is None or found is None:
         return None
     return replace(found, ended={key: ended(contest, terms, found, *key) for key in found.pairs})

@@ -35,6 +35,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.retune import LEAST_GAIN
 
+COMPLETE = "without an effect the logs differ from the robot by no more than noise: no law is missing"
 ROUNDS, WHOLE = 3, 4  # Jacobians of the best law's other parameters, on whole logs; Gauss-Newton steps with each
 
 
@@ -53,9 +54,7 @@ def discover(
             robot imitates a law, so that nothing is left for an input.
     """
     if found.retuned.levels.kept or found.nominal.levels.kept:
-        return MissingLaw(
-            False, "without an effect the logs differ from the robot by no more than noise: no law is missing"
-        )
+        return MissingLaw(False, COMPLETE)
     where = "" if imitates(found.retuned) else where
     moved = Moved(problem.robot.machine, with_laws(problem.robot.machine))
     progress(Stage.LINEARISE, "free laws")
