@@ -17,8 +17,10 @@ import exodrake as exo
 from exodrake.cli.main import cli
 
 # A command with a ready answer in place of the minutes of a diagnosis. With WORK it works a minute before that.
+# a process that a shell starts in the background, and its children, ignore Ctrl-C; a terminal's do not
 PROGRAM = """
-import os, sys, time
+import os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.path.insert(0, {tests!r})
 
 def ready(case, robot=None, progress=None, tried=None, discovers=None):
