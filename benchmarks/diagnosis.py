@@ -37,7 +37,7 @@ def rubbing(nominal: Robot, seconds: float) -> Case:
     """Two logs of the robot with friction, one of them held out."""
     robot, logs = nominal.splice(EFFECT, {COEFFICIENT: PLANTED}), []
     for seed, role in enumerate(("fit", "holdout")):
-        reference = Reference(random_motion(nominal, seed=seed).tension[: round(seconds / nominal.machine.frame)], role)
+        reference = Reference(random_motion(nominal, seed=seed).values[: round(seconds / nominal.machine.frame)], role)
         logs.append(CaseLog(simulate(robot, reference, seed=seed), role, role, None, f"{role}.csv"))
     return Case("friction", {}, tuple(logs))
 

@@ -96,7 +96,7 @@ def mujoco_speed(robot: Robot, reference: Reference, seconds: float, pieces: int
         start = thread_time()
         for frame in piece:
             tension = -data.actuator_force
-            command = kp * (reference.tension[frame] - tension) - kd * (tension - before) / period
+            command = kp * (reference.values[frame] - tension) - kd * (tension - before) / period
             command = np.clip(command, -fastest, fastest)
             data.ctrl[:] = -command
             before = tension

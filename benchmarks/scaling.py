@@ -70,7 +70,7 @@ def faultless() -> Case:
 
     robot, logs = load_robot(), []
     for seed, role in enumerate(("fit", "holdout")):
-        log = simulate(robot, Reference(random_motion(robot, seed=seed).tension, role), seed=seed)
+        log = simulate(robot, Reference(random_motion(robot, seed=seed).values, role), seed=seed)
         logs.append(CaseLog(log, role, role, None, f"{role}.csv"))
     return Case("faultless", {}, tuple(logs))
 

@@ -70,10 +70,10 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     cores.
     """
     machine, module = robot.machine, compile_machine(robot.machine)
-    noise_inputs = NoiseInputs.draw(len(reference.tension), 1, machine)
-    given = input_rows(machine, reference.tension, noise_inputs).values()
+    noise_inputs = NoiseInputs.draw(len(reference.values), 1, machine)
+    given = input_rows(machine, reference.values, noise_inputs).values()
     parameters = np.tile(prepared(robot), (rows, 1))
-    records = np.zeros((rows, len(reference.tension), signal_count(machine)))
+    records = np.zeros((rows, len(reference.values), signal_count(machine)))
 
     def one_after_another() -> None:
         for row, recording in zip(parameters, records, strict=True):
@@ -88,7 +88,7 @@ def compiled_speed(robot: Robot, reference: Reference, rows: int, batch: bool) -
     def at_once() -> None:
         side_by_side([partial(row, k) for k in range(rows)])
 
-    return rows * machine.frame * len(reference.tension) / best(at_once if batch else one_after_another, 4)
+    return rows * machine.frame * len(reference.values) / best(at_once if batch else one_after_another, 4)
 
 
 def engine_rows(robot: Robot, seconds: float, tell: Callable[[str], object]) -> list[Row]:

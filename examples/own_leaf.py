@@ -49,6 +49,6 @@ def run(robot, wanted, limit):
 
 
 robot, reference = exo.load_robot(), exo.grasp("caging", hold=4.0)
-free, limited = (run(robot, reference.tension, limit) for limit in (10.0, 0.8))
+free, limited = (run(robot, reference.values, limit) for limit in (10.0, 0.8))
 print(f"largest DIP angle: {free['angle_DIP'].max():.2f} rad, with the limiter {limited['angle_DIP'].max():.2f} rad")
 save_png(limited.plot("Limiter on the DIP", free, ("limiter", "free")), Path(*sys.argv[1:2]) / "own_leaf.png")

@@ -89,10 +89,10 @@ def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarra
     started = process_time()
     if motion == DESIGNED:
         made = design(contest, duration)
-        reference, found = made.reference.tension, made.information
+        reference, found = made.reference.values, made.information
     else:
         text = f"random-motion:seed=0,duration={duration:g}"
-        reference = protocol(text, contest.problem.robot).tension
+        reference = protocol(text, contest.problem.robot).values
         found = information(contest, reference)
     left = found.left[found.closest] if found else 0.0
     probability = found.probability if found else 0.0

@@ -26,7 +26,7 @@ def case_of(robot, seed=0, frames=FRAMES, name="case"):
         ("random", "holdout", protocols.random_motion(nominal, seed=seed)),
     )
     logs = [
-        CaseLog(simulate(robot, Reference(ask.tension[:frames], name), seed=10 * seed + k), name, role, None, name)
+        CaseLog(simulate(robot, Reference(ask.values[:frames], name), seed=10 * seed + k), name, role, None, name)
         for k, (name, role, ask) in enumerate(plan)
     ]
     return Case(name, {}, tuple(logs))
@@ -43,7 +43,7 @@ def friction_problem():
     """The problem of 6 s of the nominal robot with friction, as the only log."""
     robot = load_robot()
     planted = robot.splice("tendon.capstan_friction", {"mu_phi": PLANTED})
-    reference = Reference(protocols.random_motion(robot, seed=1).tension[:300], "random")
+    reference = Reference(protocols.random_motion(robot, seed=1).values[:300], "random")
     log = CaseLog(simulate(planted, reference, seed=1), "random", "fit", None, "random.csv")
     return make_problem(Case("friction", {}, (log,)), robot)
 

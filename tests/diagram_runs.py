@@ -41,6 +41,6 @@ def both(robot, reference, seed=1, substeps=1, **options):
     """Rows of all wires by the compiled simulator and by the Diagram, for the same draws."""
     from exodrake.diagrams.diagram import run_diagram
 
-    values, noise_inputs = prepared(robot), NoiseInputs.draw(len(reference.tension), seed, robot.machine)
+    values, noise_inputs = prepared(robot), NoiseInputs.draw(len(reference.values), seed, robot.machine)
     compiled = run_compiled(robot.machine, values, reference, noise_inputs, substeps)
     return compiled, run_diagram(robot, values, reference, noise_inputs, substeps, **options)

@@ -19,7 +19,7 @@ def short_case(name, seed, rusty):
     ill = robot.splice("tendon.capstan_friction", RUSTY, channels=["AF"]) if rusty else robot
     logs = []
     for place, role in enumerate(("fit", "holdout")):
-        reference = exo.Reference(exo.random_motion(robot, seed=10 * seed + place).tension[:FRAMES], role)
+        reference = exo.Reference(exo.random_motion(robot, seed=10 * seed + place).values[:FRAMES], role)
         logs.append(CaseLog(exo.simulate(ill, reference, seed=seed), role, role, None, f"{role}.csv"))
     return Case(name, {}, tuple(logs))
 

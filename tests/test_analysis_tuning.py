@@ -75,7 +75,7 @@ def test_a_controller_with_feed_forward_runs_on_both_engines():
     more = {"controller.ki": 0.01, "controller.tau_D": 0.01, "controller.tau_R": 0.1, "controller.feed": 1.0}
     changed = robot.with_parameters({**full, **more})
     reference = protocols.steps(changed)
-    reference = type(reference)(reference.tension[:100], "steps")
+    reference = type(reference)(reference.values[:100], "steps")
     logs = [simulate(changed, reference, seed=1, engine=engine) for engine in ("compiled", "drake")]
     for column in logs[0].columns:
         assert np.array_equal(logs[0][column], logs[1][column]), column

@@ -26,7 +26,7 @@ STROKES = ("stroke_AF", "stroke_MF", "stroke_AE")
 def case_of(effect="", **parameters):
     """Short sweeps and their repeat, random motion to fit and held out, of the nominal robot with an effect."""
     robot = ROBOT.splice(effect, parameters or None) if effect else ROBOT
-    sweeps = exo.Reference(exo.short_sweeps().tension[:1200], "sweeps")
+    sweeps = exo.Reference(exo.short_sweeps().values[:1200], "sweeps")
     motions = (sweeps, sweeps, *(exo.random_motion(seed=s) for s in (1, 2)))
     items = (("a", "fit", None), ("b", "fit", "a.csv"), ("c", "fit", None), ("d", "holdout", None))
     logs = [
@@ -188,7 +188,7 @@ def test_every_machine_is_checked(name):
             course = np.sin(time[:, None] / phases[0] + phases[1]).sum(axis=1) / 6.0 + 0.5
             columns.append((low[k] + course * min(high[k] - low[k], 1.0)) * moves)
     motion = exo.Reference(np.column_stack(columns), "sines")
-    back = exo.Reference(motion.tension[::-1], "back")
+    back = exo.Reference(motion.values[::-1], "back")
     logs = [
         exo.CaseLog(exo.simulate(robot, course, seed=k), role, role, None, f"{role}.csv")
         for k, (course, role) in enumerate(((motion, "fit"), (back, "holdout")))

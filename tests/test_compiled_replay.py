@@ -21,7 +21,7 @@ SEGMENTS = ("motor", "tendon", "finger")
 def log():
     """A log of another robot, 1.2 s of steps."""
     other = ROBOT.splice("tendon.capstan_friction").splice("motor.slow_velocity_loop")
-    return exo.simulate(other, exo.Reference(protocols.steps(ROBOT, dwell=0.4).tension[:FRAMES]), seed=3)
+    return exo.simulate(other, exo.Reference(protocols.steps(ROBOT, dwell=0.4).values[:FRAMES]), seed=3)
 
 
 @pytest.fixture(scope="module")

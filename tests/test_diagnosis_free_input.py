@@ -55,7 +55,7 @@ def found_in(robot, log, without=""):
 
 def motion(robot, frames=500):
     """Steps, 10 s."""
-    return Reference(protocols.steps(robot, dwell=1.0).tension[:frames], "steps")
+    return Reference(protocols.steps(robot, dwell=1.0).values[:frames], "steps")
 
 
 def spells(frames, height):

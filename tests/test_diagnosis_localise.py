@@ -23,7 +23,7 @@ def robot():
 
 def problem_of(robot, planted, frames=400):
     """Steps of a robot with a planted effect, as the only log."""
-    reference = Reference(protocols.steps(robot, dwell=1.0).tension[:frames], "steps")
+    reference = Reference(protocols.steps(robot, dwell=1.0).values[:frames], "steps")
     log = exo.simulate(planted, reference, seed=4)
     return make_problem(Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),)), robot)
 

@@ -27,7 +27,7 @@ def decoded(robot, log):
 
 
 def test_lost_commands_are_decoded(robot):
-    reference = Reference(protocols.random_motion(robot, seed=0).tension[:1500], "random")
+    reference = Reference(protocols.random_motion(robot, seed=0).values[:1500], "random")
     deaf = robot.splice("timing.dropped_commands", {"probability": 0.2})
     losses = [decoded(robot, simulate(deaf, reference, seed=seed)) for seed in range(12)]
     _, low, high = packet_loss.loss_probability(losses)
@@ -61,7 +61,7 @@ def test_a_drive_that_follows_badly_loses_no_commands(robot, effect):
 
 def test_commands_lost_in_bursts_are_decoded(robot):
     """A held command repeats in the log what the drive last received: losses of two and three frames in a row."""
-    reference = np.concatenate([protocols.random_motion(robot, seed=seed).tension for seed in range(3)])
+    reference = np.concatenate([protocols.random_motion(robot, seed=seed).values for seed in range(3)])
     rng, packet_arrival = np.random.default_rng(5), np.ones((len(reference), 3))
     for frame in rng.choice(len(reference) - 3, len(reference) // 12, replace=False):
         packet_arrival[frame : frame + rng.integers(2, 4)] = 0.0

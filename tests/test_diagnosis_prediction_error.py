@@ -25,7 +25,7 @@ def case_of(robot, seed, quantisation=True):
     plan = (("holds", "fit", protocols.holds(robot, seed=3)), ("steps", "holdout", protocols.steps(robot)))
     logs = []
     for k, (name, role, whole) in enumerate(plan):
-        reference = Reference(whole.tension[:FRAMES], name)
+        reference = Reference(whole.values[:FRAMES], name)
         log = simulate(robot, reference, None if seed is None else seed + k, quantisation)
         logs.append(CaseLog(log, name, role, None, name))
     return Case("fed", {}, tuple(logs))

@@ -22,8 +22,8 @@ def robot():
 @pytest.fixture(scope="module")
 def case(robot):
     """Two runs of 10 s of holds to fit, steps held out."""
-    holds = Reference(protocols.holds(robot, seed=3, dwell=2.5).tension[:500], "holds")
-    steps = Reference(protocols.steps(robot).tension[:500], "steps")
+    holds = Reference(protocols.holds(robot, seed=3, dwell=2.5).values[:500], "holds")
+    steps = Reference(protocols.steps(robot).values[:500], "steps")
     logs = (
         CaseLog(simulate(robot, holds, seed=1), "holds", "fit", None, "holds.csv"),
         CaseLog(simulate(robot, holds, seed=2), "holds", "fit", "holds.csv", "again.csv"),
@@ -77,7 +77,7 @@ def test_cubic_interpolation_is_exact_for_a_parabola():
 
 
 def test_late_motion_capture_shows_in_a_simulated_log(robot):
-    reference = Reference(protocols.steps(robot).tension[:400], "steps")
+    reference = Reference(protocols.steps(robot).values[:400], "steps")
     plain = simulate(robot, reference, seed=None, quantisation=False)
     late = simulate(robot.splice("timing.mocap_delay", {"delay": 0.04}), reference, seed=None, quantisation=False)
     assert np.allclose(late["angle_MCP"][2:], plain["angle_MCP"][:-2], atol=1e-12)

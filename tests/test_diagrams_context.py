@@ -39,7 +39,7 @@ def reference_of(name):
 def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
     """Every parameter of every machine: state and held signals at the start, and the run, to the last bit."""
     robot, reference = load_robot(name), reference_of(name)
-    machine, short = robot.machine, Reference(reference.tension[:FRAMES])
+    machine, short = robot.machine, Reference(reference.values[:FRAMES])
     diagram, noise = build_diagram(robot, reference, seed=1), NoiseInputs.draw(FRAMES, 1, robot.machine)
     moved = 0
     for parameter, value in edited(robot):

@@ -37,7 +37,7 @@ def test_an_effect_at_typical_values(effect):
     compiled, drake = both(robot, reference)
     assert np.isfinite(compiled).all()
     np.testing.assert_array_equal(compiled, drake)
-    short = Reference(reference.tension[:50])
+    short = Reference(reference.values[:50])
     np.testing.assert_array_equal(*both(robot, short))
 
 

@@ -179,7 +179,7 @@ def posture_plan(reference, ki):
     """A plan whose angles are those of the nominal robot."""
     angle = record(nominal(), reference, seed=None, quantisation=False).signals["angle"]
     gain = damped_inverse(np.array([[0.04, 0.04, -0.06], [0.07, 0.0, -0.07], [0.16, 0.0, -0.12]]))
-    return PosturePlan(reference.tension, angle, gain, np.full(3, 0.3), np.array([12.0, 8.0, 8.0]), ki)
+    return PosturePlan(reference.values, angle, gain, np.full(3, 0.3), np.array([12.0, 8.0, 8.0]), ki)
 
 
 def test_the_posture_loop_is_the_same_around_both_engines():

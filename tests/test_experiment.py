@@ -228,7 +228,7 @@ def test_another_speed_tells_viscous_from_coulomb_friction_the_same_speed_does_n
     stage = stage_of(contest.problem.robot, contest.problem.fit)
     s = np.linspace(0.0, 1.0, 8001)[:, None]
     one, two = 0.2 + 0.6 * s, np.where(s < 0.5, 0.2 + 0.2 * s, 0.3 + (s - 0.5))
-    both = [information(contest, stage.reference(shares).tension) for shares in (one, two)]
+    both = [information(contest, stage.reference(shares).values) for shares in (one, two)]
     assert both[0] is not None and both[1] is not None
     assert min(both[1].left.values()) > 3.0 * min(both[0].left.values())
 
@@ -275,14 +275,14 @@ def search_labels(safety):
 
 def test_search_is_seeded_safe_and_distinguishes_more_than_one_speed(contest, few):
     one, again, other = (design(contest, 20.0, seed) for seed in (1, 1, 2))
-    assert np.array_equal(one.reference.tension, again.reference.tension)
-    assert not np.array_equal(one.reference.tension, other.reference.tension)
+    assert np.array_equal(one.reference.values, again.reference.values)
+    assert not np.array_equal(one.reference.values, other.reference.values)
     assert one.safety.violations(contest.names, contest.records(one.reference)) == []
     low, high = contest.problem.robot.reference_limits()
-    course = one.reference.tension[:, :1]
+    course = one.reference.values[:, :1]
     assert (course >= low).all() and (course <= high).all()
     stage = stage_of(contest.problem.robot, contest.problem.fit)
-    speed = information(contest, stage.reference(0.2 + 0.6 * np.linspace(0.0, 1.0, 8001)[:, None]).tension)
+    speed = information(contest, stage.reference(0.2 + 0.6 * np.linspace(0.0, 1.0, 8001)[:, None]).values)
     assert speed is not None and one.information.criterion > speed.criterion
 
 
@@ -332,7 +332,7 @@ def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path
     assert "carriage.coulomb_friction" in result.output and "diagnose again" in result.output
     robot = exo.load_robot("emps")
     reference = from_log(out, robot)
-    assert len(reference.tension) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
+    assert len(reference.values) == pytest.approx(20.0 / robot.machine.frame, rel=1e-3)
     assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     again = tmp_path / "again.csv"
     result = run("experiment", answered / "diagnosis.json", "--robot", "emps", "--out", again, "--duration", 20)

@@ -131,7 +131,7 @@ def test_a_robot_file_without_tolerances_is_reported(tmp_path):
 
 def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
     robot = load_robot()
-    log = simulate(robot, Reference(protocol("steps", robot).tension[:300]), seed=1)
+    log = simulate(robot, Reference(protocol("steps", robot).values[:300]), seed=1)
     case = Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),), robot.machine.frame)
     signals = {k: v for k, v in log.signals.items() if not k.startswith("tension") or k.startswith("tension_ref")}
     poorer = replace(case, logs=(replace(case.logs[0], log=Log(log.time, signals)),))

@@ -53,7 +53,7 @@ def test_python_command_line_and_file_take_the_same_notation():
     with pytest.raises(exo.InputError, match="does not sit on 'XX'"):
         robot.splice("tendon.slack", {"length": {"XX": 2e-3}})
     short = exo.protocol("caging:hold=500 ms", robot)
-    assert len(short.tension) == len(exo.protocol("caging:hold=0.5", robot).tension)
+    assert len(short.values) == len(exo.protocol("caging:hold=0.5", robot).values)
 
 
 def test_a_name_without_its_channel_gives_all_channels():

@@ -59,10 +59,10 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
             f"{robot.machine.name} logs nothing that {column.kind} asks for, so nothing can be made up for"
         )
     width = len(channels)
-    wanted = reference.tension[:, :width]
+    wanted = reference.values[:, :width]
 
     def sent(commands: np.ndarray) -> Reference:
-        return replace(reference, tension=np.hstack([commands, reference.tension[:, width:]]))
+        return replace(reference, values=np.hstack([commands, reference.values[:, width:]]))
 
     def motion(commands: np.ndarray) -> np.ndarray:
         return simulate(robot, sent(commands), seed=None, quantisation=False).array(kind, channels)

@@ -41,9 +41,9 @@ def command(wanted: str, robot: str, out: Path) -> None:
     with Console(stderr=True).status("simulating (the first run after a change compiles for half a minute)"):
         found = feedforward(built, reference)
     names = machine.log_names(machine.references)
-    signals = dict(zip(names, found.commands.tension.T, strict=True))
+    signals = dict(zip(names, found.commands.values.T, strict=True))
     units = {name: machine.signal[c.signal].unit for c in machine.references for name in machine.log_names([c])}
-    write_log(Log(machine.frame * np.arange(len(reference.tension)), signals, units, "commands"), out)
+    write_log(Log(machine.frame * np.arange(len(reference.values)), signals, units, "commands"), out)
     shown = display_of(found.kind, machine)
     ends = [[f"{shown.factor * value:.3g} {shown.unit}" for value in one] for one in (found.before, found.after)]
     rows = list(zip(machine.channels(machine.references[0].signal), *ends, strict=True))

@@ -17,25 +17,28 @@ from exodrake.core.signal import NORMAL, Signal
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the robot follows.
+    """Reference trajectory of a run.
 
     Attributes:
-        tension: (frames, tendons) array [N]; for a machine that follows something else, the columns of
-            `machine.references` side by side [SI].
-        name: of the protocol.
+        values: (frames, references) array [SI], the columns of `machine.references` side by side: tensions [N] of the
+            tendons for the Exo-Index.
+        name: name of the protocol.
+
+    Raises:
+        InputError: for another shape, or a value that is not finite.
     """
 
-    tension: np.ndarray
+    values: np.ndarray
     name: str = "reference"
 
     def __post_init__(self) -> None:
-        rows = np.ascontiguousarray(self.tension, dtype=float)
+        rows = np.ascontiguousarray(self.values, dtype=float)
         if rows.ndim != 2 or not len(rows):
-            raise InputError(f"{self.name}: tension references of shape {rows.shape}, wanted (frames, wires)")
+            raise InputError(f"{self.name}: references of shape {rows.shape}, wanted (frames, references)")
         if not np.isfinite(rows).all():
-            frame, wire = np.argwhere(~np.isfinite(rows))[0]
-            raise InputError(f"{self.name}: tension reference of wire {wire} is not finite in frame {frame}")
-        object.__setattr__(self, "tension", rows)
+            frame, column = np.argwhere(~np.isfinite(rows))[0]
+            raise InputError(f"{self.name}: reference {column} is not finite in frame {frame}")
+        object.__setattr__(self, "values", rows)
 
 
 class NoiseInputs(dict[str, np.ndarray]):

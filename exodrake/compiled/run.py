@@ -14,9 +14,9 @@ def run_compiled(
 ) -> np.ndarray:
     """All signals (frames, channels) at each frame's end, by the compiled simulator."""
     module = compile_machine(machine)
-    rows = np.zeros((len(reference.tension), signal_count(machine)))
+    rows = np.zeros((len(reference.values), signal_count(machine)))
     state, w = np.zeros(state_size(machine)), np.zeros(signal_count(machine))
     module.begin(values, state)
-    given = input_rows(machine, reference.tension, noise_inputs).values()
+    given = input_rows(machine, reference.values, noise_inputs).values()
     module.run(values, state, w, *given, machine.slot / substeps, substeps, rows, NOTHING, NOTHING)
     return rows

@@ -67,7 +67,7 @@ def build_diagram(
     drawn = tuple(name for name in names if machine.signal[name].distribution)
     rows: dict[str, np.ndarray] = {}
     if reference is not None:
-        found = input_rows(machine, reference.tension, NoiseInputs.draw(1, None, machine))
+        found = input_rows(machine, reference.values, NoiseInputs.draw(1, None, machine))
         rows = {name: found[name] for name in names if name not in drawn}
     robot = replace(robot, values=prepared(robot, quantisation))
     return assemble(robot, Exogenous(machine, rows, drawn, seed), substeps, fine_log, systems)
@@ -78,10 +78,10 @@ def run_diagram(
 ) -> np.ndarray:
     """All signals (frames, channels) [SI] at each frame's end; to the last bit those of the compiled simulator."""
     machine = robot.machine
-    exogenous = Exogenous(machine, input_rows(machine, reference.tension, noise_inputs), (), None)
+    exogenous = Exogenous(machine, input_rows(machine, reference.values, noise_inputs), (), None)
     diagram = assemble(replace(robot, values=values), exogenous, substeps)
     simulator = Simulator(diagram)
-    simulator.AdvanceTo(machine.frame * len(reference.tension))
+    simulator.AdvanceTo(machine.frame * len(reference.values))
     return logged(machine, diagram, simulator.get_context())
 
 

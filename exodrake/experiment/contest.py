@@ -81,7 +81,7 @@ class Contest:
 
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
-        return self.problem.records(self.robots, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
+        return self.problem.records(self.robots, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
 
     def difference(self, records: np.ndarray) -> float:
         """How far the two runs of `records` that differ least do so in the logged columns, at a first look.

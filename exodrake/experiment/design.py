@@ -70,8 +70,8 @@ class Design:
 
     def log(self, machine: Machine) -> Log:
         """The reference as a log of its columns alone, for `simulate --reference` and for the robot."""
-        time = machine.frame * np.arange(len(self.reference.tension))
-        return Log(time, dict(zip(machine.log_names(machine.references), self.reference.tension.T, strict=True)))
+        time = machine.frame * np.arange(len(self.reference.values))
+        return Log(time, dict(zip(machine.log_names(machine.references), self.reference.values.T, strict=True)))
 
     @property
     def enough(self) -> bool:
@@ -99,13 +99,13 @@ class Designer:
         self.whole = frames_of(duration, self.stage.frame)
         self.known = known = known_motions(contest)
         self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
-        self.pilot = information(contest, known[-1].tension[:PILOT])
+        self.pilot = information(contest, known[-1].values[:PILOT])
         self.quick = reduced(contest, self.pilot) if self.pilot else contest
         self.fewer = 2.0 / len(contest.explanations)
 
     def follow(self, design: Design) -> None:
         """Let the quick search keep the directions, too, in which a refit changes a motion that was found."""
-        if found := information(self.contest, design.reference.tension):
+        if found := information(self.contest, design.reference.values):
             self.pilot = self.pilot + found if self.pilot else found
             self.quick = reduced(self.contest, self.pilot)
 
@@ -116,7 +116,7 @@ class Designer:
 
     def shares_of(self, reference: Reference) -> np.ndarray:
         """A known motion in shares (frames, channels) of the span."""
-        return (reference.tension[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
+        return (reference.values[:, : len(self.stage.low)] - self.stage.low) / (self.stage.high - self.stage.low)
 
     def cut(self, reference: Reference) -> list[Window]:
         """A known motion in windows of a piece's length."""
@@ -137,7 +137,7 @@ class Designer:
 
     def piece(self, motif: Motif | Window, shares: np.ndarray) -> Piece | None:
         """A motif with its course, unless a robot does not come to its end."""
-        found = information(self.quick, self.stage.reference(shares).tension)
+        found = information(self.quick, self.stage.reference(shares).values)
         return Piece(motif, shares, found) if found else None
 
     def library(self) -> list[Piece]:
@@ -195,7 +195,7 @@ class Designer:
 
     def refitted(self, design: Design) -> Design | None:
         """An experiment with the refits of all rivals, of all their parameters, carried to their end."""
-        found = refitted(self.contest, design.reference.tension)
+        found = refitted(self.contest, design.reference.values)
         return replace(design, information=found) if found else None
 
     def random(self) -> list[np.ndarray]:
@@ -213,7 +213,7 @@ class Designer:
             reference = self.stage.reference(rest + size * (shares - rest))
             records = self.contest.records(reference)
             safe = not self.safety.violations(self.contest.names, records)
-            if safe and (found := information(self.quick, reference.tension)):
+            if safe and (found := information(self.quick, reference.values)):
                 return Design(reference, found, size, self.safety, self.tried)
             size *= SMALLER
         return None

@@ -42,7 +42,7 @@ def difference_of(contest: Contest, design: Design) -> Difference:
     problem, (true, rival) = contest.problem, design.information.closest
     e, z = contest.explanations[rival], design.information.refit(true, rival)
     moved = np.clip(e.x + contest.spreads[rival] @ z, *e.bounds)
-    trial = trial_of(contest, design.reference.tension)
+    trial = trial_of(contest, design.reference.values)
     rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
     logs, machine = problem.predict(rows, trial), problem.robot.machine
     variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
@@ -88,9 +88,9 @@ def draw_reference(axes: Any, contest: Contest, design: Design) -> None:
     machine = contest.problem.robot.machine
     column = machine.references[0]
     channels, display = machine.channels(column.signal), display_of(column.kind, machine)
-    time = machine.frame * np.arange(len(design.reference.tension))
+    time = machine.frame * np.arange(len(design.reference.values))
     for k, channel in enumerate(channels):
-        course = display.factor * design.reference.tension[:, k]
+        course = display.factor * design.reference.values[:, k]
         axes.plot(time, course, color=colour_of(channel, k, machine), label=channel)
     axes.set_ylabel(display.axis)
     axes.set_xlim(time[0], time[-1])

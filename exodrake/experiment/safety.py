@@ -118,7 +118,7 @@ def safety_of(problem: Problem, robots: np.ndarray, known: Sequence[Reference]) 
     runs = [run for trial in problem.fit for run in problem.records(robots, trial)]
     nominal = problem.silent()[None]
     for reference in known:
-        (run,) = problem.records(nominal, Trial(reference.name, "fit", reference.tension, np.zeros((0, 0))))
+        (run,) = problem.records(nominal, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
         runs.append(run)
     low, high = np.full(signal_count(machine), -np.inf), np.full(signal_count(machine), np.inf)
     rate = high.copy()

@@ -44,4 +44,4 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
     low, high = robot.reference_limits()
     gain = damped_inverse(compliance(plan, robot))
-    return PostureController(PosturePlan(reference.tension, angle, gain, low, high, ki), robot.machine)
+    return PostureController(PosturePlan(reference.values, angle, gain, low, high, ki), robot.machine)

@@ -69,7 +69,7 @@ def run_plan(
         raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
     systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
     diagram = build_diagram(robot, reference, seed, systems=systems)
-    simulator, frames = Simulator(diagram), len(reference.tension)
+    simulator, frames = Simulator(diagram), len(reference.values)
     simulator.AdvanceTo(robot.machine.frame * frames)
     signals = logged_signals(diagram, simulator.get_context())
     log = log_of(Recording(robot, reference, robot.machine.frame * np.arange(frames), signals))

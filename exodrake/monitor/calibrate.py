@@ -43,7 +43,7 @@ def readings(nominal: Robot, robot: Robot, noise: np.ndarray, seed: int, duratio
     """
     reference = work(nominal, seed, duration)
     log = simulate(robot, reference, seed=seed)
-    residuals = OnlineReplay(nominal).push(reference.tension, measured_columns(nominal, log), last=True)
+    residuals = OnlineReplay(nominal).push(reference.values, measured_columns(nominal, log), last=True)
     return [r for r in Gap(noise, nominal.machine.frame).push(residuals) if r.full]
 
 

@@ -46,7 +46,7 @@ def noise_std(robot: Robot) -> np.ndarray:
         return least
     reference = work(robot, 0, OWN)
     log = simulate(robot, reference, seed=0)
-    own = OnlineReplay(robot).push(reference.tension, measured_columns(robot, log), last=True)
+    own = OnlineReplay(robot).push(reference.values, measured_columns(robot, log), last=True)
     return np.maximum(np.sqrt(np.nanmean(own[round(SKIP / robot.machine.frame) :] ** 2, axis=0)), least)
 
 

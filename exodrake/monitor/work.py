@@ -35,14 +35,14 @@ def task(robot: Robot, kind: str, rng: np.random.Generator) -> np.ndarray:
         share = rng.uniform(0.5, 1.0)
         targets = {channel: share * value for channel, value in robot.grasps[mode].items()}
         pace = {"rest": rng.uniform(0.2, 2.0), "approach": rng.uniform(0.5, 2.0), "hold": rng.uniform(1.0, 6.0)}
-        return protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace).tension
+        return protocols.grasp(mode, robot, targets, release=rng.uniform(0.5, 2.0), **pace).values
     seed = int(rng.integers(1 << 31))
     if kind == "random":
         options = {"duration": rng.uniform(15.0, 40.0), "fastest": rng.uniform(0.2, 1.2)}
-        return on_machine(protocols.random_motion, robot, seed=seed, **options).tension
+        return on_machine(protocols.random_motion, robot, seed=seed, **options).values
     if kind == "holds":
-        return on_machine(protocols.holds, robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).tension
-    return on_machine(rest, robot, duration=rng.uniform(5.0, 15.0)).tension
+        return on_machine(protocols.holds, robot, seed=seed, count=3, dwell=rng.uniform(2.0, 5.0)).values
+    return on_machine(rest, robot, duration=rng.uniform(5.0, 15.0)).values
 
 
 def rest(robot: Robot, *, duration: float) -> Reference:

@@ -101,7 +101,7 @@ def on_machine(function: Callable[..., Reference], robot: Robot, **options: floa
     channels = machine.channels(first.signal)
     unit = replace(robot, limits={name: dict.fromkeys(channels, level) for name, level in zip(limits, (0.0, 1.0))})
     shares = function(unit, **options)
-    first_rows = low + shares.tension * (high - low)
+    first_rows = low + shares.values * (high - low)
     rows = {first.kind: smooth(first_rows, machine.frame) if any(c.rate_of for c in others) else first_rows}
     for column in others:
         start = column.kind == first.kind.removesuffix("_ref") + "_start"

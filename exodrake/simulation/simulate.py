@@ -58,9 +58,9 @@ def record(
         InputError: the reference has another width than the machine, or a parameter divides by zero.
     """
     reference = protocol(reference, robot) if isinstance(reference, str) else reference
-    machine, frames = robot.machine, len(reference.tension)
-    if reference.tension.shape[1] != (width := reference_width(machine)):
-        raise InputError(f"{reference.name}: {reference.tension.shape[1]} references, {machine.name} has {width}")
+    machine, frames = robot.machine, len(reference.values)
+    if reference.values.shape[1] != (width := reference_width(machine)):
+        raise InputError(f"{reference.name}: {reference.values.shape[1]} references, {machine.name} has {width}")
     noise_inputs = NoiseInputs.draw(frames, seed, machine)
     values = prepared(robot, quantisation)
     if engine not in ("compiled", "drake"):

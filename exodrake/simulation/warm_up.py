@@ -21,10 +21,10 @@ SHORT = Reference(np.tile([5.0, 3.0, 1.0], (3, 1)), "warm-up")
 def simulator() -> None:
     """`begin`, `run` and `batch` of the compiled simulator."""
     robot = load_robot()
-    machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
+    machine, noise_inputs = robot.machine, NoiseInputs.draw(len(SHORT.values), 0, robot.machine)
     record(robot, SHORT)
-    records = np.zeros((1, len(SHORT.tension), signal_count(machine)))
-    given = input_rows(machine, SHORT.tension, noise_inputs).values()
+    records = np.zeros((1, len(SHORT.values), signal_count(machine)))
+    given = input_rows(machine, SHORT.values, noise_inputs).values()
     compile_machine(machine).batch(
         prepared(robot)[None], state_size(machine), *given, machine.slot, 1, records, NOTHING
     )
@@ -35,7 +35,7 @@ def leaves() -> None:
     from exodrake.diagrams.diagram import run_diagram
 
     robot = load_robot()
-    noise_inputs = NoiseInputs.draw(len(SHORT.tension), 0, robot.machine)
+    noise_inputs = NoiseInputs.draw(len(SHORT.values), 0, robot.machine)
     run_diagram(robot, prepared(robot), SHORT, noise_inputs, 1)
 
 
