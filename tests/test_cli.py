@@ -86,7 +86,7 @@ def test_interrupt_is_status_130(monkeypatch, log_file):
 def test_export_cuts_and_converts(log_file):
     out = log_file.with_suffix(".npz")
     assert run("export", log_file, "--out", out, "--start", 0.06, "--end", 0.1).exit_code == 0
-    np.testing.assert_array_equal(read_log(out, required=())["tension_AF"], [3, 4])
+    np.testing.assert_array_equal(read_log(out)["tension_AF"], [3, 4])
     assert run("export", log_file, "--out", out, "--start", 9).exit_code == 2
     assert run("export", log_file, "--out", out.with_suffix(".doc")).exit_code == 2
 

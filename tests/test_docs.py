@@ -211,8 +211,8 @@ def test_files_in_the_how_tos_are_read(tmp_path):
     for name, text in (("log.csv", table), ("drive.csv", recording), ("result.csv", result)):
         (tmp_path / name).write_text(text)
     log = import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
-    assert log.equals(exo.read_log(tmp_path / "result.csv", required=()))
-    np.testing.assert_allclose(exo.read_log(tmp_path / "log.csv", required=())["tension_AF"], [1.012, 0.998])
+    assert log.equals(exo.read_log(tmp_path / "result.csv"))
+    np.testing.assert_allclose(exo.read_log(tmp_path / "log.csv")["tension_AF"], [1.012, 0.998])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -127,10 +127,10 @@ def test_an_effect_in_one_module_acts(plugin):
     (plugin / "effects" / "carriage.py").write_text(EFFECT.replace("{AT}", '{"carriage.pushed": pushed}'))
     assert "grows with the square of speed" in exodrake("--plugin", plugin, "effects", "--robot", "emps")
     files = [simulated(plugin, "emps", "carriage.quadratic_drag", COEFFICIENT, speed) for speed in (SPEED, 2.0 * SPEED)]
-    log = read_log(files[0], required=())
+    log = read_log(files[0])
     assert log["force_carriage"][-200:].mean() == pytest.approx(COEFFICIENT * SPEED**2, rel=0.02)
     items = [
-        CaseLog(read_log(f, required=()), f.stem, role, None, f.name)
+        CaseLog(read_log(f), f.stem, role, None, f.name)
         for f, role in zip(files, ("fit", "holdout"), strict=True)
     ]
     write_case(Case("ramps", {}, tuple(items), 1e-3), plugin.parent / "case")
@@ -178,6 +178,6 @@ def test_a_sensor_is_one_module_its_signals_and_its_parameters(plugin):
     (folder / "robot.yaml").write_text(text.replace("parameters:\n", "parameters:\n  gauge: {gain: 1.5}\n", 1))
     assert "gauged" in exodrake("--plugin", plugin, "draw", "--robot", "gauged", "--out", folder / "gauged.svg")
     assert "gauge" in (folder / "gauged.svg").read_text()
-    log = read_log(simulated(plugin, "gauged", "carriage.viscous_friction", 100.0), required=())
+    log = read_log(simulated(plugin, "gauged", "carriage.viscous_friction", 100.0))
     assert np.abs(log["force_carriage"]).max() > 1.0
     assert log["gauge_carriage"][10:] == pytest.approx(1.5 * log["force_carriage"][10:], rel=1e-6, abs=1e-6)

@@ -154,7 +154,7 @@ def test_mcap_keeps_awkward_names(tmp_path):
     names = ("tension_AF", "torque", "torque_value", "odd.name", "tension_ref_a_b")
     log = Log(np.arange(4) / 3, {name: np.arange(4.0) for name in names}, {"odd.name": "W"})
     write_log(log, tmp_path / "log.mcap")
-    assert read_log(tmp_path / "log.mcap", required=()).equals(log)
+    assert read_log(tmp_path / "log.mcap").equals(log)
 
 
 def test_mat_is_what_matlab_opens(tmp_path):
@@ -249,7 +249,7 @@ def test_import_command(tmp_path):
     words = ["import", str(tmp_path / "drive.csv"), "--map", str(tmp_path / "map.yaml"), "--out"]
     result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.csv.gz")])
     assert result.exit_code == 0, result.output
-    assert read_log(tmp_path / "log.csv.gz", required=()).equals(
+    assert read_log(tmp_path / "log.csv.gz").equals(
         import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
     )
     result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.docx")])

@@ -185,13 +185,13 @@ def test_a_lerobot_data_set(tmp_path, version):
             parquet.write_table(table, folder / f"episode_{episode:06d}.parquet")
     made = exodrake("import", tmp_path / "set", "--unit", "deg", "--out", tmp_path / "case")
     assert made.exit_code == 0, made.output
-    case = read_case(tmp_path / "case", required=())
+    case = read_case(tmp_path / "case")
     assert [item.role for item in case.logs] == ["fit", "fit", "holdout"] and case.period == 0.02
     last = case.logs[2].log
     np.testing.assert_allclose(np.degrees(last["angle_wristFlex"]), 10.0 * Q[:, 0] + 2.0, atol=1e-12)
     np.testing.assert_allclose(np.degrees(last["angle_ref_elbowFlex"]), 10.0 * Q[:, 1], atol=1e-12)
     one = exodrake("import", tmp_path / "set", "--unit", "deg", "--episodes", "1", "--out", tmp_path / "one.csv")
-    assert one.exit_code == 0 and len(read_log(tmp_path / "one.csv", required=())) == N
+    assert one.exit_code == 0 and len(read_log(tmp_path / "one.csv")) == N
     assert "--unit deg" in exodrake("import", tmp_path / "set", "--out", tmp_path / "none").stderr
 
 
@@ -269,7 +269,7 @@ def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
     made = exodrake("import", tmp_path / "run.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "log.csv")
     assert made.exit_code == 0 and "note: angle_wrist: moved by -200 ms" in made.output, made.output
-    case = read_case(tmp_path / "log.csv", required=(), period=0.01)
+    case = read_case(tmp_path / "log.csv", period=0.01)
     assert any("moved by -200 ms" in note for note in case.notes) and any("20 Hz" in note for note in case.notes)
     log = case.logs[0].log
     error = (log["angle_wrist"] - log["angle_ref_wrist"])[100:-100]
@@ -308,10 +308,10 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
     files = [tmp_path / f"run{k}.csv" for k in range(3)]
     made = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "case")
     assert made.exit_code == 0, made.output
-    case = read_case(tmp_path / "case", required=())
+    case = read_case(tmp_path / "case")
     assert [(item.file, item.role) for item in case.logs][1:] == [("run1.csv.gz", "fit"), ("run2.csv.gz", "holdout")]
     own = exodrake("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "own.npz")
-    assert own.exit_code == 0 and read_log(tmp_path / "own.npz", required=()).equals(case.logs[0].log)
+    assert own.exit_code == 0 and read_log(tmp_path / "own.npz").equals(case.logs[0].log)
     refused = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
     assert refused.exit_code == 2 and "3 logs" in refused.stderr
 
@@ -335,7 +335,7 @@ def test_the_marks_of_a_text_table_are_guessed(text, names, last):
 def test_the_folder_of_a_log_is_made_and_a_folder_without_recording_is_named(tmp_path):
     (tmp_path / "t.csv").write_text("time [s],force_x [N]\n0,1\n1,2\n")
     made = exodrake("import", tmp_path / "t.csv", "--out", tmp_path / "new" / "deep" / "t.npz")
-    assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz", required=())) == 2
+    assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz")) == 2
     for words in ((), ("--out", tmp_path / "x.csv")):
         assert "a folder without" in exodrake("import", tmp_path / "new", *words).stderr
 

@@ -14,6 +14,7 @@ from exodrake.data.log_file import read_log, write_log
 ENDINGS = (".csv", ".csv.gz", ".npz", ".parquet", ".mcap", ".mat")
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"
 GOOD = HEADING + "\n0,1,1.5,0.001\n0.02,1,,0.002\n0.04,1,1.25,0.003\n"
+KINDS = ("tension_ref", "tension", "stroke")
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def save(folder, text, name="log.csv"):
 
 def refusal(path, **options) -> str:
     with pytest.raises(InputError) as caught:
-        read_log(path, **options)
+        read_log(path, **({"required": KINDS} | options))
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -97,7 +98,7 @@ def test_with_signals_leaves_the_log_alone(log):
 )
 def test_units_are_converted_at_the_door(tmp_path, heading, cell, value):
     path = save(tmp_path, f"time [ms],{heading}\n0,{cell}\n20,{cell}\n")
-    log = read_log(path, required=())
+    log = read_log(path)
     assert log.dt == 0.02
     assert log[heading.split(" [")[0]][1] == pytest.approx(value, rel=1e-15)
 
@@ -231,7 +232,7 @@ def test_any_text_is_refused_or_read(tmp_path, rows, heads, packed):
     path = tmp_path / ("log.csv.gz" if packed else "log.csv")
     path.write_bytes(gzip.compress(text) if packed else text)
     try:
-        log = read_log(path, required=())
+        log = read_log(path)
         assert np.isfinite(log.time).all() and (np.diff(log.time) > 0).all()
     except InputError as error:
         assert str(path) in str(error)

@@ -102,8 +102,8 @@ def test_the_page_shows_the_mapping_and_the_headline_that_are_there(done):
 
 def test_the_improved_robot_follows_the_held_out_run(done):
     folder, _ = done
-    real, nominal = read_log(folder / "case" / "run3.csv.gz", required=()), "angle_ref_elbow"
-    improved = read_log(folder / "improved" / "log.csv", required=())
+    real, nominal = read_log(folder / "case" / "run3.csv.gz"), "angle_ref_elbow"
+    improved = read_log(folder / "improved" / "log.csv")
     error = np.std(improved["angle_elbow"] - real["angle_elbow"])
     assert error < 0.05 * np.std(real[nominal] - real["angle_elbow"])
 

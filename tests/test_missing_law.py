@@ -226,7 +226,7 @@ def test_law_is_written_as_an_effect_that_both_engines_run(tmp_path):
             tmp_path, "--plugin", "law", "simulate", "--robot", "law/robot.yaml", "--reference", "case/2.csv",
             "--engine", engine, "--out", engine, "--no-noise", "--no-quantisation",
         )  # fmt: skip
-    compiled, drake = (read_log(tmp_path / engine / "log.csv", ()) for engine in ("compiled", "drake"))
+    compiled, drake = (read_log(tmp_path / engine / "log.csv") for engine in ("compiled", "drake"))
     measured = case_of(saturating_spring).logs[2].log
     assert all(np.array_equal(compiled[c], drake[c]) for c in compiled.columns)
     error, motion_std = compiled["force_carriage"] - measured["force_carriage"], np.std(measured["force_carriage"])

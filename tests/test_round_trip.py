@@ -54,7 +54,7 @@ def test_back_to_the_last_digit_or_refused(tmp_path, ending, log):
     except InputError as error:
         assert "log" in str(error) and not list(tmp_path.iterdir())
         return
-    back = read_log(path, required=())
+    back = read_log(path)
     assert back.columns == log.columns and back.units == log.units
     assert same_bits(back.time, log.time)
     assert all(same_bits(back[name], log[name]) for name in log.columns)
@@ -67,4 +67,4 @@ def test_ordinary_names_are_never_refused(tmp_path, ending):
     draw = np.random.default_rng(4)
     log = Log(0.02 * np.arange(30), {name: draw.normal(size=30) * 10.0 ** draw.integers(-9, 9) for name in names})
     write_log(log, tmp_path / f"log{ending}")
-    assert read_log(tmp_path / f"log{ending}", required=()).equals(log)
+    assert read_log(tmp_path / f"log{ending}").equals(log)

@@ -93,10 +93,10 @@ def test_numbers_that_compress_well_fill_no_memory(tmp_path, monkeypatch):
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     parquet.write_table(arrow.table({"time [s]": arrow.nulls(6 * 10**8)}), tmp_path / "a.parquet")  # 4.8 GB as numbers
     assert (tmp_path / "a.parquet").stat().st_size < 2 * 10**6
-    assert "samples" in refusal(exo.read_log, tmp_path / "a.parquet", required=())
+    assert "samples" in refusal(exo.read_log, tmp_path / "a.parquet")
     monkeypatch.setattr(columns, "MAX_SAMPLES", 10**5)
     np.savez_compressed(tmp_path / "a.npz", np.zeros(2 * 10**5))
-    assert "samples" in refusal(exo.read_log, tmp_path / "a.npz", required=())
+    assert "samples" in refusal(exo.read_log, tmp_path / "a.npz")
 
 
 @pytest.mark.parametrize("command", ["export", "import", "simulate", "diagnose", "identify"])
@@ -117,7 +117,7 @@ def test_pipes_and_devices_are_refused(tmp_path, command):
 @pytest.mark.parametrize("value", ["1e300", "-1e13", "1e400", "9" * 400])
 def test_values_beyond_any_signal_are_refused(tmp_path, value):
     (tmp_path / "a.csv").write_text(f"time [s],tension_AF [N]\n0,1\n0.02,{value}\n")
-    said = refusal(exo.read_log, tmp_path / "a.csv", required=())
+    said = refusal(exo.read_log, tmp_path / "a.csv")
     assert "'tension_AF', row 2" in said
 
 

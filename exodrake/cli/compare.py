@@ -52,7 +52,7 @@ def read(path: Path) -> Log:
     """A log, or that in a folder of `exodrake simulate`."""
     from exodrake.data.log_file import read_log
 
-    return read_log(path / "log.csv" if path.is_dir() else path, required=())
+    return read_log(path / "log.csv" if path.is_dir() else path)
 
 
 def show(found: Comparison, log: Log, machine: Machine) -> None:

@@ -40,7 +40,7 @@ def command(log: Path, estimator: Path, out: Path | None, figure: Path | None, r
     if figure is not None and figure.suffix.lower() != ".png":
         raise InputError(f"{figure}: the figure is a PNG; its name ends in .png")
     trained = load(estimator, sha256_of(robot_yaml(robot) or robot) if robot else None)
-    found = estimate(trained, read_log(log), correct=not as_trained)
+    found = estimate(trained, read_log(log, ("tension", "stroke")), correct=not as_trained)
     if out:
         write_log(found.log, out)
         click.echo(f"{out}: {len(found.log)} rows with angle_est and angle_std")

@@ -18,7 +18,7 @@ def command(log: Path, out: Path, start: float | None, end: float | None) -> Non
     from exodrake.core.errors import InputError
     from exodrake.data.log_file import read_log, write_log
 
-    table = read_log(log, required=())
+    table = read_log(log)
     first, last = float(table.time[0]), float(table.time[-1])
     if start is not None or end is not None:
         table = table.between(first if start is None else start, float("inf") if end is None else end)

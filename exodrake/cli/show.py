@@ -26,7 +26,7 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
     from exodrake.machines.robot_file import load_robot
 
     kind = "angle_est" if estimated else ""
-    html = recording_html(read_log(log, required=()), load_robot(robot), log.name, angles=kind)
+    html = recording_html(read_log(log), load_robot(robot), log.name, angles=kind)
     target = out or log.with_name(log.name.split(".")[0] + ".html")
     write_text(target, html)
     click.echo(f"{target}: {len(html) / 1e6:.1f} MB")

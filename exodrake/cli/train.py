@@ -43,7 +43,7 @@ def command(logs: tuple[Path, ...], out: Path, points: int, robot: str, one_swee
     from exodrake.machines.library import robot_yaml
 
     mark = sha256_of(robot_yaml(robot) or robot) if robot else ""
-    read = [read_log(path) for path in logs]
+    read = [read_log(path, ("tension_ref", "tension", "stroke")) for path in logs]
     sweeps = sweeps_from_logs(read, one_per_log=[log.label for log in read] if one_sweep_per_log else ())
     prior = learn(sweeps, points)
     estimator = replace(condition(prior, sweeps, points), robot=mark, strokes=learn_strokes(sweeps))

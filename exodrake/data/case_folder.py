@@ -15,14 +15,14 @@ from exodrake.data.case_file import CaseFile, case_text, find_logs, read_case_fi
 from exodrake.data.clock import regularise
 from exodrake.data.columns import check_columns
 from exodrake.data.formats import stem
-from exodrake.data.log import REQUIRED, Log
+from exodrake.data.log import Log
 from exodrake.data.log_file import log_bytes, read_table
 from exodrake.data.notes import read_notes
 
 
 def read_case(
     folder: str | Path,
-    required: Sequence[str] = REQUIRED,
+    required: Sequence[str] = (),
     period: float | None = None,
     allow_outside: bool = False,
 ) -> Case:

@@ -21,9 +21,6 @@ from exodrake.core.units import check_unit, default_unit, kind_of
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-REQUIRED = ("tension_ref", "tension", "stroke")
-"""Kinds that a log must have unless the reader names others, for the same channels in each."""
-
 
 @dataclass(frozen=True, eq=False)
 class Log:

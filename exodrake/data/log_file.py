@@ -9,16 +9,15 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.data.columns import check_columns, check_writable
 from exodrake.data.formats import format_of
-from exodrake.data.log import REQUIRED, Log, check_clock
+from exodrake.data.log import Log, check_clock
 
 
-def read_log(path: str | Path, required: Sequence[str] = REQUIRED, complete: Sequence[str] = ()) -> Log:
+def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[str] = ()) -> Log:
     """Reads a log in SI from .csv, .csv.gz, .npz, .parquet, .mcap, .mat or a plugin's format.
 
     Args:
         path: the file.
-        required: columns, or kinds (then every channel found under one of them must be there under all of them); `()`
-            takes any log.
+        required: columns, or kinds (then every channel found under one of them must be there under all of them).
         complete: columns or kinds in which no sample may be missing.
 
     Raises:

@@ -133,7 +133,7 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
     """
     robot = robot or load_robot()
     machine = robot.machine
-    log = read_log(path, required=())
+    log = read_log(path)
     for column in machine.references:
         axis = machine.signal[column.signal].axis
         for channel in log.names(column.kind):

@@ -85,7 +85,7 @@ def import_all(
         raise InputError(f"{path}: no LeRobot data set, so neither --unit nor --episodes says anything")
     refuse_folder(path)
     if mapped is None and ending(path) and not is_bag(path):
-        return {stem(path): Imported(read_log(path, required=()), ())}
+        return {stem(path): Imported(read_log(path), ())}
     if mapped is None and not is_bag(path):
         raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
     return {stem(path): import_recording(path, mapped or default_mapping(path))}
