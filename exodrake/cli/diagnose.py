@@ -139,10 +139,11 @@ def limit_cores(jobs: int | None) -> None:
     if jobs is None:
         return
     import numba
-    from threadpoolctl import threadpool_limits
+
+    from exodrake.core.threads import thread_limit
 
     numba.set_num_threads(min(jobs, numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
-    threadpool_limits(jobs)
+    thread_limit(count=jobs)
 
 
 def report_of(found: Diagnosis, case: Case, nominal: Robot) -> str:

@@ -20,6 +20,7 @@ from exodrake.compiled.leaf_functions import generate_leaves
 from exodrake.compiled.schedule import generate_frame
 from exodrake.compiled.splice import compose_point
 from exodrake.core.machine import Machine
+from exodrake.core.once import once
 from exodrake.core.part import module_name, part_modules, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
@@ -175,6 +176,4 @@ def generate_module(machine: Machine) -> str:
 
 def compile_machine(machine: Machine) -> ModuleType:
     """The generated module of a machine: `begin`, `run`, `batch` and what the Drake leaves call."""
-    if "generated" not in machine.__dict__:  # as cached_property does on a frozen dataclass
-        machine.__dict__["generated"] = load_text(machine.name, generate_module(machine))
-    return machine.__dict__["generated"]
+    return once(machine, "generated", lambda: load_text(machine.name, generate_module(machine)))

@@ -16,6 +16,7 @@ from exodrake.compiled.compose import compile_machine, load_text
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, reference_width
 from exodrake.compiled.replay_code import print_replay
 from exodrake.core.machine import Machine, signal_count, state_size
+from exodrake.core.once import once
 
 
 class Replay:
@@ -72,7 +73,8 @@ class Replay:
 
 def compile_replay(machine: Machine) -> ModuleType:
     """The module with the function `replay` of a machine; machine code comes from numba's cache when it can."""
-    if "replay" not in machine.__dict__:  # as cached_property does on a frozen dataclass
-        text = print_replay(machine, compile_machine(machine).__name__)
-        machine.__dict__["replay"] = load_text(f"{machine.name}_replay", text)
-    return machine.__dict__["replay"]
+
+    def made() -> ModuleType:
+        return load_text(f"{machine.name}_replay", print_replay(machine, compile_machine(machine).__name__))
+
+    return once(machine, "replay", made)

@@ -35,12 +35,12 @@ def one_blas_thread() -> Any:
     return thread_limit("blas")
 
 
-def thread_limit(api: str | None = None) -> Any:
-    """Limit the thread pools of an API ("blas", "openmp"; all of them by default) to one thread, as a context."""
+def thread_limit(api: str | None = None, count: int = 1) -> Any:
+    """Limit the thread pools of an API ("blas", "openmp"; all of them by default) to some threads, as a context."""
     import scipy.linalg  # noqa: F401  loads its own BLAS, which can be limited only once it is loaded
     from threadpoolctl import threadpool_limits
 
-    return threadpool_limits(1, user_api=api)
+    return threadpool_limits(count, user_api=api)
 
 
 def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:

@@ -17,11 +17,11 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from threadpoolctl import threadpool_limits
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.core.short_repr import short_repr
+from exodrake.core.threads import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts
 from exodrake.estimator.prior import JITTER, POINTS, Prior, learn
@@ -117,7 +117,7 @@ def condition(prior: Prior, sweeps: Sweeps, points: int = POINTS) -> Estimator:
     """Condition on at most `points` rows with a given covariance, and calibrate by leave-one-sweep-out."""
     chosen = sweeps.equispaced(points)
     rows, targets = prior.rows(chosen), prior.targets(chosen)
-    with threadpool_limits(1):
+    with thread_limit():
         factor = np.linalg.cholesky(prior.kernel(rows) + JITTER * np.eye(len(rows)))
         lower = solve_triangular(factor, np.eye(len(rows)), lower=True)
         inverse = lower.T @ lower

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from exodrake.core.threads import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import sweep_kernel
 
@@ -47,7 +47,7 @@ def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
     chosen = sweeps.equispaced(points)
     prior = scaled(chosen)
     process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=_minimise)  # pyright: ignore
-    with threadpool_limits(1), warnings.catch_warnings():
+    with thread_limit(), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # a variance at its lower bound is an effect that is absent
         process.fit(prior.rows(chosen), prior.targets(chosen))
     return replace(prior, kernel=process.kernel_)

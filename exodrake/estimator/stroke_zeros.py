@@ -22,9 +22,9 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import f as fisher
-from threadpoolctl import threadpool_limits
 
 from exodrake.core.confidence import NORMAL_95
+from exodrake.core.threads import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.prior import JITTER, Prior, learn, scaled
 
@@ -102,7 +102,7 @@ class StrokeModel:
         chosen = stroke_rows(session).equispaced(ROWS)
         chosen = replace(chosen, sweep=chosen.sweep - chosen.sweep.min() + self.rows.sweep.max() + 1)
         known, new = prior.rows(self.rows), prior.rows(chosen)
-        with threadpool_limits(1):
+        with thread_limit():
             cross = prior.kernel(new, known)
             residual = prior.targets(chosen) - cross @ (self.inverse @ prior.targets(self.rows))
             covariance = prior.kernel(new) - cross @ self.inverse @ cross.T + JITTER * np.eye(len(new))

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from exodrake.core.confidence import NORMAL_95
+from exodrake.core.threads import thread_limit
 from exodrake.estimator.baselines import Predictor, fit_nearest, fit_ridge
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import condition
@@ -61,7 +61,7 @@ def validate(prior: Prior, sweeps: Sweeps, points: int = POINTS, seed: int = 0) 
         "nearest row": fit_nearest,
     }
     splits = {RANDOM: random_folds(sweeps, seed), HELD_OUT: sweep_folds(sweeps, seed)}
-    with threadpool_limits(1):  # many small products: a second thread only waits
+    with thread_limit():  # many small products: a second thread only waits
         return tuple(
             score(method, split, sweeps.angle, *out_of_fold(fit, sweeps, folds))
             for method, fit in methods.items()
