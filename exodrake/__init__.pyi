@@ -30,7 +30,8 @@ from exodrake.diagrams.parts import (
     TensionSensor as TensionSensor,
 )
 from exodrake.grasping.plan import plan_grasp as plan_grasp
-from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
+from exodrake.machines.robot_file import load_robot as load_robot
+from exodrake.machines.write_robot import write_robot as write_robot
 from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,

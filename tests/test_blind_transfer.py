@@ -21,7 +21,7 @@ from exodrake.blind.transfer import MODELS, Prediction, Transfer, Transferred, r
 from exodrake.blind.transfer_table import as_json, measures, tables
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.machines.robot_file import write_robot
+from exodrake.machines.write_robot import write_robot
 
 LATE = {"frames": 3.0}  # latency of the commands
 

@@ -27,6 +27,17 @@ def test_round_trip(tmp_path):
     assert back.machine is robot.machine and [p.name for p in tmp_path.iterdir()] == ["robot.yaml"]
 
 
+def test_limits_and_grasps_of_a_wearer_come_back(tmp_path):
+    text = "base: exo_index\nlimits: {F_max: {value: {AF: 5.0, MF: 4.0, AE: 4.0}, unit: N}}\n"
+    (tmp_path / "wearer.yaml").write_text(text + "grasps: {caging: {AF: 4.0, MF: 2.0, AE: 0.5}, own: {AF: 1.0}}\n")
+    wearer = exo.load_robot(tmp_path / "wearer.yaml")
+    exo.write_robot(wearer.with_parameters({"controller.kp": 0.002}), tmp_path / "tuned.yaml")
+    tuned = exo.load_robot(tmp_path / "tuned.yaml")
+    assert tuned.limits == wearer.limits and tuned.grasps == wearer.grasps
+    assert tuned.limits["F_max"] == {"AF": 5.0, "MF": 4.0, "AE": 4.0} and tuned.grasps["caging"]["MF"] == 2.0
+    assert tuned.grasps["narrow-pinch"] == exo.load_robot().grasps["narrow-pinch"]
+
+
 def test_no_folder_is_refused_and_nothing_written(tmp_path):
     with pytest.raises(InputError, match="nowhere"):
         exo.write_robot(exo.load_robot(), tmp_path / "nowhere" / "robot.yaml")

@@ -1,4 +1,4 @@
-"""Robot files: a machine with its parameters, read and written.
+"""Robot files, read: a machine with its parameters.
 
 A file either holds all parameters (`machines/exo_index/robot.yaml`) or names a `base` and what differs from it:
 
@@ -27,14 +27,14 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError, nearest
-from exodrake.core.files import is_file, read_bytes, write_text
+from exodrake.core.files import is_file, read_bytes
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.robot import Robot, flatten, refuse_negative
 from exodrake.core.schema import anything, either, listing, mapping, names, number, optional, text
 from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
-from exodrake.core.yaml_file import dump_yaml, parse_yaml
+from exodrake.core.yaml_file import parse_yaml
 from exodrake.machines.library import machine_named, machine_names, robot_yaml
 
 TRANSFORMS = ("relative", "additive", "log")
@@ -225,25 +225,3 @@ def check_limits(machine: Machine, limits: dict[str, dict[str, float]], source: 
         if low > limits.get(highest, {}).get(channel, math.inf):
             raise InputError(f"{source}: {lowest}.{channel} = {low} {unit} exceeds {highest}.{channel}")
     return limits
-
-
-def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
-    """Writes `robot_text`. InputError if it cannot be written; the file is whole or not there."""
-    write_text(path, robot_text(robot, notes))
-
-
-def robot_text(robot: Robot, notes: str = "") -> str:
-    """A robot file that `load_robot` takes: what differs from the built-in robot, effects included."""
-    base = load_robot(robot.machine.name)
-    parameters = {
-        e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
-        for e, v in zip(robot.machine.parameters, robot.values, strict=True)
-        if e.null is None and v != base[e.name]
-    }
-    effects = {
-        identity: {name: values.get("", values) for name, values in present.items()}
-        for identity, present in robot.effects().items()
-    }
-    parts = list(robot.machine.variant_names)
-    content = {"base": robot.machine.name, "parameters": parameters, "effects": effects, "parts": parts, "notes": notes}
-    return dump_yaml({k: v for k, v in content.items() if v})

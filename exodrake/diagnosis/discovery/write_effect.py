@@ -20,7 +20,7 @@ from exodrake.diagnosis.discovery.effect_text import (
 )  # fmt: skip
 from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE, LawPoint
 from exodrake.diagnosis.discovery.law_machine import Moved, module_of
-from exodrake.machines.robot_file import robot_text
+from exodrake.machines.write_robot import robot_text
 
 SWITCH = "present"
 USED = ("curve", "dragged", "faded", "inside", "slope", "stop_operator")
