@@ -253,18 +253,22 @@ def test_sensor_errors_are_what_they_say() -> None:
     assert sensor_offset.reading(8.0, 0.0, -0.2) == pytest.approx(7.8)
     assert sensor_drift.reading(8.0, 60.0, 0.005) == pytest.approx(8.3)
     assert sensor_crosstalk.mixed(8.0, 5.0, 0.03) == pytest.approx(8.15)
-    assert sensor_lag.lag(0.0016, 0.02, 0.25, 0.0) == 0.015
+    assert sensor_lag.lag(0.0016, 0.02, 0.25, 0.0, 0.0, 0.0) == 0.015
 
 
-def test_two_filters_lag_by_the_time_constant_behind_a_ramp() -> None:
-    """Behind a steady ramp the lags of filters in series add up."""
-    amplified, filtered, slope = 0.0, 0.0, 20.0
-    for k in range(200):
-        before, load = slope * k * DT, slope * (k + 1) * DT
-        amplified = followed(amplified, before, load, DT, sensor_lag.lag(0.0016, 0.02, 0.25, filtered))
-        filtered = sensor_lag.settle(DT, load, amplified, 0.0, 0.02, 0.25, filtered)
-    behind = (load - sensor_lag.reading(amplified, 0.0, 0.02, 0.25, filtered)) / slope
-    assert behind == pytest.approx(0.02, abs=0.5 * DT)
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.2, 0.5])
+@pytest.mark.parametrize("time_constant", [0.003, 0.02])
+def test_two_filters_lag_by_the_time_constant_behind_a_ramp(time_constant, share) -> None:
+    """Behind a steady ramp the lags of filters in series add up, however fast the second one is."""
+    cell, states, slope = 0.0, (0.0, 0.0, 0.0), 20.0
+    first = sensor_lag.lag(0.0, time_constant, share, *states)
+    for k in range(400):
+        load = slope * (k + 1) * DT
+        reading = followed(cell, slope * k * DT, load, DT, first)  # of this instant; the states are a tick behind
+        behind = (load - sensor_lag.reading(reading, 0.0, time_constant, share, *states)) / slope
+        cell = reading
+        states = sensor_lag.settle(DT, load, cell, 0.0, time_constant, share, *states)
+    assert behind == pytest.approx(time_constant, rel=1e-6)
 
 
 def test_nonlinearity_vanishes_at_both_ends() -> None:
