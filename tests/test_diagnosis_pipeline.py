@@ -133,12 +133,22 @@ def test_effect_beside_a_tremor_is_named_with_it():
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
 
 
-def test_effect_without_promise_at_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch):
-    """Retuning goes to the ends of its tolerances for half a stiffness, and from there the truth may not be seen."""
+@pytest.mark.parametrize("fitted", [False, True])
+def test_effect_without_promise_at_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch, fitted):
+    """Retuning goes to the ends of its tolerances for half a stiffness, and from there the truth may not be seen.
+
+    It is not fitted there, or its fit ends at its null value, since nominal parameters imitate it.
+    """
     found_from_retuned = Isolator.singles
 
     def without_the_truth(self, found, screened):
-        return [e for e in found_from_retuned(self, found, screened) if "finger.stiffness" not in e.effects]
+        def null(e):
+            retuned = found.retuned.explanation.x
+            return e.at(found.likelihood, np.r_[retuned, np.zeros(len(e.x) - len(retuned))])
+
+        singles = found_from_retuned(self, found, screened)
+        others = [e for e in singles if "finger.stiffness" not in e.effects]
+        return others + [null(e) for e in singles if fitted and "finger.stiffness" in e.effects]
 
     monkeypatch.setattr(Isolator, "singles", without_the_truth)
     answer = exo.diagnose(case_of(robot_with("finger.stiffness", 1, factor={"PIP": 0.5}), 1, frames=600))

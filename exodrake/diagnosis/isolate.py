@@ -10,7 +10,7 @@ Retune, linearise once, rank all effects by algebra, fit the best few, test them
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -25,7 +25,7 @@ from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed, with_effects
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import spurious
-from exodrake.diagnosis.refine import ROUGH, STEPS, TOL, Explanation, astray, minimise
+from exodrake.diagnosis.refine import STEPS, TOL, Explanation, astray, minimise
 from exodrake.diagnosis.select import NormalMatrix, Predicted
 from exodrake.diagnosis.stuck import from_another_law, searched
 
@@ -63,13 +63,11 @@ class Isolator:
     def isolate(self, max_effects: int) -> Isolation:
         """Explanations of growing size until some are left."""
         start = self.start
-        likelihood = likelihood_of(self.problem, start.robot, self.simulated)
-        likelihood.stage = "linearise"
+        likelihood = likelihood_of(self.problem, start.robot, self.simulated).for_stage("linearise")
         self.progress(Stage.LINEARISE, "")
         lin = linearise(likelihood, start.values, start.x, start.parameters, self.effects)
         start = replace(start, residual=lin.residual, jacobian=lin.jacobian)
-        likelihood = likelihood.scaled_to(lin.residual)
-        likelihood.stage = "refine"
+        likelihood = likelihood.scaled_to(lin.residual).for_stage("refine")
         retuned = self.refined(likelihood, start, STEPS)
         zero = start.at(likelihood, np.zeros(len(start.x)))
         tests = Tests(likelihood, lin, zero.residual - retuned.residual)
@@ -121,26 +119,27 @@ class Isolator:
         return sorted(more, key=lambda e: likelihood.mean_log(e.residual))
 
     def restarted(self, found: Isolation, zero: Explanation) -> Isolation:
-        """The isolation with single effects that look best from the nominal robot, where retuning led astray."""
-        likelihood, tried = found.likelihood, {effect for e in found.explanations for effect in e.effects}
-        likelihood.stage = "linearise again"
+        """The isolation with single effects that look best from the nominal robot, where retuning led astray.
+
+        Effects that were fitted from the retuned robot are fitted again: its nominal parameters may imitate them.
+        """
+        likelihood = found.likelihood.for_stage("linearise again")
         jacobian = nominal_jacobian(likelihood, zero.values, zero.parameters, zero.x, zero.residual)
         zero = zero.with_jacobian(jacobian)
-        lin = self.linearised(likelihood.scaled_to(zero.residual), zero, found.tests.lin, tried)
-        likelihood.stage = "refine again"
+        lin = self.linearised(likelihood.scaled_to(zero.residual), zero, found.tests.lin)
+        likelihood = likelihood.for_stage("refine again")
         screened = NormalMatrix(likelihood.scaled_to(zero.residual), zero, lin).singles()
-        screened = [p for p in screened if p.probes[0].effect not in tried]
-        more = self.fitted(likelihood, zero, screened[:REFINED])
-        return replace(found, tested=()).with_round(tested(likelihood, found.tests, [*found.explanations, *more]))
+        more = [*found.explanations, *self.fitted(likelihood, zero, screened[:REFINED])]
+        best = {e.name: e for e in sorted(more, key=lambda e: -e.cost(likelihood))}
+        return replace(found, tested=()).with_round(tested(likelihood, found.tests, list(best.values())))
 
     def grown(self, found: Isolation) -> Isolation:
         """The isolation with sets of one more effect, grown from the best set."""
         parent = found.tested[-1][0]
         best = parent.explanation
-        likelihood = found.likelihood.scaled_to(best.residual)
-        likelihood.stage = "linearise again"
+        likelihood = found.likelihood.scaled_to(best.residual).for_stage("linearise again")
         lin = self.linearised(likelihood, best, found.tests.lin)
-        likelihood.stage = "refine again"
+        likelihood = likelihood.for_stage("refine again")
         tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
         if more and taken_up(likelihood, best, more[0])[1] >= PROMISING:
@@ -168,7 +167,7 @@ class Isolator:
             left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
             if left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
                 done[k] = self.refreshed(closer, e) if left > CONVERGED or astray(closer, e) else e
-            if done[k] in ROUGH and left > CONVERGED:
+            if done[k].rough and left > CONVERGED:
                 done[k] = searched(likelihood.scaled_to(done[k].residual), done[k])
         done = side_by_side([partial(from_another_law, likelihood, e, done, BEHIND) for e in done])
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
@@ -221,15 +220,12 @@ class Isolator:
         starts += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
         return joined.at_each(likelihood, list(np.clip(starts, low, high)))
 
-    def linearised(
-        self, likelihood: Likelihood, e: Explanation, known: Linearisation, tried: Collection[str] = ()
-    ) -> Linearisation:
+    def linearised(self, likelihood: Likelihood, e: Explanation, known: Linearisation) -> Linearisation:
         """Directions of all other effects beside an explanation, anew where known ones promise most.
 
-        Its nominal Jacobian is kept; no effect in `tried` is taken anew.
+        Its nominal Jacobian is kept.
         """
-        ranked = [p.probes[0].effect for p in NormalMatrix(likelihood, e, known).singles()]
-        promising = [effect for effect in ranked if effect not in tried][:RENEWED]
+        promising = [p.probes[0].effect for p in NormalMatrix(likelihood, e, known).singles()][:RENEWED]
         effects, count = [effect for effect in self.effects if effect.id in promising], e.nominal
         lin = linearise(likelihood, e.at_nominal, e.x[:count], e.parameters[:count], effects, e.jacobian, e.residual)
         return renewed(known, lin)

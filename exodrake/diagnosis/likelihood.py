@@ -62,14 +62,21 @@ class View:
         return self.problem.tasks(rows, self.problem.fit, out, self.whitening)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Views of a case side by side; `simulated` sums the simulated time by stage [s]."""
+    """Views of a case side by side.
+
+    Attributes:
+        views: kinds of residual.
+        simulated: time simulated so far, by stage [s]; likelihoods of one case share it.
+        stage: under which further simulations are counted.
+        counted: (samples,) which samples count in the cost; all if None.
+    """
 
     views: tuple[View, ...]
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     stage: str = ""
-    counted: np.ndarray | None = None  # (samples,) which samples count in the cost; all if None
+    counted: np.ndarray | None = None
 
     @property
     def robot(self) -> Robot:
@@ -166,11 +173,15 @@ class Likelihood:
         frames = max(CORRELATION / self.robot.machine.frame, 1.0)
         scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
         views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
-        return Likelihood(views, self.simulated, self.stage, self.counted)
+        return replace(self, views=views)
 
     def of_samples(self, counted: np.ndarray) -> Likelihood:
         """The likelihood in which only some samples (samples,) count."""
-        return Likelihood(self.views, self.simulated, self.stage, counted)
+        return replace(self, counted=counted)
+
+    def for_stage(self, stage: str) -> Likelihood:
+        """The likelihood whose simulations count under another stage."""
+        return replace(self, stage=stage)
 
 
 def output_error(problem: Problem, stage: str = "") -> Likelihood:

@@ -16,6 +16,7 @@ import numpy as np
 
 from exodrake.diagnosis.intervals import Fitted
 from exodrake.diagnosis.isolation import Isolation, Tested, tested
+from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import STEPS, TOL, Explanation, minimise
 
@@ -49,21 +50,21 @@ def needed(found: Isolation, t: Tested, counted: Collection[str], least: int) ->
     if len(t.explanation.effects) < least:
         return t
     for effect in spurious(t, found.fitted(t), counted):
-        found.likelihood.stage = "refine again"
-        start = without(found, t.explanation, effect)
-        smaller = minimise(found.likelihood.scaled_to(t.explanation.residual), start, STEPS, TOL)
-        (again,) = tested(found.likelihood, found.tests, [smaller], [t.explanation])
+        likelihood = found.likelihood.for_stage("refine again")
+        start = without(likelihood, t.explanation, effect)
+        smaller = minimise(likelihood.scaled_to(t.explanation.residual), start, STEPS, TOL)
+        (again,) = tested(likelihood, found.tests, [smaller], [t.explanation])
         if again.levels.kept:
             return needed(found, again, counted, least)
     return t
 
 
-def without(found: Isolation, e: Explanation, effect: str) -> Explanation:
+def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:
     """An explanation with one effect at its null value."""
-    machine = found.likelihood.robot.machine
+    machine = likelihood.robot.machine
     kept = [i for i, p in enumerate(e.parameters) if p.effect != effect]
     values = e.values
     for row in without_effect(machine, e.values, machine.effect(effect)):
         values = np.where(row != e.values, row, values)
     effects, parameters = tuple(i for i in e.effects if i != effect), tuple(e.parameters[i] for i in kept)
-    return replace(e, effects=effects, parameters=parameters, values=values).at(found.likelihood, e.x[kept])
+    return replace(e, effects=effects, parameters=parameters, values=values).at(likelihood, e.x[kept])

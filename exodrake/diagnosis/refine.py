@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary, WeakSet
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -34,6 +35,7 @@ class Explanation:
         values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
         residual: (samples,) whitened [noise_std].
         jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
+        rough: whether a fit ended here since the cost does not fall as derivatives promise.
     """
 
     effects: tuple[str, ...]
@@ -42,6 +44,7 @@ class Explanation:
     values: np.ndarray
     residual: np.ndarray
     jacobian: np.ndarray
+    rough: bool = False
 
     @property
     def robot(self) -> np.ndarray:
@@ -89,11 +92,16 @@ class Explanation:
     def at_each(self, likelihood: Likelihood, points: Sequence[np.ndarray]) -> list[Explanation]:
         """The explanation at several coordinates x (parameters,), simulated at once."""
         residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
-        return [replace(self, x=x, residual=residual) for x, residual in zip(points, residuals, strict=True)]
+        moved = zip(points, residuals, strict=True)
+        return [replace(self, x=x, residual=residual, rough=False) for x, residual in moved]
 
     def with_jacobian(self, jacobian: np.ndarray) -> Explanation:
-        """The explanation with another nominal Jacobian; what was simulated at its coordinates is kept."""
-        found = replace(self, jacobian=jacobian)
+        """The explanation with another nominal Jacobian, beside which a fit has yet to end."""
+        return self.changed(jacobian=jacobian, rough=False)
+
+    def changed(self, **fields: Any) -> Explanation:
+        """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
+        found = replace(self, **fields)
         if self in COLUMNS:
             COLUMNS[found] = COLUMNS[self]
         return found
@@ -114,9 +122,7 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
                 break
             damping = max(LARGER * damping, 1e-3)
         else:
-            if promised > tol * before:
-                ROUGH.add(found)
-            return found
+            return found.changed(rough=promised > tol * before)
         found, damping = trial.with_jacobian(found.jacobian), max(SMALLER * damping, DAMPING)
         if found.cost(likelihood) > (1.0 - tol) * before:
             COLUMNS[found] = columns[found.nominal :]
@@ -131,7 +137,6 @@ def astray(likelihood: Likelihood, e: Explanation) -> bool:
 
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
-ROUGH: WeakSet[Explanation] = WeakSet()  # explanations beside which the cost does not fall as derivatives promise
 
 
 def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:

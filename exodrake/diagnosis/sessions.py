@@ -91,7 +91,7 @@ def part_of(likelihood: Likelihood, session: Session) -> Likelihood:
         return replace(problem, fit=tuple(problem.fit[k] for k in session.logs))
 
     views = tuple(replace(view, problem=chosen(view.problem), noise=()) for view in likelihood.views)
-    return Likelihood(views, likelihood.simulated, likelihood.stage)
+    return replace(likelihood, views=views)
 
 
 class Step:

@@ -210,8 +210,7 @@ def follow(
 
 def whole(problem: Problem, found: Isolation, e: Explanation) -> Tests:
     """Tests of one explanation on all frames of the logs."""
-    likelihood = likelihood_of(problem, e.robot, found.likelihood.simulated)
-    likelihood.stage = "since"
+    likelihood = likelihood_of(problem, e.robot, found.likelihood.simulated).for_stage("since")
     samples = likelihood.samples
     lin = Linearisation((), np.zeros(0), np.zeros(samples), np.zeros((0, samples)), np.zeros((0, samples)), ())
     return Tests(likelihood, lin, np.zeros(samples))

@@ -85,8 +85,7 @@ def linearised(
     problem: Problem, found: Isolation, moved: Moved, blocks: Collection[str]
 ) -> tuple[Likelihood, Explanation, Eliminated, list[Screened]]:
     """Views of the case, the robot beside which laws are sought, its linearisation, and the screened laws."""
-    likelihood = moved.likelihood(found.likelihood)
-    likelihood.stage = "discover"
+    likelihood = moved.likelihood(found.likelihood).for_stage("discover")
     base = start_of(found, moved, likelihood)
     likelihood = likelihood.scaled_to(base.residual)
     laws = [law for law in laws_of(problem.robot.machine) if not blocks or law.block in blocks]

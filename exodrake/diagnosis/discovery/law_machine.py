@@ -14,6 +14,7 @@ import numpy as np
 from exodrake.compiled.cache import cache_folder, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
+from exodrake.core.once import once
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.discovery.effect_text import (
     HEADER,
@@ -57,11 +58,13 @@ def module_of(text: str, name: str) -> ModuleType:
 
 def with_laws(machine: Machine) -> Machine:
     """The machine with its free laws and watches, after its own effects."""
-    if "with_laws" not in machine.__dict__:  # as cached_property does on a frozen dataclass
+
+    def made() -> Machine:
         module = module_of(module_text(machine), machine.name)
-        made = [value for value in vars(module).values() if isinstance(value, Effect)]
-        machine.__dict__["with_laws"] = replace(machine, effects=(*machine.effects, *made))
-    return machine.__dict__["with_laws"]
+        laws = [value for value in vars(module).values() if isinstance(value, Effect)]
+        return replace(machine, effects=(*machine.effects, *laws))
+
+    return once(machine, "with_laws", made)
 
 
 def laws_of(machine: Machine) -> list[LawPoint]:
@@ -94,13 +97,13 @@ class Moved:
     def likelihood(self, likelihood: Likelihood) -> Likelihood:
         """The same views of robots on the other machine."""
         views = tuple(replace(view, problem=self.problem(view.problem)) for view in likelihood.views)
-        return Likelihood(views, likelihood.simulated, likelihood.stage)
+        return replace(likelihood, views=views)
 
     def whole(self, likelihood: Likelihood, problem: Problem) -> Likelihood:
         """The views over all of a case's fitted logs in place of a part of them, on the other machine."""
         problems = with_prediction(self.problem(problem))
         views = tuple(replace(view, problem=p) for view, p in zip(likelihood.views, problems, strict=True))
-        return Likelihood(views, likelihood.simulated, likelihood.stage)
+        return replace(likelihood, views=views)
 
     def explanation(self, e: Explanation) -> Explanation:
         """The same robot on the other machine, with its parameters."""
