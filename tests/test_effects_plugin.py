@@ -130,8 +130,7 @@ def test_an_effect_in_one_module_acts(plugin):
     log = read_log(files[0])
     assert log["force_carriage"][-200:].mean() == pytest.approx(COEFFICIENT * SPEED**2, rel=0.02)
     items = [
-        CaseLog(read_log(f), f.stem, role, None, f.name)
-        for f, role in zip(files, ("fit", "holdout"), strict=True)
+        CaseLog(read_log(f), f.stem, role, None, f.name) for f, role in zip(files, ("fit", "holdout"), strict=True)
     ]
     write_case(Case("ramps", {}, tuple(items), 1e-3), plugin.parent / "case")
     choice = ("--robot", "emps", "--effects", "carriage.quadratic_drag")

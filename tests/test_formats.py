@@ -249,9 +249,7 @@ def test_import_command(tmp_path):
     words = ["import", str(tmp_path / "drive.csv"), "--map", str(tmp_path / "map.yaml"), "--out"]
     result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.csv.gz")])
     assert result.exit_code == 0, result.output
-    assert read_log(tmp_path / "log.csv.gz").equals(
-        import_log(tmp_path / "drive.csv", tmp_path / "map.yaml")
-    )
+    assert read_log(tmp_path / "log.csv.gz").equals(import_log(tmp_path / "drive.csv", tmp_path / "map.yaml"))
     result = CliRunner().invoke(cli, [*words, str(tmp_path / "log.docx")])
     assert result.exit_code == 2 and len(result.stderr.splitlines()) == 1
 
