@@ -17,7 +17,7 @@ from exodrake.core.signal import SCALAR
 
 @dataclass(frozen=True)
 class Unit:
-    """Metadata of a field of a part's `Numbers`: SI unit, axis, and the group that prefixes its name."""
+    """Metadata of a field of a part's `Parameters`: SI unit, axis, and the group that prefixes its name."""
 
     unit: str
     axis: str = SCALAR
@@ -35,7 +35,7 @@ class Field:
 
 
 def fields_of(parameters: type, group: str) -> tuple[Field, ...]:
-    """Fields of a module's `Numbers` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
+    """Fields of a module's `Parameters` class (a NamedTuple whose fields are annotated with `Unit`), in order."""
     found = []
     for name, hint in get_type_hints(parameters, include_extras=True).items():
         unit: Unit = get_args(hint)[1]
@@ -91,7 +91,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: `name` is unique in a machine; `module` has `Numbers`, `start` and the functions of tasks and outputs."""
+    """A part: `name` is unique in a machine; `module` has `Parameters`, `start` and functions of tasks and outputs."""
 
     name: str
     module: ModuleType
@@ -106,7 +106,7 @@ class Part:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The part's parameters, in the order of its `Numbers` class."""
+        """The part's parameters, in the order of its `Parameters` class."""
         return fields_of(self.parameters, self.group or self.name)
 
 
