@@ -30,9 +30,11 @@ class Problem:
 
     Attributes:
         robot: the nominal robot with the case's overrides.
-        columns: (c,) names. noise standard deviation: (c,) [unit of the column].
+        columns: (c,) names.
+        noise_std: (c,) noise standard deviations [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the noise only.
-        case: where it comes from. notched: bands [Hz] that are filtered out of all residuals.
+        case: where it comes from.
+        notched: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
         detected: effects that detectors found.
     """
@@ -64,7 +66,7 @@ class Problem:
 
     @cached_property
     def signal_indices(self) -> list[int]:
-        """Places of the columns in the flat vector of wires."""
+        """Indices of the columns in the flat vector of signals."""
         machine, at = self.robot.machine, self.robot.machine.offsets
         shown = {c.kind: c.signal for c in machine.columns}
         places = []

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis: frozen results, and their form as JSON: keys are the names of the fields, values in SI."""
+"""Result of a diagnosis, also as JSON by field names, but for `seconds` (`run_time`) and `floor` (`noise_std`)."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ class Diagnosis:
         return robot_text(robot, f"{self.verdict}, fitted to {self.case} by exodrake diagnose")
 
     def to_json(self) -> dict[str, Any]:
-        """The answer as plain data, in SI."""
+        """The answer in SI as plain data; adds `serial`, `date`, `simulated_seconds`, `next_experiment` and `rms`."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
         closure["signals"] = {name: gap.to_json() for name, gap in self.closure.signals.items()}
