@@ -1,7 +1,8 @@
-"""Docstrings of public functions name shape and unit of each array; ruff checks their form."""
+"""Docstrings name shape and unit of arrays and the fields of dataclasses; ruff checks their form."""
 
 import inspect
 import re
+from dataclasses import fields, is_dataclass
 from importlib import import_module
 from pkgutil import walk_packages
 
@@ -73,3 +74,26 @@ def test_shapes_are_recognised(text):
 @pytest.mark.parametrize("text", ["(see above)", "(default)", "(Eq. 3)", "()"])
 def test_other_parentheses_are_not_shapes(text):
     assert not SHAPE.search(text)
+
+
+def attributes(docstring):
+    """Names that begin a line of the section `Attributes:`, in order."""
+    section = docstring.partition("\nAttributes:\n")[2].partition("\n\n")[0]
+    return re.findall(r"^    (\w+): \S", section, re.MULTILINE)
+
+
+DATACLASSES = {name: value for name in exo.PUBLIC if is_dataclass(value := getattr(exo, name))}
+
+
+def test_there_are_public_dataclasses():
+    assert {"Log", "Case", "Robot", "Diagnosis"} <= set(DATACLASSES)
+
+
+@pytest.mark.parametrize("name", DATACLASSES)
+def test_docstring_names_each_field_in_a_line_of_its_own(name):
+    named = attributes(inspect.getdoc(DATACLASSES[name]) or "")
+    assert [field.name for field in fields(DATACLASSES[name]) if field.name not in named] == []
+
+
+def test_chained_fields_have_no_line_of_their_own():
+    assert attributes("Result.\n\nAttributes:\n    a: first. b: second.\n    c, d: ends.") == ["a"]

@@ -23,13 +23,13 @@ NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units
 @short_repr
 @dataclass(frozen=True)
 class Requirements:
-    """What a loop shall hold; the settling time is made as short as it can be and then compared.
+    """Requirements on a closed loop; among controllers that hold them the fastest to settle is the best.
 
     Attributes:
-        settling: to 2 % of a step [s]; None: as short as possible.
-        overshoot: fraction of a step.
-        disk_margin: of all commands at once.
-        noise: standard deviation of a command [SI]; None: what the robot has now, times `NOISE_FACTOR`.
+        settling: longest settling time to 2 % of a step [s]; None: as short as possible.
+        overshoot: largest overshoot as a fraction of a step.
+        disk_margin: least disk margin of all commands at once.
+        noise: largest standard deviation of a command [SI]; None: that of the robot as it is, times `NOISE_FACTOR`.
     """
 
     settling: float | None = None
@@ -50,7 +50,9 @@ class Tuned:
     """A controller, tuned, and how it does.
 
     Attributes:
-        name: of its structure. robot: with it. gains: parameter -> value [SI] that was searched.
+        name: of its structure.
+        robot: with it.
+        gains: parameter -> value [SI] that was searched.
         steps: nonlinear, of the robot itself at its own operating point.
         bands: over tolerances and operating points.
         settling [s], overshoot, disk_margin, noise [SI]: the worst of these; nan where one is unstable.

@@ -31,7 +31,8 @@ class Plant:
     """A robot's plant at an operating point, linear.
 
     Attributes:
-        loop, point: frame map and state of rest. model: closed loop with the robot's own controller.
+        loop, point: frame map and state of rest.
+        model: closed loop with the robot's own controller.
         A (n, n), B (n, channels), Y (channels, n), N (n, noises), E (channels, noises): y = Y x + E e.
         frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
         moved: (channels,) places in the full state that move one reading each, by size (channels,).
@@ -125,8 +126,11 @@ class Performance:
     """What a controller does on one linear plant; the worst over channels.
 
     Attributes:
-        radius: spectral radius. settling: to 2 % [s], beyond the horizon by what is missing. overshoot: fraction.
-        disk_margin: of all commands at once, never overstated. noise: largest standard deviation of a command [SI].
+        radius: spectral radius.
+        settling: to 2 % [s], beyond the horizon by what is missing.
+        overshoot: fraction.
+        disk_margin: of all commands at once, never overstated.
+        noise: largest standard deviation of a command [SI].
     """
 
     radius: float

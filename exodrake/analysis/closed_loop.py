@@ -37,13 +37,20 @@ class ClosedLoop:
     """The closed loop of a robot at an operating point.
 
     Attributes:
-        robot: analysed. point: where it rests. model: linear, one step per frame.
-        opened: the same opened at its commands.
-        steps, responses, margins, delays: one per channel, in the machine's order.
-        robust: all commands at once. bands: the same over populations.
-        gains: stability over two gains. latency: over command latency; None where the robot knows no such effect.
-        returns: whether the nonlinear simulation comes back to rest after a kick, the witness where poles mean little.
+        robot: robot that was analysed.
+        point: operating point at which it rests.
+        model: linear model with one step per frame.
+        opened: linear model opened at its commands.
+        steps: step response of each channel, in the machine's order.
+        responses: frequency response of each channel.
+        margins: stability margins of each channel's loop.
+        delays: delay budget of each channel.
+        robust: robustness with all commands at once.
+        gains: stability map over two gains.
+        latency: stability over command latency; None where the robot knows no such effect.
+        returns: whether the nonlinear simulation comes back to rest after a kick; it decides where the poles do not.
         notes: what a reader must know before trusting the numbers, a sentence each.
+        bands: robustness over populations of robots and operating points.
     """
 
     robot: Robot

@@ -18,9 +18,12 @@ class DelayBudget:
     """Delays of one channel [s].
 
     Attributes:
-        channel: its name. slot: length of a slot.
+        channel: its name.
+        slot: length of a slot.
         read_slot, control_slot, write_slot: in which the reading, the law and the command are executed.
-        to_control: from reading to law. to_write: from law to the plant. hold: half a frame.
+        to_control: from reading to law.
+        to_write: from law to the plant.
+        hold: half a frame.
         margin: further delay at the limit of stability; nan if the loop is unstable, inf if there is none.
     """
 

@@ -31,12 +31,14 @@ class FrequencyResponse:
     """Frequency response from reference to reading of one channel.
 
     Attributes:
-        channel: its name. frequency: (lines,) [Hz].
-        measured: (lines,) complex mean over the draws. spread: (lines,) standard deviation over the draws.
+        channel: its name.
+        frequency: (lines,) [Hz].
+        measured: (lines,) complex mean over the draws.
+        spread: (lines,) standard deviation over the draws.
         coherence: (lines,) share of the reading's power that the reference explains, over the draws.
         linear: (lines,) complex, from the frame map.
-        bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; bandwidth_measured: from the
-            multisine, against the same; nan if none.
+        bandwidth: -3 dB against the frame map's static gain [Hz], from the frame map; nan if none.
+        bandwidth_measured: from the multisine, against the same static gain [Hz]; nan if none.
     """
 
     channel: str

@@ -35,12 +35,16 @@ class LimitCycles:
     """Limit cycles of one nonlinearity.
 
     Attributes:
-        label: of the nonlinearity. channel: whose loop. unit: of the command.
+        label: name of the nonlinearity.
+        channel: channel whose loop it is.
+        unit: unit of the command.
         limit: linear gain margin of that loop without the nonlinearity.
-        amplitude: (k,) of the command [SI], with the predicted factor (k,) on the loop gain and frequency (k,) [Hz];
-            nan where L never turns by 180 degrees.
-        factors: (m,) simulated, with the amplitude of the command, swing (m,) [SI], and its swing_frequency (m,) [Hz],
-            both 0 at rest; inf and nan where it grows without bound.
+        amplitude: (k,) amplitudes of the command [SI] for which a limit cycle is predicted.
+        factor: (k,) factor on the loop gain at each amplitude [-]; nan where L never turns by 180 degrees.
+        frequency: (k,) frequency at each amplitude [Hz]; nan like the factor.
+        factors: (m,) factors on the loop gain that are simulated [-].
+        swing: (m,) simulated amplitude of the command [SI]; 0 at rest, inf where it grows without bound.
+        swing_frequency: (m,) its frequency [Hz]; 0 at rest, nan where it grows without bound.
     """
 
     label: str

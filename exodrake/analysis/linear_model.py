@@ -117,10 +117,13 @@ class FrameModel:
 
     Attributes:
         A (n, n), B (n, channels), C (outputs, n), D (outputs, channels): SI.
-        period: [s]. states, inputs, outputs: names; outputs are log columns.
+        period: frame period [s].
+        states, inputs, outputs: names; outputs are log columns.
+        step: fraction of the excursions used.
+        convergence: change of A, in excursions, against the next fraction.
+        kink: largest difference of one-sided slopes, in excursions.
+        where: name of the state that shows the kink.
         N (n, noises), M (outputs, noises): answer to sensor noise of unit variance.
-        step: fraction of the excursions used. convergence: change of A, in excursions, against the next fraction.
-        kink: largest difference of one-sided slopes, in excursions, and `where`, the state that shows it.
     """
 
     A: np.ndarray

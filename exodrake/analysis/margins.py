@@ -27,16 +27,20 @@ class Margins:
     """Margins of one channel's loop; NaN where the closed loop is unstable.
 
     Attributes:
-        channel: its name. frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
-        gain_margin: factor > 1 on the loop gain at the limit of stability, from L; gain_limit: the same from the poles.
-        gain_low: factor < 1 at which a conditionally stable loop loses stability, from L; 0 where it does not;
-            gain_low_limit: the same from the poles.
+        channel: its name.
+        frequency: (n,) [Hz] and loop: (n,) complex, the open loop L.
+        gain_margin: factor > 1 on the loop gain at the limit of stability, from L.
+        gain_limit: the same from the poles.
+        gain_low: factor < 1 at which a conditionally stable loop loses stability, from L; 0 where it does not.
+        gain_low_limit: the same from the poles.
         phase_margin: [rad] and crossover: [Hz], at the crossover with the least delay margin.
-        delay_margin: extra delay at the limit [s], from L. delay_limit: the same [s] from the poles, the command of a
-            fractional number of frames ago taken by a straight line between two; nan if none below 40 frames.
+        delay_margin: extra delay at the limit [s], from L.
+        delay_limit: the same [s] from the poles, the command of a fractional number of frames ago taken by a straight
+            line between two; nan if none below 40 frames.
         disk_margin: gain and phase at once, balanced (`disk_margin`).
         peak_sensitivity: largest |S|; its inverse is the distance of L from -1.
-        encirclements: of -1 by L, counter-clockwise. open_unstable, closed_unstable: poles outside the unit circle.
+        encirclements: of -1 by L, counter-clockwise.
+        open_unstable, closed_unstable: poles outside the unit circle.
     """
 
     channel: str

@@ -29,7 +29,9 @@ class OpenLoop:
     Attributes:
         A (n, n), B (n, channels), C (channels, n), Y (channels, n): of the readings, y = Y x. SI.
         R (n, channels), D (channels, channels): x' = ... + R r in the controller's states, v = C x + D r.
-        period: [s]. channels: their names. states: theirs.
+        period: [s].
+        channels: their names.
+        states: theirs.
         controller: (n,) whether a state is the controller's.
     """
 

@@ -22,9 +22,12 @@ class OperatingPoint:
     """Where the loop rests.
 
     Attributes:
-        references: (channels,) [SI]. state: (states,) at a frame's start.
-        output: (channels,) the controlled quantity [SI]. readings: column kind -> reading of each of its channels [SI].
-        frames: simulated until rest. residual: largest change over one frame, in units of each state's excursion.
+        references: (channels,) [SI].
+        state: (states,) at a frame's start.
+        output: (channels,) the controlled quantity [SI].
+        readings: column kind -> reading of each of its channels [SI].
+        frames: simulated until rest.
+        residual: largest change over one frame, in units of each state's excursion.
         steady: whether the robot's own gains brought it there, rather than gentler ones.
         slack: names of channels whose reference is above 0 and whose output is not, such as slack tendons.
     """

@@ -26,11 +26,13 @@ class Robustness:
     """Robustness of one robot at one operating point.
 
     Attributes:
-        label: of the robot or the point. stable: whether all poles lie inside the unit circle; None where the poles do
-            not decide (`FrameModel.decides`).
-        frequency: (f,) [Hz]. loops: (f, channels) open loop of each channel, the others closed.
+        label: of the robot or the point.
+        stable: whether all poles lie inside the unit circle; None where the poles do not decide (`FrameModel.decides`).
+        frequency: (f,) [Hz].
+        loops: (f, channels) open loop of each channel, the others closed.
         sigma_s, sigma_t: (f,) largest singular values of S and T = I - S at the commands.
-        disk: (f,) disk margin for all commands at once. gain_array: (f, channels) diagonal of the relative gain array.
+        disk: (f,) disk margin for all commands at once.
+        gain_array: (f, channels) diagonal of the relative gain array.
         numbers: name -> value, SI; NaN where the loop is not stable.
     """
 

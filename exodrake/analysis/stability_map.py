@@ -20,7 +20,9 @@ class StabilityMap:
     """Spectral radius over two gains.
 
     Attributes:
-        names: of the gains. first (m,), second (n,): their values [SI]. radius: (n, m) [-].
+        names: of the gains.
+        first (m,), second (n,): their values [SI].
+        radius: (n, m) [-].
         nominal: values of the robot.
         limit: (n,) first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
     """

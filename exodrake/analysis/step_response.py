@@ -19,10 +19,12 @@ class StepResponse:
     """Response of the controlled quantity to a step of one channel's reference.
 
     Attributes:
-        channel: whose reference steps. size: of the step [SI].
+        channel: whose reference steps.
+        size: of the step [SI].
         time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
         output: (n, channels) [SI].
-        rise: 10 to 90 % [s]. overshoot: fraction of the step.
+        rise: 10 to 90 % [s].
+        overshoot: fraction of the step.
         settling: last time outside +-2 % [s], nan if never inside.
         steady_error: reference minus output at the end [SI].
         crosstalk: largest change of another channel, fraction of the step.

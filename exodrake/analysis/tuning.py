@@ -35,7 +35,14 @@ OWN = "as it is"
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """Controllers compared, the robot's own first, and notes on the linear model. `best` misses nothing, or is None."""
+    """Controllers that were tuned, compared with the robot's own.
+
+    Attributes:
+        robot: robot whose controller is tuned.
+        requirements: requirements that the controllers shall hold.
+        compared: assessed controllers, the robot's own first.
+        notes: conditions under which the linear model means little, a sentence each.
+    """
 
     robot: Robot
     requirements: Requirements

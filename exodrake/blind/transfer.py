@@ -39,7 +39,8 @@ class Prediction:
     """Controllers of one case, before its label is known.
 
     Attributes:
-        name: of the case. verdict: of its diagnosis.
+        name: of the case.
+        verdict: of its diagnosis.
         gains: controller ("default", or the model that it was tuned on) -> gains [SI].
         costs: model -> controller -> predicted cost.
     """

@@ -40,7 +40,8 @@ class Loop:
         reference, command: signals into and out of the controller.
         output, measured: signals of the controlled quantity itself and of its reading.
         actuated: signal that the command's integral moves, for the static compliance; "" where there is none.
-        part: name of the controller among the parts. held: its state that holds the command until the next.
+        part: name of the controller among the parts.
+        held: its state that holds the command until the next.
         gains: the two of the stability map.
         gentle: gains that bring a loop to rest whose own do not.
         step: of a reference, large against noise and small against the limits [unit of the reference].

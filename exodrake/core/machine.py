@@ -58,6 +58,7 @@ class Machine:
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
         separate: whether no joint moves another, as where each follows what is commanded or measured.
         defaults: values [SI] by full name of parameters that a robot file need not state.
+        nominal: the machine without variants that this one was made from; None if this one has no variants.
     """
 
     name: str

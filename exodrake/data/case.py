@@ -36,8 +36,13 @@ EXPERIMENT = "experiment"  # protocol of a motion designed to tell explanations 
 class CaseLog:
     """One log of a case.
 
-    repeats: file of the log whose reference this one runs again, or None. date: of its session, or None; logs of one
-    date are one session.
+    Attributes:
+        log: columns of the log.
+        protocol: name of the motion.
+        role: use of the log: "fit" or "holdout".
+        repeats: file of the log whose reference this one runs again, or None.
+        file: name of the log's file.
+        date: date of its session, or None; logs of one date are one session.
     """
 
     log: Log
@@ -53,10 +58,17 @@ class CaseLog:
 class Case:
     """Logs of one robot in one state.
 
-    robot: overrides of nominal parameters as in the robot file. period: frame [s]. notes: what was assumed or mended
-    while reading. hashes: file -> SHA-256 of each file that it was read from. serial: which robot it is, or "".
-    InputError for an unknown role, a doubled
-    file, repeats of a log that is not there, and nothing to fit.
+    Attributes:
+        name: name of the case.
+        robot: overrides of nominal parameters as in the robot file.
+        logs: logs of the case, fitted or held out.
+        period: frame period [s].
+        notes: what was assumed or mended while reading, a sentence each.
+        hashes: file -> SHA-256 of each file that the case was read from.
+        serial: serial number of the robot, or "".
+
+    Raises:
+        InputError: for an unknown role, a doubled file, repeats of a log that is not there, and nothing to fit.
     """
 
     name: str

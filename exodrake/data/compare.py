@@ -46,8 +46,9 @@ class Comparison:
     """Differences of two logs.
 
     Attributes:
-        names: of both logs.
-        start, end: the time that both cover [s].
+        names: names of both logs.
+        start: start of the time that both cover [s].
+        end: end of the time that both cover [s].
         signals: column -> difference.
         notes: what was left out, a sentence each.
     """

@@ -26,9 +26,14 @@ if TYPE_CHECKING:
 class Log:
     """Columns on a common clock.
 
-    time: (n,) s. signals: column name -> (n,) float64 in SI, NaN where a sample is missing. units: column name -> SI
-    unit; columns left out get the unit of their kind. source: file the log came from, or "". InputError for a column
-    of another length than time, or a unit that does not suit its kind.
+    Attributes:
+        time: (n,) instants of the samples [s].
+        signals: column name -> (n,) float64 in SI, NaN where a sample is missing.
+        units: column name -> SI unit; columns left out get the unit of their kind.
+        source: file the log came from, or "".
+
+    Raises:
+        InputError: for a column of another length than time, or a unit that does not suit its kind.
     """
 
     time: np.ndarray

@@ -50,9 +50,12 @@ class Course:
     """A fitted free input.
 
     Attributes:
-        name, channels: of the input; those alone that respond.
-        gain: log evidence above that without an input. share: of the residual's variance that it takes up by that.
-        size: (channels,) root mean square amplitudes. count: (channels,) amplitudes that the logs determine.
+        name: name of the input.
+        channels: channels that respond.
+        gain: log evidence above that without an input.
+        share: share of the residual's variance that it takes up by that.
+        size: (channels,) root mean square amplitudes.
+        count: (channels,) number of amplitudes that the logs determine.
     """
 
     name: str
@@ -216,9 +219,12 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Products of responses, of each kind of column and cell.
+    """Products of the responses for each kind of column in each cell of time.
 
-    gram (kinds, cells, channels, channels), cross (kinds, cells, channels, nominal), slope (kinds, cells, channels).
+    Attributes:
+        gram: (kinds, cells, channels, channels) with each other.
+        cross: (kinds, cells, channels, nominal) with the nominal Jacobian.
+        slope: (kinds, cells, channels) with the offset.
     """
 
     gram: np.ndarray

@@ -30,8 +30,13 @@ ELSEWHERE = 0.7  # of the way through its range at which a further parameter is 
 class Probe:
     """A set of directions of one effect that a combination scales together.
 
-    x: coordinates of all its parameters at the probe. rows: positions of the directions, one for each scaled amplitude
-    (positions `scaled` in x), or one in all for a probe that is taken as it is. low, high: range of the factors.
+    Attributes:
+        effect: id of the effect.
+        parameters: fitted parameters of the effect.
+        x: (parameters,) coordinates of all of them at the probe.
+        scaled: positions in x of the amplitudes that are scaled.
+        rows: positions of the directions, one for each scaled amplitude; a single one for a probe taken as it is.
+        low, high: (directions,) range of the factors.
     """
 
     effect: str

@@ -130,12 +130,11 @@ class Moved:
 
 @dataclass(frozen=True)
 class Retune:
-    """What retuning did.
+    """Nominal parameters that retuning moved, and effects that would explain as much.
 
     Attributes:
         moved: parameters that moved by more than `moved.VISIBLE` standard deviations, largest change first.
-        alike: effect -> share of what retuning explains that it explains alone, with nominal parameters, by the
-            linearisation.
+        alike: effect -> share of retuning's reduction of the cost that it reaches without retuning (linearised).
     """
 
     moved: tuple[Moved, ...] = ()
@@ -151,7 +150,8 @@ class Candidate:
         score: share of the gap that it removes beyond retuning, 1 for all of it.
         chi2: reduced chi-square in closed loop.
         prediction_chi2: the same as prediction error; NaN without an observer.
-        fit, complete: p-values (`levels`).
+        fit: p-value of its residual (`levels`).
+        complete: p-value of what one more effect takes up (`levels`).
         left: whether the logs do not reject it.
     """
 
@@ -167,19 +167,30 @@ class Candidate:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Where, which and how far, and how sure.
+    """Localisation, isolation and closure of a gap, with their evidence.
 
     Attributes:
+        case: name of the case.
+        verdict: `NO_GAP`, `RETUNE`, `NAMED`, `AMBIGUOUS` or `UNKNOWN`.
+        where: localisation of the gap.
+        effects: effects that the verdict names, with parameters and intervals.
+        equivalents: for AMBIGUOUS, ids of the effects of all explanations that the logs do not reject.
+        closure: reduction of the gap on the judged logs.
         rivals: explanations that the logs do not tell apart, for `exodrake experiment`; none where one is left.
+        candidates: all explanations that were fitted, largest sets first.
+        baselines: trivial method -> explanation that it would choose among the same fits.
+        reasons: reasons for the verdict, a sentence each.
+        notes: remarks on logs, their used part and the calibration, a sentence each.
+        run_time: duration of the diagnosis [s].
         robots: the nominal, the retuned and the improved robot.
         evidence: reduced chi-squares of these on the fitted logs.
         simulated: simulated time by stage [s].
-        retune: what retuning moved.
+        retune: nominal parameters that retuning moved.
         tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
-        provenance: what the answer was made from.
+        provenance: version, command, robot, calibration and files that the answer was made from.
         since: changes over dated sessions or one long log; None of other cases.
         missing_law: the free law that explains the logs best; None without discovery.
-        problem: case as a regression, with what detectors found; neither it nor the robots are part of the JSON.
+        problem: case as a regression, with detected effects; neither it nor the robots are part of the JSON.
     """
 
     case: str

@@ -45,9 +45,16 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A series in the coordinate that is nearly normal: values (sessions,), covariance (sessions, sessions).
+    """A series in the coordinate of its parameter, which is nearly normal.
 
-    parameter: whose coordinate it is; None for the logarithm of the residual's power.
+    Attributes:
+        name: parameter, or `residual`.
+        channel: tendon or joint; empty for one of the whole robot.
+        unit: unit of its values.
+        x: (sessions,) coordinates.
+        covariance: (sessions, sessions) of the coordinates.
+        parameter: parameter whose coordinate it is; None for the logarithm of the residual's power.
+        base: value of the parameter at x = 0, its own if None.
     """
 
     name: str

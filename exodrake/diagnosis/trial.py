@@ -10,11 +10,16 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One log of a case as arrays: `reference` (n, references), `measured` (n, columns) [SI], NaN where missing.
+    """One log of a case as arrays.
 
-    latent: inputs that were not logged but decoded from the log, name -> (n, channels).
-    follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
-    whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
+    Attributes:
+        name: file of the log.
+        role: use of the log in the case.
+        reference: (n, references) references [SI].
+        measured: (n, columns) measured signals [SI], NaN where missing.
+        latent: inputs that were not logged but decoded from the log, name -> (n, channels).
+        follow: (n, channels) logged inputs and outputs that correct a run (`Machine.observer`), if they do.
+        whole: whether no part of it may be left out, as of a motion that was designed to tell explanations apart.
     """
 
     name: str

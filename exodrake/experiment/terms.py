@@ -21,7 +21,8 @@ class Terms:
 
     Attributes:
         likelihood: of the log that the first explanation would leave.
-        rows: (explanations, samples) residuals. columns: (directions, samples) derivatives of each.
+        rows: (explanations, samples) residuals.
+        columns: (directions, samples) derivatives of each.
         missed: (draws, samples) squares of what drawn robots of each miss the linearisation by.
     """
 

@@ -22,7 +22,8 @@ class Hand:
     """The thumb in the finger's plane, and how soft skin is.
 
     Attributes (all assumed):
-        thumb: centre of its round tip (x, y palmar) [m]; thumb_radius: of the tip [m].
+        thumb: centre of its round tip (x, y palmar) [m].
+        thumb_radius: of the tip [m].
         pad: where the distal phalanx touches in a pinch, as a fraction of its length.
         soft: how deep an object sinks into a pad [m].
         tissue: how far joints go beyond the onset of their end stops [rad].

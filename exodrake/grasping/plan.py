@@ -33,14 +33,17 @@ class Plan:
     """A planned grasp.
 
     Attributes:
-        mode: its name. size: diameter of the object [m].
+        mode: its name.
+        size: diameter of the object [m].
         target, centre: fingertip, and centre of the object, as (x, y palmar) [m], MCP in the origin.
         wanted: joint angles by inverse kinematics [rad].
         tensions: [N] per tendon.
         planned: joint angles that the tensions hold, from rest along the ramp [rad].
         shortfall: wanted less planned, the infeasible part [rad].
-        feasible: whether no joint falls short by more than TOLERANCE. reason: why, in a sentence.
-        tendons, joints: names. hand: thumb and skin.
+        feasible: whether no joint falls short by more than TOLERANCE.
+        reason: why, in a sentence.
+        tendons, joints: names.
+        hand: thumb and skin.
     """
 
     mode: str

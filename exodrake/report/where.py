@@ -75,7 +75,8 @@ class Condition:
     """Residuals of a signal against a condition.
 
     Attributes:
-        name: of the condition, with its unit. signal: column whose residuals these are.
+        name: of the condition, with its unit.
+        signal: column whose residuals these are.
         at: (n,) values of the condition [its unit].
         before, after: (n,) normalised residuals of the retuned and of the improved robot.
     """

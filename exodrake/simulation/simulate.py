@@ -22,7 +22,8 @@ class Recording:
     """All signals of a run.
 
     Attributes:
-        robot, reference: what was simulated.
+        robot: robot that was simulated.
+        reference: reference that it followed.
         time: (frames,) array, start of each frame [s].
         signals: name -> (frames, channels) array at the frame's end, in the unit of the signal.
     """

@@ -28,9 +28,17 @@ DATA, MODEL = "Gaussian process", "constant stiffness"
 class Study:
     """Results on the worn robot, and the comparison on the clean one.
 
-    held: rows of the held-out sweeps; mean, std, model: (n, 3) [rad] predicted by the estimator and by constant
-    stiffness; recorded: scores of the estimator by the sweeps that it was trained on; rate: fastest joint rate [rad/s];
-    seconds: length of the protocol; sweeps: in all; points: trained on.
+    Attributes:
+        held: rows of the held-out sweeps.
+        mean, std: (n, 3) angles with standard deviations predicted by the estimator [rad].
+        model: (n, 3) angles predicted by constant stiffness [rad].
+        worn, clean: comparisons on the worn and on the clean robot.
+        scores: scores of all methods.
+        recorded: scores of the estimator by the sweeps that it was trained on.
+        rate: fastest joint rate [rad/s].
+        seconds: length of the protocol [s].
+        sweeps: number of sweeps.
+        points: number of training points.
     """
 
     held: Sweeps

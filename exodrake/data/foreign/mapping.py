@@ -89,10 +89,17 @@ SCHEMA = mapping(
 
 @dataclass(frozen=True)
 class Column:
-    """One foreign column and ours.
+    """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
 
-    The SI value is sign (value * scale + offset) converted from unit; `wrap` [foreign unit] is where readings start
-    again, `filter` [Hz] the cut-off of a zero-phase low-pass; None for neither.
+    Attributes:
+        foreign: name of the foreign column.
+        name: name of the log column.
+        unit: foreign unit.
+        scale: factor on the value.
+        offset: added after the factor [foreign unit].
+        sign: 1 or -1.
+        wrap: value at which readings start again [foreign unit]; None if they do not.
+        filter: cut-off of a zero-phase low-pass [Hz]; None for none.
     """
 
     foreign: str
@@ -131,7 +138,25 @@ class Sync:
 
 @dataclass(frozen=True)
 class Mapped:
-    """A mapping file's content. time: foreign column or None, then time_period [s] counts rows. start [s] or None."""
+    """Content of a mapping file.
+
+    Attributes:
+        columns: foreign columns and the log columns that they become.
+        time: foreign column of the time; None where `time_period` counts rows.
+        time_unit: foreign unit of the time.
+        time_period: time between two rows [s]; None where there is a column of the time.
+        start: time at which the log starts [s]; None: as recorded.
+        period: frame period of the log [s]; None leaves rows as recorded.
+        hold: frames for which a sample stays valid.
+        separator: separator of text.
+        decimal: decimal point of text.
+        skip: lines before the heading.
+        heading: whether there is a heading.
+        stamp: time of ROS 2 messages: "log" (recorder) or "header" (message).
+        samples: "rows" or "columns" of a matrix; None: by its shape.
+        derived: columns made from others.
+        sync: columns that are moved in time.
+    """
 
     columns: tuple[Column, ...]
     time: str | None = None

@@ -26,7 +26,8 @@ class Candidate:
     """A law that may be missing.
 
     Attributes:
-        law: its point. number: of the form, from 1.
+        law: its point.
+        number: of the form, from 1.
         channels: names.
         knots: (channels, 8) of the curve, reaches of hysteresis [unit of u] or time constants [s].
         size: (channels,) plausible weight.

@@ -24,7 +24,14 @@ REMOVED = 1e-3  # of its excess that a step must remove, or it is the last
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """A candidate as the linearisation sees it; channel (n,): of each of its directions."""
+    """A candidate law as the linearisation predicts it.
+
+    Attributes:
+        candidate: the law.
+        columns: directions of the law and their products.
+        channel: (n,) channel of each direction.
+        weighed: fit of the law by the linearisation.
+    """
 
     candidate: Candidate
     columns: Columns
@@ -42,7 +49,8 @@ class Fit:
     """A law fitted through the simulation.
 
     Attributes:
-        candidate: the law. active: positions of the channels that have it.
+        candidate: the law.
+        active: positions of the channels that have it.
         x: (nuisance,) coordinates of the other parameters.
         modes: (channels, 8) coordinates of the law.
         residual: (samples,) whitened [noise_std].

@@ -17,7 +17,8 @@ class Curve:
     """A fitted law in one channel.
 
     Attributes:
-        u: (points,) abscissas [unit of u]; value, low, high: (points,) of the law with its 90 % band.
+        u: (points,) abscissas [unit of u].
+        value, low, high: (points,) of the law with its 90 % band.
         edges, counts: (bins + 1,), (bins,) of the histogram of u in the fitted logs, in shares.
         formula: a plain formula; empty if none is as likely as the curve.
     """
@@ -61,7 +62,8 @@ class MissingLaw:
         curves: channel -> curve.
         closure: of the held-out logs, from the retuned robot to that with the law.
         held_out: whether these logs were held out.
-        robot: with the law, on its own machine. text: source of the effect's module.
+        robot: with the law, on its own machine.
+        text: source of the effect's module.
     """
 
     found: bool
