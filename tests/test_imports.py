@@ -1,6 +1,7 @@
 """The import direction of the package, read off its source, and what `exodrake --help` may load."""
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -76,6 +77,22 @@ def test_imports_go_one_way(path):
             continue
         there = part_of(module)
         assert there in BELOW[here] | {here, "__version__"}, f"{path} imports {module}"
+
+
+PACKAGES = set(BELOW) - {"__main__"}
+ARCHITECTURE = "docs/explain/architecture.md"
+
+
+@pytest.mark.parametrize("name", ["CONTRIBUTING.md", ARCHITECTURE])
+def test_diagram_of_imports_names_each_package(name):
+    text = (PACKAGE.parent / name).read_text()
+    diagram = text[text.index("core <-") : text.index("<- cli") + len("<- cli")]
+    assert set(re.findall(r"\w+", diagram)) == PACKAGES - {"data"}
+    assert "`data` stands on `core` alone" in text
+
+
+def test_folder_table_names_each_package():
+    assert set(re.findall(r"`(\w+)/", (PACKAGE.parent / ARCHITECTURE).read_text())) >= PACKAGES
 
 
 def test_no_modules_import_each_other_in_a_circle():
