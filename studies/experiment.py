@@ -38,7 +38,7 @@ def measured(
     row: dict[str, Any], case: Case, spec: RobotSpec, truth: list[str], effects: frozenset[str],
     duration: float | None, motions: tuple[str, ...],
 ) -> Iterator[dict[str, Any]]:  # fmt: skip
-    """What became of a case, as far as it is measured, piece by piece.
+    """Results of a case, as far as they are measured, piece by piece.
 
     Args:
         row: what is measured already: its class with the rivals, and for each motion what it promises and leaves.
@@ -190,7 +190,7 @@ def places(folder: Path, wanted: list[str]) -> Iterable[Path]:
 def of_case(
     row: dict[str, Any], case: Path, labels: dict[str, Any], duration: float | None, motions: tuple[str, ...]
 ) -> Iterator[dict[str, Any]]:
-    """As `measured`, of a case folder."""
+    """Results of a case folder (`measured`)."""
     from exodrake.blind.run import ANSWER
     from exodrake.blind.transfer import withheld
     from exodrake.core.json_file import read_json
@@ -207,7 +207,7 @@ def of_case(
 
 
 def summary(row: dict[str, Any]) -> str:
-    """What is measured of a case, in a line."""
+    """Results of a case in a line."""
     after = "; ".join(f"{motion}: {said(found)}" for motion, found in row.get("after", {}).items())
     return f"{', '.join(row['truth'])}: {said(row['before'])}; {after}"
 

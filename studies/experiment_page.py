@@ -96,7 +96,7 @@ def shares_of(used: dict[str, dict[str, Any]]) -> list[str]:
 
 
 def paired(rows: list[dict[str, Any]]) -> str:
-    """What either motion alone resolves of the cases that have both, with McNemar's exact test."""
+    """Cases that either motion alone resolves, of those that have both, with McNemar's exact test."""
     from scipy.stats import binomtest
 
     both = [tuple(resolved(row, motion) for motion in MOTIONS) for row in rows if set(MOTIONS) <= set(row["after"])]
@@ -135,7 +135,7 @@ def cases(used: dict[str, dict[str, Any]]) -> list[str]:
 
 
 def outcome(row: dict[str, Any], motion: str) -> str:
-    """What became of a case after a motion, in words."""
+    """Result of a case after a motion, in words."""
     after = row["after"].get(motion)
     return "not measured" if after is None else "the same log" if after.get("same") else said(after)
 
@@ -152,12 +152,12 @@ def kind_of(row: dict[str, Any]) -> str:
 
 
 def right_of(rows: list[dict[str, Any]], motion: str) -> int:
-    """How many of some cases a motion resolved."""
+    """Number of cases that a motion resolved."""
     return sum(resolved(row, motion) for row in rows)
 
 
 def share(rows: list[dict[str, Any]], motion: str) -> str:
-    """How many of some cases a motion resolved, with the 95 % interval."""
+    """Share of cases that a motion resolved, with the 95 % interval."""
     from scipy.stats import binomtest
 
     if not rows:

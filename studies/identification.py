@@ -72,7 +72,7 @@ def recordings(count: int, seconds: float = SECONDS, rate: float = RATE) -> Reco
 
 @dataclass(frozen=True)
 class Sessions:
-    """What became of sessions with one shifted zero: shift [m], wire, share flagged, RMSE [rad] before and after."""
+    """Sessions with one shifted zero: shift [m], wire, share flagged, RMSE [rad] before and after, coverage."""
 
     shift: float
     wire: str

@@ -3,7 +3,7 @@
     python -m studies.missing_law --out docs/missing_law.md [--cases NAME,...] [--healthy N] [--seed N] [--real FOLDER]
 
 No effect of the library may explain anything, so that each effect of the reference simulator is a law that nobody
-knows; free inputs act at the points of all effects but the planted one. Scored: is the right part named, how much of
+knows; free inputs act at the points of all effects but the injected one. Scored: is the right part named, how much of
 the gap the learned law closes on a held-out motion of another kind, and whether anything is discovered in healthy
 robots. What was measured is kept beside --out, so that a run goes on where it ended.
 """
@@ -66,7 +66,7 @@ def blind_case(name: str, seed: int) -> tuple[Case, tuple[str, ...], float]:
 
 @dataclass(frozen=True)
 class Found:
-    """What was found in a case.
+    """Discovery of a missing law in a case.
 
     Attributes:
         law: the missing law.
@@ -85,7 +85,7 @@ class Found:
 def discovered(
     case: Case, robot_name: str, tried: frozenset[str] | None, planted: str = "", blocks: tuple[str, ...] = ()
 ) -> Found:
-    """What is found in a case with an effect planted in some blocks."""
+    """Discovery of the missing law in a case with an effect injected in some blocks."""
     with one_blas_thread():
         started = time.process_time()
         problem, found = isolated(make_problem(case, load_robot(robot_name), tried))
@@ -99,7 +99,7 @@ def discovered(
 
 
 def block_of_inputs(problem: Problem, found: Isolation, planted: str) -> str:
-    """Block of the free input that the logs are likeliest with, at any effect of the library but the planted one."""
+    """Block of the free input that the logs are likeliest with, at any effect of the library but the injected one."""
     e = found.retuned.explanation
     if found.retuned.levels.kept or found.nominal.levels.kept:
         return ""

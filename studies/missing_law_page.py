@@ -68,7 +68,7 @@ A carriage that a few lines of their own simulate (`tests/test_missing_law.py`),
 
 @dataclass(frozen=True)
 class Row:
-    """What was found on a case."""
+    """Row of the table: one case and its missing law."""
 
     name: str
     kind: str

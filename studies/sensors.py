@@ -75,7 +75,7 @@ def measured(case: Case, hidden: tuple[str, ...]) -> dict[str, Any]:
 
 
 def outcome(row: dict[str, Any], truth: str) -> str:
-    """What became of a case with one effect, in words."""
+    """Result of a case with one effect, in words."""
     verdict, left = row["verdict"], row["left"]
     if verdict == "NAMED":
         return "named" if left in ([truth], ["retune", truth]) else "another named"

@@ -31,16 +31,16 @@ from studies.since_robots import EARLIEST, EXO_KINDS, KINDS, LATEST, SESSIONS, K
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was said of one robot.
+    """Diagnosis of one robot beside the truth.
 
     Attributes:
         name: of the robot, by kind and number.
         verdict: its word.
         series: quantity whose change is clearest; empty where none is stated.
-        right: whether it is of the planted effect.
-        begin: planted date [d].
+        right: whether it is of the injected effect.
+        begin: injected date [d].
         began: ends of the stated set [d]; NaN where no change is stated.
-        truth: planted value at the last session; NaN where the parameter means something else in the library.
+        truth: injected value at the last session; NaN where the parameter means something else in the library.
         after: ends of its stated interval; NaN where no change is stated.
         seconds: processor time [s].
     """
@@ -57,12 +57,12 @@ class Outcome:
 
     @property
     def covered(self) -> bool:
-        """Whether the stated set holds the planted date."""
+        """Whether the stated set holds the injected date."""
         return self.began[0] <= self.begin <= self.began[1]
 
     @property
     def sized(self) -> bool:
-        """Whether the stated interval holds the planted value at the last session."""
+        """Whether the stated interval holds the injected value at the last session."""
         return self.after[0] <= self.truth <= self.after[1]
 
     @property
@@ -72,7 +72,7 @@ class Outcome:
 
 
 def said_of(case: Case, nominal: exo.Robot) -> dict[str, Any]:
-    """What the diagnosis says of a case."""
+    """Verdict and changes of a case by its diagnosis, as plain data."""
     began = process_time()
     found = exo.diagnose(case, nominal)
     since = found.since.to_json() if found.since else {"series": []}
@@ -120,7 +120,7 @@ processor time of one diagnosis.
 
 
 def tried(make: Callable[[Kind, int], tuple[Case, exo.Robot, float]], kind: Kind, seed: int, keep: Path) -> Outcome:
-    """What is said of a drawn robot, kept in a file, beside the truth."""
+    """Diagnosis of a drawn robot, kept in a file, beside the truth."""
     case, nominal, begin = make(kind, seed)
     place = keep / f"{case.name}-{seed}.json"
     if not place.is_file():

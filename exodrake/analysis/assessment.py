@@ -1,4 +1,4 @@
-"""What a controller holds on a robot: nonlinear steps and linear margins, the worst over points and tolerances."""
+"""Assessment of a controller on a robot: nonlinear steps and linear margins, the worst over points and tolerances."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Requirements:
     noise: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no requirement. InputError for a number below 0, or none."""
+        """Raise InputError for a requirement that is negative or no number."""
         for name, value in vars(self).items():
             if value is not None and not value >= 0.0:
                 raise InputError(f"{name.replace('_', ' ')} is {value:g}, wanted a number from 0")
@@ -47,7 +47,7 @@ class Requirements:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Tuned:
-    """A controller, tuned, and how it does.
+    """A tuned controller with its assessment on the robot.
 
     Attributes:
         name: of its structure.
@@ -72,7 +72,7 @@ class Tuned:
 
 
 def assessed(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
-    """A robot's loop by nonlinear steps and linear margins, over its operating points and tolerances."""
+    """Assessment of a loop by nonlinear steps and linear margins, over operating points and tolerances."""
     loop = FrameMap.of(robot)
     point = operating_point(loop)
     steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))

@@ -1,10 +1,10 @@
-"""A controller on a linear plant: the plant is linearised once, each controller is put before it without simulation.
+"""Candidate controllers on a linear plant, which is linearised once: no controller needs a simulation.
 
     plant        x' = A x + B v           y = Y x
     controller   q' = F q + G y + H r     v = K q + L y + M r
 
 The controller's matrices are differences of the same compiled frame map, with its own states, the references and the
-readings moved. So whatever law the machine's controller has can be tuned.
+readings moved. Any law of the machine's controller can therefore be tuned.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def law_of(plant: Plant, values: Mapping[str, Any]) -> Law:
 
 @dataclass(frozen=True)
 class Performance:
-    """What a controller does on one linear plant; the worst over channels.
+    """Performance of a controller on one linear plant; the worst over channels.
 
     Attributes:
         radius: spectral radius.

@@ -1,4 +1,4 @@
-"""Everything about the closed loop at one operating point: `exo.analyse(robot)`."""
+"""Analysis of the closed loop at one operating point: `exo.analyse(robot)`."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class ClosedLoop:
 
     @property
     def witnessed(self) -> bool:
-        """Whether the simulation decides, because the poles do not."""
+        """Whether the nonlinear simulation decides on stability, because the poles do not."""
         return not self.model.decides
 
     def to_control(self, *kinds: str) -> control.StateSpace:
@@ -162,7 +162,7 @@ def remarks(
 
 
 def margin_remarks(model: FrameModel, found: tuple[Margins, ...]) -> tuple[str, ...]:
-    """What to know of the margins, a sentence each."""
+    """Remarks on the margins, a sentence each."""
     notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
         notes.append(f"the command of {', '.join(idle)} does not act on its reading here: no margins")

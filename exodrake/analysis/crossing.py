@@ -4,7 +4,7 @@ import numpy as np
 
 
 def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Where y (n,) first reaches a level from below, by a straight line between samples.
+    """Abscissa at which y (n,) first reaches a level from below, interpolated linearly between samples.
 
     Args:
         x: (n,) rising.

@@ -1,4 +1,4 @@
-"""The delay budget of each channel: where the time between a reading and its answer goes, and how much more is allowed.
+"""Delay budget of each channel: delays between a reading and its command, and the further delay that is allowed.
 
 A task runs in the middle of its slot. A command is held for a frame, which acts as a delay of half a frame.
 """
@@ -44,7 +44,7 @@ class DelayBudget:
 
     @property
     def spare_slots(self) -> float:
-        """How many slots later the command may come at the limit of stability."""
+        """Number of slots by which the command may be late at the limit of stability."""
         return self.margin / self.slot
 
 

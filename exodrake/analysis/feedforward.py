@@ -1,9 +1,9 @@
-"""Feed-forward control by iterative learning on a model: the commands that make a robot do what is wanted.
+"""Feed-forward control by iterative learning on a model: commands by which a robot tracks a reference.
 
     u_{k+1}(n) = u_k(n) + gain (r(n + d) - y_k(n + d))      r wanted, y simulated, d delay of the channel [frames]
 
-(Arimoto, Kawamura, Miyazaki 1984). It needs no law of the robot but its simulation, so that play, delay, sag and gain
-of an improved robot file are made up for as far as the file is right. Commands stay within the robot file's limits.
+(Arimoto, Kawamura, Miyazaki 1984). It needs the simulation alone, and compensates play, delay, sag and gain of an
+improved robot file as far as the file is right. Commands stay within the robot file's limits.
 """
 
 from __future__ import annotations
@@ -91,13 +91,13 @@ def limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
-    """Frames by which a motion (n,) lags what is wanted (n,) [SI], by the smallest spread of their difference."""
+    """Delay of a motion (n,) [SI] behind its reference (n,) in frames, by the smallest spread of their difference."""
     n = len(wanted)
     return int(np.argmin([np.std(moved[d:] - wanted[: n - d]) for d in range(min(LATEST, n - 2))]))
 
 
 def ahead(wanted: np.ndarray, moved: np.ndarray, frames: int) -> np.ndarray:
-    """What is wanted (n,) less the motion (n,), both some frames later [SI]; 0 where the log has ended by then."""
+    """Tracking error: reference (n,) less motion (n,), both some frames later [SI]; 0 beyond the end of the log."""
     error = np.zeros(len(wanted))
     error[: len(wanted) - frames] = wanted[frames:] - moved[frames:]
     return error

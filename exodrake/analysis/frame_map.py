@@ -74,7 +74,7 @@ class FrameMap:
 
     @property
     def loop(self) -> Loop:
-        """Which signals and gains make the loop."""
+        """Closed loop that the machine declares: its signals and gains."""
         assert self.robot.machine.loop is not None  # `of` sees to it
         return self.robot.machine.loop
 
@@ -96,7 +96,7 @@ class FrameMap:
 
     @cached_property
     def signals(self) -> dict[str, slice]:
-        """Where each signal lies in w."""
+        """Position of each signal in w."""
         return self.robot.machine.offsets
 
     def start(self) -> np.ndarray:
@@ -181,7 +181,7 @@ class FrameMap:
         return np.array([n.group.startswith(owners) and n.group != held for n in state_names(machine)])
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
-        """The same loop with other parameters: name -> value [SI]; a name without its channel sets all channels."""
+        """The frame map with other parameters: name -> value [SI]; a name without its channel sets all channels."""
         parameters = self.parameters.copy()
         for name, value in values.items():
             parameters[self.robot.indices(name)] = value

@@ -1,9 +1,9 @@
 """Limit cycles of one channel's loop from rounding, dead zones and friction: predicted and simulated.
 
-The describing function of all that lies between command and reading, N(a, f), is measured: a sine of amplitude a takes
-the place of the channel's command, and the first harmonic of its reading is read off (Gelb, Vander Velde 1968). With
-the linear controller K a limit cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1. Where g
-grows with a, it is stable. The closed loop with that factor is then simulated after a kick.
+The describing function N(a, f) between command and reading is measured: a sine of amplitude a and frequency f replaces
+the channel's command, and the first harmonic of its reading is fitted (Gelb, Vander Velde 1968). With the linear
+controller K a limit cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1. Where g grows with
+a, it is stable. The closed loop with that factor is then simulated after a kick.
 """
 
 from __future__ import annotations

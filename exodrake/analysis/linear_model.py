@@ -2,10 +2,10 @@
 
     x_{n+1} = A x_n + B r_n + N e_n        y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
 
-Central differences, each state moved by a fraction of its own excursion under a small reference step. The fraction is
-chosen where two successive ones agree best. States on which no output depends, however late, are left out: clocks,
-unread memories, the bus's old commands. Such states give exact zeros, since a run is deterministic. Left in, a shift
-register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
+The derivatives are central differences. Each state moves by a fraction of its own excursion under a small reference
+step. The fraction is chosen where two successive ones agree best. States on which no output depends, however late, are
+left out: clocks, unread memories, the bus's old commands. Such states give exact zeros, since a run is deterministic.
+With them, a shift register of m frames would make A defective, and its zero poles would appear at about (1e-16)^(1/m).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ KINK = 0.02  # one-sided slopes that differ by more deserve a word
 
 
 def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """How far each state moves (states,) [SI] when a reference steps by a little; the largest of all its channels."""
+    """Largest excursion of each state (states,) [SI] over small steps of all references."""
     names = state_names(loop.robot.machine)
     size = np.zeros(len(state))
     for i in range(len(references)):

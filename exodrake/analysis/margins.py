@@ -67,7 +67,7 @@ class Margins:
 
 
 def limit_of(radius: Callable[[float], float], low: float, high: float) -> float:
-    """Where a spectral radius passes 1 from low towards high, on a grid and by Brent's method; nan if it does not."""
+    """Value at which a spectral radius passes 1 from low towards high (grid, then Brent's method); nan if none."""
     from scipy.optimize import brentq
 
     def beyond(x: float) -> float:

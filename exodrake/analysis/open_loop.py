@@ -1,7 +1,7 @@
 """The loop opened at its commands: x' = A x + B u, v = C x, with u what the plant gets and v what the controller sends.
 
-A reference enters the controller only, and the command answers within the frame: dv/dr = D. So u acts on the plant as a
-reference D^-1 u does, and on the controller's own states not at all. No second simulation is needed:
+A reference enters the controller only, and the command answers within the frame: dv/dr = D. So u acts on the plant like
+a reference D^-1 u, and does not act on the controller's own states. No second simulation is needed:
 
     B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
 """
@@ -100,7 +100,7 @@ class OpenLoop:
         return a
 
     def encirclements(self) -> int:
-        """How often det(I + L) goes round 0, counter-clockwise, while z goes round a circle just outside |z| = 1."""
+        """Number of counter-clockwise encirclements of 0 by det(I + L), z on a circle just outside |z| = 1."""
         eye = np.eye(len(self.channels))
 
         def determinant(angle: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ class OpenLoop:
 
 
 def turned(function: Callable[[np.ndarray], np.ndarray], angle: np.ndarray) -> float:
-    """By how much the phase of a complex function turns along its angles (k,) [rad]; refined where it turns fast."""
+    """Change of phase of a complex function along its angles (k,) [rad]; refined where the phase changes fast."""
     value = function(angle)
     for _ in range(40):
         step = np.angle(value[1:] / value[:-1])

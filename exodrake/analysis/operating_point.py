@@ -19,7 +19,7 @@ SLOW = 1e-4  # the same after 60 s, below which what still moves is too slow to 
 
 @dataclass(frozen=True, eq=False)
 class OperatingPoint:
-    """Where the loop rests.
+    """Operating point: the state of rest of a loop under constant references.
 
     Attributes:
         references: (channels,) [SI].
@@ -95,7 +95,7 @@ def linearised(
 
 
 def gentle(loop: FrameMap) -> FrameMap:
-    """The same loop with gentle gains."""
+    """The frame map with gentle gains."""
     return loop.with_values(loop.loop.gentle)
 
 

@@ -45,7 +45,7 @@ class LatencySweep:
 
 
 def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
-    """Where the radius (n,) first passes 1 upwards along x (n,) [-]; 0 if never below 1, NaN if never above."""
+    """Abscissa x (n,) [-] at which the radius (n,) first passes 1 upwards; 0 if never below 1, NaN if never above."""
     below = np.flatnonzero(radius < 1.0)
     return first_crossing(x[below[0] :], radius[below[0] :], 1.0) if len(below) else 0.0
 

@@ -158,7 +158,7 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
 def searched(
     plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements
 ) -> dict[str, float]:
-    """Gains [SI] of least cost, for the nominal plants first, then for all; `fixed` holds numbers, or (channels,)."""
+    """Gains [SI] of least cost, for the nominal plants first, then for all; `fixed` holds values, or (channels,)."""
     from scipy.optimize import differential_evolution, minimize
 
     names = [g.parameter for g in structure.gains]

@@ -1,4 +1,4 @@
-"""The controllers of a tuning in one figure: steps of every channel, and each requirement against what is held."""
+"""Figure of a tuning: steps of every channel, and each requirement beside the value that each controller reaches."""
 
 from __future__ import annotations
 

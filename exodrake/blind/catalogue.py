@@ -22,7 +22,7 @@ ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
 
 @dataclass(frozen=True)
 class Entry:
-    """How one effect is drawn, and where it acts.
+    """Distribution of one injected effect: ranges of its parameters and its seat.
 
     Attributes:
         seat: "wire", "joint", "one joint", or "" (whole robot).
@@ -154,7 +154,7 @@ def blocks_of(effect_id: str) -> tuple[str, ...]:
 
 
 def channels_of(effect: InjectedFault, names: Iterable[str]) -> list[str]:
-    """Those of `names` (wires or joints) that an injected effect acts on."""
+    """Channels among `names` (wires or joints) that an injected effect acts on."""
     return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
 
 

@@ -53,7 +53,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Transferred:
-    """A prediction beside what the withheld robot did: `real` is controller -> cost, `truths` the ids of its faults."""
+    """A prediction and the outcome on the withheld robot: costs by controller (`real`), ids of faults (`truths`)."""
 
     prediction: Prediction
     kind: str

@@ -90,7 +90,7 @@ def change(found: Transfer, model: str) -> Measured:
 
 
 def worst_change(found: Transfer, model: str) -> Measured:
-    """The same in the worst case."""
+    """Largest real change of the cost over all cases."""
     changes = [relative(case, model) for case in found.cases]
     return Measured("real change of cost, worst", model, max(changes), np.nan, np.nan, str(len(changes)))
 

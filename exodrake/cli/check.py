@@ -87,7 +87,7 @@ def show_recordings(console: Console, found: Preflight, robot: Robot) -> None:
 
 
 def show_problems(console: Console, found: Preflight) -> None:
-    """What is wrong with the recordings, a line each."""
+    """Print the problems of the recordings, a line each."""
     from rich.markup import escape
 
     console.print()

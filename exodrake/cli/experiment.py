@@ -85,7 +85,7 @@ def write(contest: Contest, best: Design, out: Path, picture: Path) -> None:
 
 
 def show(console: Console, contest: Contest, best: Design) -> None:
-    """What the experiment tells, and what it takes the robot to."""
+    """Print the expected information of an experiment and the ranges that its signals reach."""
     from exodrake.core.display import in_words
     from exodrake.experiment.safety import spans
     from exodrake.report.terminal import table

@@ -61,7 +61,7 @@ class InputProblem(click.ClickException):
 
 @contextmanager
 def in_one_line() -> Iterator[None]:
-    """What a user, or a machine that is full, can cause ends in one line, not in a traceback."""
+    """Report a user's error or a full machine in one line, without a traceback."""
     try:
         yield
     except InputError as problem:
@@ -109,12 +109,12 @@ class LazyGroup(OneLineErrors, click.Group):
         return without_machine(cmd_name, import_module(COMMANDS[cmd_name][0]).command)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does; the arguments are kept as they were typed, for `command_line`."""
+        """Parse as click does; the arguments are kept as they were typed, for `command_line`."""
         ctx.meta[ARGUMENTS] = tuple(args)
         return super().parse_args(ctx, args)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """As click does, with the nearest commands named when there is none such."""
+        """Resolve as click does; the error for an unknown command names the nearest ones."""
         name = args[0]
         if not name.startswith("-") and name not in self.list_commands(ctx):
             near = get_close_matches(name, self.list_commands(ctx), n=3, cutoff=0.5)

@@ -52,7 +52,7 @@ def arm_files(folder: Path, urdf: str, form: str, tip: str, frame: float | None)
 
 
 def texts_of(chain: Chain, form: str) -> dict[str, str]:
-    """What the files say of the joints."""
+    """Texts of the joints for the generated files."""
     from exodrake.machines.arm_defaults import middle, typical_efforts, units
     from exodrake.machines.cable_arm import RATIO
 
@@ -83,7 +83,7 @@ def texts_of(chain: Chain, form: str) -> dict[str, str]:
 
 
 def cable_texts(chain: Chain, unit: dict[str, str]) -> dict[str, str]:
-    """What the robot file says of motors and cables."""
+    """Texts of motors and cables for the robot file."""
     from exodrake.machines.arm_defaults import typical_efforts
     from exodrake.machines.cable_arm import RATIO, defaults_of
 

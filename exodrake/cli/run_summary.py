@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def changes(scenario: Scenario, robot: Robot) -> list[str]:
-    """What differs from a plain run of the nominal robot: effects with their values, parameters, variants, options."""
+    """Differences from a plain run of the nominal robot: effects with values, parameters, variants, options."""
     from exodrake.core.display import in_words
     from exodrake.core.stated import effect_in_words
 

@@ -112,7 +112,7 @@ def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
 
 
 def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
-    """The same run without the options' effects, parameters and variants; None where there are none."""
+    """Log of the same run without the options' effects, parameters and variants; None where there are none."""
     if not (scenario.effects or scenario.parameters or scenario.parts):
         return None
     plain = replace(scenario, effects={}, parameters={}, parts=())

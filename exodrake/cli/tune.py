@@ -114,7 +114,7 @@ def show(tuning: Tuning) -> None:
 
 
 def notes_of(tuning: Tuning, best: Tuned) -> str:
-    """What a robot file says of where its gains come from."""
+    """Source of the tuned gains as text for a robot file."""
     w = tuning.requirements
     return (
         f"controller {best.name} by exodrake tune: overshoot up to {100.0 * w.overshoot:g} %, disk margin from "

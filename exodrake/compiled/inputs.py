@@ -72,7 +72,7 @@ NOTHING = np.zeros((0, 0))  # no fine record; no log to follow
 
 
 def reference_width(machine: Machine) -> int:
-    """How many references a machine takes."""
+    """Number of references of a machine."""
     return sum(len(machine.channels(c.signal)) for c in machine.references)
 
 

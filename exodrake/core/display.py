@@ -14,7 +14,7 @@ PALETTE = ("#0072b2", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#e69f00")  # 
 
 
 class Display(NamedTuple):
-    """How a kind of signal is shown: label, unit, and factor from SI to that unit."""
+    """Display of a kind of signal: label, unit, and factor from SI to that unit."""
 
     label: str
     unit: str
@@ -46,7 +46,7 @@ def in_words(value: float, si: str) -> str:
 
 
 def display_of(kind: str, machine: Machine | None = None, si: str = "") -> Display:
-    """How a kind of column is shown, as the machine's column says where there is one.
+    """Display of a kind of column, as the machine's column states it where there is one.
 
     Args:
         kind: `tension`, `angle` ...

@@ -115,5 +115,5 @@ class Effect:
 
     @property
     def equation(self) -> str:
-        """What the effect is and its equation: the docstring of the module of its law."""
+        """Equation of the effect with a description: the docstring of the module of its law."""
         return cleandoc(sys.modules[next(iter(self.at.values())).__module__].__doc__ or "")

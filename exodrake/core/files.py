@@ -21,7 +21,7 @@ def is_file(path: str | Path) -> bool:
 
 
 def is_folder(path: str | Path) -> bool:
-    """The same for a folder."""
+    """Whether a path is a folder; False for one that the system refuses."""
     try:
         return Path(path).is_dir()
     except (OSError, ValueError):

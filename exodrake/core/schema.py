@@ -96,7 +96,7 @@ def whole(low: int = 0) -> Schema:
 
 
 def optional(schema: Schema) -> Schema:
-    """What the schema takes, or nothing."""
+    """Schema that also takes null."""
     return lambda value, where: None if value is None else schema(value, where)
 
 

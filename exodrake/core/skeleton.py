@@ -100,7 +100,7 @@ class Shape:
 
     @property
     def reach(self) -> float:
-        """How far the arm reaches, or how wide the axes stand [m]."""
+        """Largest distance that the arm reaches, or width over all axes [m]."""
         spans = np.linalg.norm(self.origins, axis=1)
         lengths = np.linalg.norm(self.ends, axis=1)
         return float(np.ptp(self.origins, axis=0).max() + lengths.max() if self.beside else spans.sum() + lengths[-1])

@@ -86,13 +86,13 @@ def side_by_side[T](tasks: Sequence[Callable[[], T]]) -> list[T]:
 
 
 class Helpers:
-    """How many threads help out in this process, less those that wait for them."""
+    """Count of busy helper threads of this process, less those that wait for others."""
 
     def __init__(self) -> None:
         self.lock, self.busy = Lock(), 0
 
     def enter(self, wanted: int, most: float = inf) -> int:
-        """How many of the helpers wanted may begin, where `most` may be busy at once."""
+        """Number of the wanted helpers that may begin, where `most` may be busy at once."""
         with self.lock:
             count = int(max(0, min(wanted, most - self.busy)))
             self.busy += count

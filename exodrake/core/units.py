@@ -79,7 +79,7 @@ def tidy(unit: str) -> str:
 
 @cache
 def conversion(unit: str) -> Conversion | None:
-    """How a unit converts to SI; None for one that cannot be read, such as `N/m s`, which may mean two things."""
+    """Conversion of a unit to SI; None for one that cannot be read, such as `N/m s`, which may mean two things."""
     text, symbol = tidy(unit), r"([A-Za-z]+)([2-9]?)"
     if text in UNITS:
         si, numerator, denominator = UNITS[text]
@@ -106,7 +106,7 @@ def conversion(unit: str) -> Conversion | None:
 
 
 def known(unit: str, where: str = "") -> Conversion:
-    """How a unit converts to SI. InputError, saying where, for a unit that cannot be read."""
+    """Conversion of a unit to SI. InputError, with its place, for a unit that cannot be read."""
     found = conversion(unit)
     if found is None:
         near = get_close_matches(tidy(unit), [*UNITS, *COMMON], n=3, cutoff=0.5)

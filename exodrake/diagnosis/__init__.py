@@ -1,1 +1,1 @@
-"""Where a sim-to-real gap lies, which unmodelled effect causes it, and how far it shrinks once that effect is added."""
+"""Diagnosis of a sim-to-real gap: its location, the unmodelled effects that cause it, and its reduction by them."""

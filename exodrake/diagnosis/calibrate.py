@@ -1,15 +1,15 @@
-"""Calibration on simulated robots: what true explanations leave, and how often the tests err.
+"""Calibration of the tests on simulated robots, and their error rates.
 
-Every third robot is healthy; the others have one effect of the library, those that a diagnosis does not try included:
-these are other laws of effects that it tries, as reality is. Of an explanation that is true, or nearest to the truth
-(the best effect of the same family and block), are recorded
+Every third robot is healthy. The others have one effect of the library each. This may be an effect that a diagnosis
+does not try: it is then another law of a tried effect, as a real robot has. Statistics are recorded of the explanation
+that is true or nearest to the truth (the best effect of the same family and block):
 
     law_error, same_meaning    error of the law that explains what is left, as share of the effect's contribution
     taken                      largest share of a significant excess over noise that another explanation takes up
     moved                      mean square of the changes of its nominal parameters
 
-Their conformal upper quantiles (Angelopoulos & Bates 2023) are the numbers of the tests. The error rates are those of
-the tests as they stand: a run with another seed, once the numbers are in use, gives those of the new ones.
+Their conformal upper quantiles (Angelopoulos & Bates 2023) are the numbers of the tests. The error rates hold for the
+numbers in use during the run. A second run with another seed gives the error rates of new numbers.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ QUANTILES = {"law_error": 0.95, "same_meaning": 0.95, "taken": 1.0 - ALPHA, "mov
 
 @dataclass(frozen=True)
 class Record:
-    """What the tests said of one simulated robot.
+    """Verdict and calibration statistics of one simulated robot.
 
     Attributes:
         kind: `healthy`; its effect is `tried`, another law (`other law`) of one that is, or `outside` of those.
@@ -124,7 +124,7 @@ def simulated_robot(robot: str, case: Case | None, seed: int, number: int) -> Re
 
 
 def record(problem: Problem, found: Isolation, decision: Decision, effect: Effect | None) -> Record:
-    """What the tests said of a robot with that effect."""
+    """Record of the isolation and decision for a robot with that effect."""
     if effect is None:
         return Record(HEALTHY, "", decision.verdict, values=shown(problem, found, found.retuned))
     true = truths(problem, effect)
@@ -156,7 +156,7 @@ def truths(problem: Problem, effect: Effect) -> set[str]:
 
 
 def shown(problem: Problem, found: Isolation, true: Tested) -> dict[str, float]:
-    """What a true explanation shows of the calibration's numbers.
+    """Calibration statistics of the true explanation.
 
     Its law has no error where noise alone may leave as much; `taken` counts where a rival takes up more than of noise.
     """
@@ -199,7 +199,7 @@ def upper(values: Sequence[float], level: float, default: float) -> float:
 
 
 def rates_of(records: Sequence[Record]) -> dict[str, dict[str, float]]:
-    """How often the tests err: k of n robots, with the exact (Clopper-Pearson) 95 % interval `low` .. `high`."""
+    """Error rates of the tests: k of n robots, with the exact (Clopper-Pearson) 95 % interval `low` .. `high`."""
     seen = [r for r in records if r.verdict not in (NO_GAP, RETUNE)]
     tried, other, outside = ([r for r in seen if r.kind == kind] for kind in (TRIED, OTHER_LAW, OUTSIDE))
     healthy, ill = ([r for r in records if (r.kind == HEALTHY) == wanted] for wanted in (True, False))

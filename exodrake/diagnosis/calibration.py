@@ -1,8 +1,8 @@
 """Calibration: the numbers of the tests, for a machine.
 
-`exodrake calibrate` measures them on simulated robots of the machine (`calibrate`). In the file `calibration.yaml` of
-its folder they are used by every diagnosis. A machine without that file has those of `UNCALIBRATED`, and its verdict
-says so.
+`exodrake calibrate` measures them on simulated robots of the machine (`calibrate`). Every diagnosis reads them from the
+file `calibration.yaml` in the machine's folder. A machine without that file has the numbers of `UNCALIBRATED`, and its
+verdict says so.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DIGITS = 4  # significant ones of a number in the file
 
 @dataclass(frozen=True)
 class Calibration:
-    """Upper quantiles of what simulated robots show.
+    """Numbers of the tests: upper quantiles of statistics of simulated robots.
 
     Attributes:
         law_error: rho, relative standard deviation of the law of an effect [-].
@@ -84,7 +84,7 @@ def spread(count: int) -> float:
 
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
-    """What a verdict says of a machine whose tests are not calibrated; nothing of others."""
+    """Notes on missing tolerances and a missing calibration, a sentence each; none for other machines."""
     found = []
     if not tolerances(machine):
         found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")

@@ -1,4 +1,4 @@
-"""Shapes and dates of a change that are tried on a series, as directions beside a constant."""
+"""Candidate shapes and dates of a change in a series, as regressors beside a constant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STEP, RAMP, BOTH = "step", "ramp", "step and ramp"
 
 @dataclass(frozen=True, eq=False)
 class Dates:
-    """What is tried: shapes and dates with the directions in which they add to a constant.
+    """Candidate change dates and their regressors.
 
     Attributes:
         shape: (candidates,) names.

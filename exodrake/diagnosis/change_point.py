@@ -31,7 +31,7 @@ FAR = 40.0  # deviance beyond which a date is given up without draws: no level b
 
 @dataclass(frozen=True)
 class Change:
-    """What a series says of a change.
+    """Change of a series: its date, shape and size, with intervals.
 
     Attributes:
         p: p-value of no change.
@@ -96,7 +96,7 @@ class ChangePoint:
         return (1.0 + above) / (DRAWS + 1.0)
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
-        """What a series (points,) says of its change, taken for granted."""
+        """The change of a series (points,), with date, shape and sizes estimated as if there were one."""
         p, row = float(self.p_values(values[:, None])[0]), self.centred(values[:, None])
         dates = self.all if self.needs_both(row, rng) else self.plain
         gain = dates.gains(row)[:, 0]
@@ -139,7 +139,7 @@ class ChangePoint:
     def dates_left(
         self, dates: Dates, row: np.ndarray, gain: np.ndarray, scatter: float, free: int, rng: np.random.Generator
     ) -> np.ndarray:
-        """Which candidates the ratio test keeps.
+        """Candidates that the likelihood ratio test does not reject.
 
         Args:
             dates: what is tried.

@@ -1,13 +1,13 @@
-"""The channels that an effect sits on: the set that its fitted amplitudes speak for.
+"""Channels that an effect sits on: the set of largest evidence, given its fitted amplitudes.
 
 For a set S of channels the fitted amplitudes x are normal numbers about 0,
 
     var x = C + (l s)^2 1 + s^2 1_S 1_S' + (c s)^2 1_S      one cause: the channels of S share a value
     var x = C + (l s)^2 1 + s^2 1_S                         each channel of S has a value of its own
 
-s the largest amplitude, C the covariance of the fit, l what a wrong law leaks into other channels, c how far channels
-of one cause differ. The evidence of S is the mean of both densities. A channel that the motion hardly excites then
-goes with the others, where a test of each channel alone would leave it out.
+s: largest amplitude; C: covariance of the fit; l: share that a wrong law leaks into other channels; c: difference
+between channels of one cause. The evidence of S is the mean of both densities. A channel that the motion hardly excites
+then follows the others. A test of each channel alone would leave it out.
 """
 
 from __future__ import annotations

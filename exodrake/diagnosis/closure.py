@@ -1,10 +1,10 @@
-"""How far: the gap on held-out logs with the nominal, the retuned and the improved robot, in closed loop.
+"""Closure: the gap on held-out logs with the nominal, the retuned and the improved robot, in closed loop.
 
     C = 1 - (MSE_after - noise variance) / (MSE_before - noise variance)     1: down to the noise, 0: nothing gained
 
-in two steps, nominal to retuned and retuned to improved, with intervals from one bootstrap over blocks of time.
-Held-out logs serve this alone; without any, each fitted log is judged by robots fitted to the others (`left_out`). In
-the band of a tremor its strength counts, not its phase (`filters.mismatch`).
+It is measured in two steps, nominal to retuned and retuned to improved. The intervals come from one bootstrap over
+blocks of time. Held-out logs serve the closure alone. Without any, each fitted log is judged by robots fitted to the
+others (`left_out`). In the band of a tremor its strength counts, not its phase (`filters.mismatch`).
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Paths of commands through a log: each command arrives at the drives, or the last one that arrived is held on.
 
-The drives alone are simulated on the measured commands and loads, along several paths side by side. The path of least
+Only the drives are simulated, on the measured commands and loads, along several paths side by side. The path of least
 cost is the likeliest (Viterbi 1967):
 
     cost = sum of (moved - measured)^2 / (2 s^2)   +   ENTER where a run of losses begins, STAY where it goes on
 
-moved, measured: change of position in a frame; s: noise of two readings, and the error of the drive's model, as large
-as a log shows it on the whole. So a drive that follows badly loses no commands, and a burst is seen though it begins
-with small changes.
+moved, measured: change of position in a frame. s: standard deviation of two readings and of the drive's model error,
+which is taken from the whole log. A drive that follows badly therefore loses no commands. A burst of losses is detected
+even if it begins with small changes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SHOWN = 10.0  # the same, from which the loss of a single command shows
 
 
 def best_path(drive: Drive, log: Record, moved: np.ndarray, spread: np.ndarray, still: float) -> np.ndarray:
-    """Which commands (n, channels) are lost on the path of least cost of each channel.
+    """Mask (n, channels) of the commands that are lost on the path of least cost of each channel.
 
     Args:
         drive: the drives.

@@ -1,4 +1,4 @@
-"""Comparison of two explanations: what one leaves less, whether it is a richer law, how far it leans on tolerances."""
+"""Comparison of two explanations: reduction of the cost, complexity of their laws, and use of the tolerances."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from exodrake.diagnosis.refine import Explanation
 
 @dataclass(frozen=True)
 class Compared:
-    """What others take up of what an explanation leaves in a case or in a joint; fields as in `Levels`."""
+    """Comparison of one explanation with its rivals, over a case or one joint; fields as in `Levels`."""
 
     complete: float
     promise: float
@@ -32,7 +32,7 @@ def power(rows: np.ndarray) -> np.ndarray:
 
 
 def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
-    """What a rival leaves less than an explanation.
+    """Reduction of the cost when a rival replaces an explanation.
 
     Returns:
         Weighted sum of squares of the residual, and the share of the excess over noise, the use of the priors included.

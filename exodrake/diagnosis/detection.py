@@ -1,4 +1,4 @@
-"""What a detector found: an effect that shows in a log before any fit."""
+"""Result of a detector: an effect that shows in a log before any fit."""
 
 from __future__ import annotations
 

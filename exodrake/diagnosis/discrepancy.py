@@ -1,4 +1,4 @@
-"""Model discrepancy: random smooth functions of the measured state, by which the law of an effect may be wrong.
+"""Model discrepancy: random smooth functions of the measured state as the error of an effect's law.
 
     h(state) = sum of cosines of the standardised, smoothed columns and their rates
 

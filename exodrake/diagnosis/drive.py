@@ -1,4 +1,4 @@
-"""The drives of a machine alone, advanced frame by frame on what was measured."""
+"""Simulation of a machine's drives alone, frame by frame on measured commands and loads."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Since when, over the cases of a robot: change points of each cause's amplitude from case to case.
+"""Changes over the cases of a robot: change points of each cause's amplitude from case to case.
 
-A case that names no such effect counts as amplitude 0 where it has no gap or retuning suffices; where the cause is
-unknown or ambiguous it says nothing. Of consecutive cases the median counts where there are more than `MOST`: a mean
-would make a slope of a step. Their scatter is estimated, not stated: the interval of an amplitude holds the error of
-its law, which is alike in all of them.
+A case that does not name the effect counts as amplitude 0 if it has no gap or retuning suffices. A case with an unknown
+or ambiguous cause does not count. Where there are more than `MOST` cases, medians of consecutive ones are used, since a
+mean would turn a step into a slope. The scatter of the amplitudes is estimated. Their stated intervals are not used,
+since these hold the error of the law, which is alike in all cases.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TINY = 1e-6  # of the series' spread: below every scatter, which is then estimat
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """The amplitude of a cause over the cases of a robot.
+    """Trend of the amplitude of a cause over the cases of a robot.
 
     Attributes:
         serial: of the robot.

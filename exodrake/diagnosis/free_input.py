@@ -1,11 +1,11 @@
-"""Free inputs: how likely the logs are if a block has an input of unknown course, at a point where an effect may act.
+"""Free inputs: evidence that a block has an input of unknown course, at a point where an effect may act.
 
     r_t = J_t x + F_t c_t + e_t         x ~ N(0, P^-1)     c_tj ~ N(0, s_j^2)     e ~ N(0, v_kind)
 
-r: whitened prediction errors in a cell of time t; x: nominal parameters; F: responses to an effect, or to a change of a
-nominal parameter, in each channel j, whose amplitude c is free in each cell. So no law is needed, only the point where
-it acts: the pattern that an input there leaves in the signals (unknown inputs; Frank, Automatica 26(3), 1990). x and c
-are eliminated in closed form; s and v are those of the largest evidence (MacKay, Neural Computation 4(3), 1992).
+r: whitened prediction errors in a cell of time t. x: nominal parameters. F: responses to an effect, or to a change of a
+nominal parameter, in each channel j. c: its amplitudes, free in each cell. So no law is needed, only the pattern that
+an input at that point leaves in the signals (unknown inputs; Frank, Automatica 26(3), 1990). x and c are eliminated in
+closed form. s and v are those of the largest evidence (MacKay, Neural Computation 4(3), 1992).
 """
 
 from __future__ import annotations

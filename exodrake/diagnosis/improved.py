@@ -1,7 +1,7 @@
-"""The improved robot: as it was fitted, without traces of its effects.
+"""The improved robot: the fitted robot without traces of its effects.
 
-A fit gives every channel an amplitude. On a channel that the effect does not sit on (`channels.py`) it may be a smaller
-one, or a trace: what noise and the error of the law leave there, no more than its 90 % interval.
+A fit gives every channel an amplitude. A channel that the effect does not sit on (`channels.py`) may have a smaller
+amplitude, or only a trace. A trace comes from noise and the error of the law: its 90 % interval holds 0.
 """
 
 from __future__ import annotations

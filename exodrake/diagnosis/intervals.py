@@ -1,12 +1,12 @@
-"""Intervals of fitted parameters, and the channels that an effect really sits on.
+"""Intervals of fitted parameters, and the channels that an effect sits on.
 
-What a fit makes of noise and of the error of its laws (`levels`), by the curvature at its minimum:
+Errors of the fit follow from noise and from errors of its laws (`levels`), by the curvature at its minimum:
 
     dx = -(J'J + P)^-1 (J' (w + a c h) + P^1/2 z)          J Jacobian, P prior precision, z white
 
-Draws of dx have the spread of the parameters: noise as coloured as it is, and the model discrepancy that the residual
-shows, a typical one at least. To that comes what no residual shows (`Effect.law_std`): a parameter of friction, creep
-or contact belongs to a law, reality follows another one, and the fitted value is an effective one.
+Draws of dx give the covariance of the parameters. They hold coloured noise and the model discrepancy that the residual
+shows, a typical one at least. A further error that no residual shows is added (`Effect.law_std`): a parameter of
+friction, creep or contact belongs to a law, a real robot follows another law, and the fitted value is an effective one.
 """
 
 from __future__ import annotations

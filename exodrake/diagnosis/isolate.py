@@ -4,7 +4,7 @@
         left = explanations of that size that the tests of `levels` keep
         stop at the first size that leaves any, once no further effect is promising or the next size beats none
 
-Retune, linearise once, rank all effects by algebra, fit the best few, test them; beside the best, linearise once more.
+Steps: retune, linearise once, rank all effects by algebra, fit the best few and test them, linearise beside the best.
 """
 
 from __future__ import annotations

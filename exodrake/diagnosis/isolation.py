@@ -1,4 +1,4 @@
-"""What the logs leave of the explanations that were tried, size by size."""
+"""State of an isolation: the explanations that were tried, by number of effects, and those that the logs leave."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def tested(
 
 @dataclass(frozen=True, eq=False)
 class Isolation:
-    """What the logs leave.
+    """Explanations tried so far, by number of effects, with their tests.
 
     Attributes:
         likelihood: views of the case.
@@ -109,6 +109,6 @@ class Isolation:
 
     @property
     def best(self) -> Tested:
-        """The explanation that leaves least, whether the logs reject it or not."""
+        """The explanation of least cost, whether the logs reject it or not."""
         tried = (self.retuned, *(t for size in self.tested for t in size))
         return min(tried, key=lambda t: t.explanation.cost(self.likelihood))

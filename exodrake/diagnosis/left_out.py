@@ -1,9 +1,9 @@
-"""Leave logs out: the fitted robot as it would be without some of them, for a closure on what was not fitted.
+"""Leave-one-out robots: the fitted robot as it would be without some logs, for a closure on logs that were not fitted.
 
     x_k = x - (J'J + P)^-1 (J'r + P x)
 
-J, r: Jacobian and residual without the rows of the logs k, at the fit x to all logs; P: prior precision. One
-Gauss-Newton step from the joint fit, which is small where those logs do not decide.
+J, r: Jacobian and residual without the rows of the logs k, at the fit x to all logs. P: prior precision. This is one
+Gauss-Newton step from the joint fit. It is small where those logs do not decide.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The tests of an explanation as a table: what each asks, what it found, and its level."""
+"""Table of the tests of an explanation: question, value and level of each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Levels: what an explanation leaves, held against what noise and the error of its law would leave.
+"""Levels: p-values of an explanation's residual under noise and errors of its laws.
 
 The law of an effect in the model is not the robot's. Its error is a random smooth function h of the measured state
 times c, the part of the effect's contribution that no other parameter imitates (model discrepancy; Kennedy & O'Hagan
@@ -14,10 +14,10 @@ Draws of it, with matrix products and no simulation, give p-values of an explana
 An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
 them.
 
-Another explanation that was fitted, and moves them no further, beats one if it takes up more than noise and the
-difference between two simulators let an effect take up, and a larger share of the excess over noise than a mere error
-of the law lets one. Where no joint moves another (`Machine.separate`) it also does in a joint that leaves too much
-alone: a sum over all joints hides a cause of one behind the errors of the others' laws.
+A rival is another fitted explanation that moves them no further. It beats the explanation if its reduction of the cost
+exceeds that of an effect under noise and the difference of two simulators, and its share of the excess over noise that
+under an error of the law. Where no joint moves another (`Machine.separate`) joints that leave too much are compared
+alone, too: a sum over all joints hides a cause in one joint behind the errors of the others' laws.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class Levels:
 
     @property
     def kept(self) -> bool:
-        """Whether the logs do not reject it, as far as was tried."""
+        """Whether the tests so far do not reject the explanation."""
         return self.consistent and self.moved <= self.most_moved and not self.beaten_by
 
     @property

@@ -4,8 +4,8 @@
 
 f1 simulates the whole loop on the references (output error). f2 takes the logged inputs and corrects its state by the
 logged outputs (output injection, `Machine.observer`), so that an error of one part does not go round the loop
-(prediction error; Ljung, System Identification, 1999, ch. 3 and 7). A machine without an observer has f1 alone. In the
-cost each view is divided by how far the best robot so far is from its noise, so that neither outvotes the other.
+(prediction error; Ljung, System Identification, 1999, ch. 3 and 7). A machine without an observer has f1 alone. Each
+view is divided in the cost by the distance of the best robot so far from its noise, so that both views have weight.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class View:
         return sum(trial.measured.size for trial in self.problem.fit)
 
     def tasks(self, rows: np.ndarray, out: np.ndarray) -> list[Callable[[], None]]:
-        """What fills `out` (rows, samples) with whitened residuals of parameter vectors `rows` (rows, parameters)."""
+        """Tasks that fill `out` (rows, samples) with whitened residuals of flat vectors `rows` (rows, parameters)."""
         return self.problem.tasks(rows, self.problem.fit, out, self.whitening)
 
 
@@ -106,7 +106,7 @@ class Likelihood:
         return np.split(residual, np.cumsum([view.samples for view in self.views])[:-1], axis=-1)
 
     def samples_of(self, logs: Collection[int], frames: tuple[int, int] | None = None) -> np.ndarray:
-        """Which samples (samples,) of a residual belong to some logs; frames: first and end of a part of these."""
+        """Mask (samples,) of the residual's samples in some logs; frames: first and end of a part of these."""
         parts = []
         for view in self.views:
             for k, trial in enumerate(view.problem.fit):
@@ -117,7 +117,7 @@ class Likelihood:
         return np.concatenate(parts)
 
     def samples_of_joints(self) -> list[np.ndarray]:
-        """Which samples (samples,) of a residual belong to each joint that is measured; none if that is one alone."""
+        """Masks (samples,) of the residual's samples of each measured joint; none if only one is measured."""
         channels = {column.rsplit("_", 1)[1] for view in self.views for column in view.problem.columns}
         found = []
         for joint in (j for j in self.robot.machine.axes.joints if j in channels and len(channels) > 1):

@@ -1,9 +1,9 @@
-"""One linearisation: the residual's derivatives by the nominal parameters, and its differences by every effect.
+"""Linearisation at a robot: derivatives of the residual by the nominal parameters, and its differences by every effect.
 
-An effect responds in no proportion to its parameters (a dead zone, a contact), so a direction of an effect is a secant:
-the residual with the effect at a probe, less the residual without it. Each channel has a direction of its own, which a
-combination may scale; a probe of all channels at once is taken as it is. Everything after it is algebra on the Gram
-matrix of the directions.
+The response to an effect such as a dead zone or a contact is not proportional to its parameters. A direction of an
+effect is therefore a secant: the residual with the effect at a probe, less the residual without it. Each channel has a
+direction of its own, which a combination may scale. A probe of all channels at once is taken as it is. Later steps use
+algebra on the Gram matrix of the directions.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Localisation: the block, tendons and joints of a gap, its segments and its regime.
 
-The share of a block is its Shapley value in the game whose value is the largest share of the whitened sum of squares
-that one effect of the blocks in play removes beyond retuning. Where no effect is named, that is the share that a free
+The share of a block is its Shapley value. The value of a set of blocks is the largest share of the whitened sum of
+squares that one effect in these blocks removes beyond retuning. Where no effect is named, it is the share that a free
 input of the block takes up by its evidence (`free_input`): 1 - exp(-2 gain / samples), the coefficient of determination
 of a likelihood (Nagelkerke, Biometrika 78(3), 1991).
 """

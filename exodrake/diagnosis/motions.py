@@ -1,6 +1,6 @@
-"""Kinds of motion: those that the closure was measured on, and what to expect on a kind that was not fitted.
+"""Kinds of motion: those that the closure was measured on, and closures on kinds that were not fitted.
 
-Each kind of fitted motion in turn is judged by the robot as it would be without the logs of that kind (`left_out`).
+Each kind of fitted motion in turn is judged by the robot fitted without the logs of that kind (`left_out`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What retuning moved, and the single effects that explain as much with the nominal parameters as they were."""
+"""Nominal parameters that retuning moved, and single effects that explain as much without retuning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALIKE = 0.9  # share of what retuning explains from which a single effect is lis
 
 
 def retuned(found: Isolation) -> Retune:
-    """What retuning did in an isolation."""
+    """Result of retuning in an isolation: moved parameters, and effects that explain as much."""
     return Retune(moved(found), alike(found))
 
 

@@ -1,4 +1,4 @@
-"""The part of the fitted logs that a diagnosis uses: the beginning of each, and all of it where that may mislead."""
+"""Part of the fitted logs that a diagnosis uses: the beginning of each, or all of it where that may mislead."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def overlooks(problem: Problem, kept: Tested) -> bool:
 
 
 def notes_on_length(problem: Problem, best: Tested) -> tuple[str, ...]:
-    """What the answer says where the logs are too long to be used as far as others are."""
+    """Notes on logs that are too long to be used as far as others are, a sentence each."""
     part = affordable(problem)
     if part >= SHARE:
         return ()

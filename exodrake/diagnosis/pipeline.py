@@ -1,4 +1,4 @@
-"""From a case to a diagnosis: retune, detect, isolate, decide, localise, measure the closure."""
+"""Pipeline of a diagnosis: retune, detect, isolate, decide, localise, measure the closure."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def diagnose(
     tried: frozenset[str] | None = None,
     discovers: Callable[[str], bool] = lambda verdict: False,
 ) -> Diagnosis:
-    """Where the gap of a case lies, which effect causes it and how far it shrinks with that effect.
+    """Diagnosis of a case: location of the gap, effects that cause it, and its reduction by them.
 
     Args:
         case: a case, or its folder.
@@ -144,7 +144,7 @@ def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
 
 
 def baselines_of(found: Isolation) -> dict[str, str]:
-    """What trivial methods would have said of the same fits in closed loop.
+    """Explanations that trivial methods would choose among the same fits in closed loop.
 
     The smallest residual, and raw BIC with every sample counted as independent.
     """
@@ -201,7 +201,7 @@ def answer(problem: Problem, found: Isolation, decided: Decision, started: float
 
 
 def notes_of(problem: Problem, best: Tested) -> tuple[str, ...]:
-    """What the answer says beside its verdict: of the logs, of the part that was used, of the calibration."""
+    """Remarks beside the verdict: on the logs, on the part that was used, on the calibration."""
     case, machine = problem.case, problem.robot.machine
     found = suspicions(case, problem.robot)
     return (*case.notes, *found, *notes_on_length(problem, best), *calibration_notes(machine))

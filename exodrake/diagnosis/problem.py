@@ -1,4 +1,4 @@
-"""A case as a regression: what was measured, in units of its noise, and what given robots would have logged."""
+"""A case as a regression: measured signals in units of their noise, and simulated logs of given robots."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Problem:
 
     @property
     def counted(self) -> dict[str, float]:
-        """Effects that were decoded rather than fitted -> value of their first parameter."""
+        """Effects that were decoded instead of fitted -> value of their first parameter."""
         return {d.effect.id: next(iter(d.effect.parameters.values())).value for d in self.detected if not d.certain}
 
     @cached_property

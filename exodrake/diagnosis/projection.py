@@ -1,4 +1,4 @@
-"""Projection: what is left of residuals once fitted parameters are free, and what one more effect takes up of it."""
+"""Projection: residuals with the fitted parameters eliminated, and their reduction by one more effect."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def direction_products(likelihood: Likelihood, lin: Linearisation) -> np.ndarray
 
 
 class Projection:
-    """What is left of residuals once fitted parameters are free, and the largest share one more effect takes up."""
+    """Elimination of fitted parameters from residuals, and the largest reduction by one more effect."""
 
     def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
         self.explanation, self.likelihood, self.weights = e, likelihood, likelihood.weights

@@ -1,4 +1,4 @@
-"""Provenance of an answer: with what, from what and when it was made. It holds no absolute path."""
+"""Provenance of an answer: date, code, command, robot and files. It holds no absolute path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DIGITS = 12  # hexadecimal ones of the SHA-256 of a robot's parameters
 
 @dataclass(frozen=True)
 class Provenance:
-    """What an answer was made from.
+    """Provenance of an answer: code, command, robot, calibration and files.
 
     Attributes:
         date: Coordinated Universal Time in the form of ISO 8601.

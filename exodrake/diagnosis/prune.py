@@ -1,10 +1,10 @@
-"""Effects that a set does not need, taken out again: one that came first may stand for those that came later.
+"""Pruning: removal of effects that a set does not need, since the first effect may stand for later ones.
 
     while an effect of a kept set of three or more, or of every kept set, may as well be absent:
         fit the set without it; go on with that if the logs do not reject it and the larger set does not beat it
 
-Smaller sets were tried on the way up. Where no kept set needs all of its effects, a smaller one ended elsewhere: an
-effect that is hardly there may lead the nominal parameters out of a minimum where the robot without it is stuck.
+Smaller sets were tried before. Where no kept set needs all of its effects, the fit of a smaller set ended in another
+minimum. An effect of nearly zero amplitude may lead the nominal parameters out of such a minimum.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Refinement: maximum a posteriori fit of an explanation together with the nominal parameters.
 
-Levenberg-Marquardt within bounds (Marquardt 1963). The nominal Jacobian is expensive and changes little: it is given
-with the start and corrected along each step (Broyden 1965); the few columns of the effects are taken anew at each step.
+The method is Levenberg-Marquardt within bounds (Marquardt 1963). The nominal Jacobian is expensive and changes little:
+it is given with the start and corrected after each step (Broyden 1965). The few columns of the effects are simulated
+at each step.
 """
 
 from __future__ import annotations

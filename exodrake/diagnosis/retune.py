@@ -1,7 +1,7 @@
-"""Retune: the nominal parameters alone, fitted to the prediction errors, or in closed loop where there are none.
+"""Retuning: fit of the nominal parameters alone to the prediction errors, or in closed loop where there are none.
 
-A loop that hunts, or a finger that snaps over, leaves a cost of many minima in closed loop; measured outputs that are
-fed back leave few (prediction error method: Ljung 1999; multiple shooting: Bock 1983). The isolation fits in both.
+A loop that hunts or a finger that snaps over gives the closed-loop cost many minima. Feedback of the measured outputs
+leaves few (prediction error method: Ljung 1999; multiple shooting: Bock 1983). The isolation fits both views.
 """
 
 from __future__ import annotations

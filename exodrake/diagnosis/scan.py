@@ -1,4 +1,4 @@
-"""Scan over time: the largest mean square and the largest mean of residuals, so that bursts and biases are seen."""
+"""Scan over time: the largest mean square and the largest mean of residuals, which show bursts and biases."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Selection by algebra: every effect by small bounded least squares on one normal matrix.
 
-Nominal parameters, and those of effects that are known already, are linear about their fit and are eliminated in closed
-form (Schur complement; variable projection, Golub & Pereyra 1973). What is left is a least-squares problem in one to
-some twenty factors for each set of effects.
+Nominal parameters and parameters of effects that are already fitted are linear about their fit. They are eliminated in
+closed form (Schur complement; variable projection, Golub & Pereyra 1973). A least-squares problem in one to some twenty
+factors is left for each set of effects.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     r = r0 + J x + D_s f_s        f_s = -S^-1 s,  the nominal parameters x shared and eliminated (`projection`)
 
-An effect that came, or grew, with the sessions may look small beside one that suits their mean.
+An effect that begins or grows during the sessions may explain less of their mean than a wrong effect does.
 """
 
 from __future__ import annotations

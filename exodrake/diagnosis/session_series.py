@@ -1,4 +1,4 @@
-"""Series over the sessions of a case: parameters of an explanation and the residual's power, and what changed."""
+"""Series over the sessions of a case: parameters of an explanation and the residual's power, and their changes."""
 
 from __future__ import annotations
 

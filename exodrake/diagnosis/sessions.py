@@ -1,7 +1,7 @@
 """Sessions of a case: its logs by date, or windows of one long log; and an effect's parameters session by session.
 
-The columns of a session are those of its rows. With the nominal parameters and all that is not an amplitude shared,
-one Gauss-Newton step from the fit to all sessions gives every session its own amplitudes:
+All sessions share the nominal parameters and the further parameters of effects; each has amplitudes of its own. One
+Gauss-Newton step from the fit to all sessions gives these amplitudes:
 
     dx = -H^-1 (J'W r + P x),   H = J'W J + P,   covariance  H^-1 (J'W (1 + D) W J + P) H^-1
 
@@ -80,7 +80,7 @@ def windows(frames: int, frame: float) -> tuple[Session, ...]:
 
 
 def rows_of(likelihood: Likelihood, session: Session) -> np.ndarray:
-    """Which samples (samples,) of a residual belong to a session."""
+    """Mask (samples,) of the residual's samples in a session."""
     return likelihood.samples_of(session.logs, session.frames)
 
 

@@ -1,12 +1,12 @@
-"""Since when: change points over the sessions of a case, of the named effect's parameters and of the residual.
+"""Changes over the sessions of a case: change points of the named effect's parameters and of the residual.
 
 A series is a quantity session by session: the amplitudes of the effects of the explanation behind the verdict; for
 RETUNE the nominal parameters that moved; where no effect is named, the residual's power, too. Each is tested for a
 change (`change_point`), with Bonferroni's correction for their number.
 
 A robot that changed has no constant explanation: its case may be UNKNOWN, or its change passes for the law's error of a
-wrong effect. So single effects are compared with amplitudes of their own in each session (`changing`). One that leaves
-no more than noise and the error of its law would, and takes up most of what every other one leaves so, is NAMED.
+wrong effect. So single effects are compared with amplitudes of their own in each session (`changing`). An effect is
+NAMED if its residual is consistent with noise and errors of its law, and it takes up most of what each other leaves.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FEW = "{} sessions: a change needs {} or more"
 
 @dataclass(frozen=True)
 class Since:
-    """When a case changed.
+    """Changes over the sessions of a case.
 
     Attributes:
         sessions: names, dates or windows.
@@ -95,7 +95,7 @@ class Since:
 
 
 def since_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[Since | None, Decision]:
-    """What the sessions of a case say, and the decision with it; None of undated cases but for one long log.
+    """Changes over the sessions of a case, and the decision with them; None of undated cases but for one long log.
 
     Of logs too long for that, their first part counts.
     """
@@ -126,7 +126,7 @@ def sessions_of(problem: Problem) -> tuple[tuple[Session, ...], str]:
 def of_changing(
     since: Since, problem: Problem, found: Isolation, decision: Decision, sessions: Sequence[Session]
 ) -> tuple[Since, Decision]:
-    """What effects with amplitudes of their own in each session say, and the decision with it.
+    """Changes and decision where effects may have amplitudes of their own in each session.
 
     Args:
         since: what the explanation behind the verdict says; of an unknown cause, its sessions alone.

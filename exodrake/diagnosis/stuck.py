@@ -1,8 +1,8 @@
-"""Fits that are stuck: tried again from another law of the same effects, or by a pattern search.
+"""Fits in a local minimum: repeated from another law of the same effects, or by a pattern search.
 
-A threshold is crossed in one frame or in the next, so that the residual of a dead zone jumps with its width: slopes
-over small steps say nothing of larger ones. Steps to both sides of each parameter are simulated at once instead, and
-halved where none lowers the cost by `TOL` (Hooke & Jeeves 1961).
+A threshold is crossed in one frame or in the next, so the residual of a dead zone jumps with its width, and derivatives
+over small steps do not describe larger ones. The pattern search simulates steps to both sides of each parameter at
+once. It halves the steps where none lowers the cost by `TOL` (Hooke & Jeeves 1961).
 """
 
 from __future__ import annotations

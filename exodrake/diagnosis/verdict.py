@@ -63,7 +63,7 @@ def decide(problem: Problem, found: Isolation) -> Decision:
 
 
 def kept(t: Tested) -> str:
-    """Why an explanation is kept, in one sentence."""
+    """Reason why an explanation is kept, in one sentence."""
     p, views = t.levels, t.levels.views
     if not t.explanation.effects:
         robot, law = "without an effect", "noise"
@@ -75,7 +75,7 @@ def kept(t: Tested) -> str:
 
 
 def rejected(t: Tested) -> str:
-    """Why the best explanation is rejected, in one sentence."""
+    """Reason why the best explanation is rejected, in one sentence."""
     p, chi2 = t.levels, float(t.chi2[0])
     if p.burst:
         return f"{t.explanation.name} leaves too much in single windows of time alone"

@@ -1,7 +1,7 @@
 """Whitening: residuals filtered so that noise of the measured spectrum becomes white with unit variance.
 
-The noise of a residual is not that of the sensor: it goes round the loop, and steps of an encoder smear it. So it is
-taken from a simulated run of the retuned robot with noise and quantisation against the same run without, and an
+The noise of a residual differs from that of the sensor: it passes through the loop, and encoder steps colour it. It is
+measured as the difference of two simulated runs of the retuned robot, with and without noise and quantisation. An
 autoregressive model is fitted to each column by the Yule-Walker equations (Kay, Modern Spectral Estimation, 1988,
 ch. 7):
 

@@ -162,7 +162,7 @@ def draw_part(
 
 
 def when(machine: Machine, part: Part) -> str:
-    """When a part's tasks run, in words."""
+    """Slots in which a part's tasks run, in words."""
     slots = sorted({slot for task in part.tasks for slot in task.slots})
     parts = ["every tick"] if any(not task.slots for task in part.tasks) else []
     if slots:

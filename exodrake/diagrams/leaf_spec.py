@@ -62,7 +62,7 @@ class InputSpec:
 
 @dataclass(frozen=True, eq=False)
 class LeafSpec:
-    """All that a leaf is made of.
+    """Specification of a leaf: ports, parameters, memory and events.
 
     Attributes:
         name: of the system.

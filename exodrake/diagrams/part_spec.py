@@ -16,7 +16,7 @@ from exodrake.diagrams.leaf_spec import Feedthrough, InputSpec, LeafSpec, Period
 
 
 def parameters_of(machine: Machine, part: Part) -> slice:
-    """Where a part's parameters lie in the flat vector."""
+    """Positions of a part's parameters in the flat vector."""
     places = [i for i, parameter in enumerate(machine.parameters) if parameter.part == part.name]
     return slice(places[0], places[-1] + 1) if places else slice(0, 0)
 

@@ -17,7 +17,7 @@ PARAMETERS = ("ki", "gain", "low", "high")
 
 @dataclass(frozen=True, eq=False)
 class PosturePlan:
-    """What a posture controller follows, and its parameters.
+    """Plan of a posture controller: tensions, angles, gains and limits.
 
     Attributes:
         tension: (frames, tendons) array, planned tensions [N]; the last row stays.

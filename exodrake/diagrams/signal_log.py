@@ -29,7 +29,7 @@ class Rows:
 
 
 class Logging:
-    """What a system with rows of its input ports does; `inputs` and `own` say what its ports and state carry."""
+    """Mixin for systems that log their input ports; `inputs` and `own` describe what ports and state carry."""
 
     inputs: Mapping[str, InputSpec]
     own: InputSpec = NOTHING

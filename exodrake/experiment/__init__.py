@@ -1,1 +1,1 @@
-"""The next experiment: a motion, safe on every explanation still in play, by which they differ most."""
+"""Design of the next experiment: a safe motion on which the rival explanations differ most."""

@@ -1,4 +1,4 @@
-"""The explanations still in play of a case: from its stored answer, or from a diagnosis made now."""
+"""Rival explanations of a case, from its stored answer or from a diagnosis made now."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NONE_LEFT = (
 
 @dataclass(frozen=True, eq=False)
 class InPlay:
-    """A case with its verdict and the explanations that its logs do not tell apart; none where one is left, or none."""
+    """A case with its verdict and its rivals: explanations that the logs do not tell apart, if there are several."""
 
     problem: Problem
     verdict: str
@@ -42,7 +42,7 @@ class InPlay:
 
     @property
     def why_none(self) -> str:
-        """Why there is nothing to tell apart, in words; empty where there is something."""
+        """Reason why there are no rivals to tell apart, in words; empty where there are some."""
         if len(self.rivals) > 1:
             return ""
         reason = "one explanation is left" if self.verdict == AMBIGUOUS else NOTHING.get(self.verdict, NONE_LEFT)
@@ -85,7 +85,7 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
 
 
 def difference(problem: Problem, answer: dict[str, Any]) -> str:
-    """From what else than this problem an answer was made; empty if from this."""
+    """Difference between the provenance of an answer and this problem, in words; empty if there is none."""
     ours, theirs = provenance_of(problem), answer["provenance"]
     if theirs["files"] != ours.files:
         return f"other logs than those of {problem.case.name}"

@@ -1,7 +1,7 @@
-"""Explanations still in play, linearised on the logs of a case.
+"""Rival explanations, linearised on the logs of a case.
 
-Each keeps a Jacobian J of its whitened residuals and the precision P of its tolerances, so that the logs leave its
-parameters the covariance
+Each has a Jacobian J of its whitened residuals and the precision P of its tolerances. After the logs the covariance of
+its parameters is
 
     (J'J / n + P)^-1 = V V'        n: frames that count as one (`likelihood.CORRELATION`), times what is left of noise
 """
@@ -33,7 +33,7 @@ SMALL = 1e-9  # above 0, for a division
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What the logs show of the laws of explanations.
+    """Errors of the laws of explanations, as the logs show them.
 
     Attributes:
         granted: (explanations,) G, sum of squares of what a diagnosis grants the laws of each to be wrong by: rho times
@@ -84,7 +84,7 @@ class Contest:
         return self.problem.records(self.robots, Trial(reference.name, "fit", reference.values, np.zeros((0, 0))))
 
     def difference(self, records: np.ndarray) -> float:
-        """How far the two runs of `records` that differ least do so in the logged columns, at a first look.
+        """Difference in the logged columns between the two most similar runs of `records`, for a first ranking.
 
         The mean over frames of log(1 + d), d the mean square difference [noise_std^2]: a snap is a few frames.
         """
@@ -125,7 +125,7 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
 
 
 def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
-    """What the logs show of the laws of fitted explanations."""
+    """Errors of the laws of fitted explanations, from the logs."""
     machine, frames = likelihood.robot.machine, effective(likelihood)
     limits, rows = calibration_of(machine), []
     for e in found:
@@ -143,12 +143,12 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
 
 
 def effective(likelihood: Likelihood) -> float:
-    """Frames that count as one."""
+    """Number of frames that count as one sample (autocorrelation)."""
     return max(CORRELATION / likelihood.robot.machine.frame, 1.0)
 
 
 def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """What each channel of each effect contributes, times its rho: effect -> (channels, samples) [noise_std].
+    """Contribution of each channel of each effect, times its rho: effect -> (channels, samples) [noise_std].
 
     rho: relative error that a diagnosis grants the law of an effect (`Calibration.rho`).
     """

@@ -1,13 +1,13 @@
-"""The search for the motion that tells rivals apart best, within what is safe on each of them.
+"""Search for the motion that distinguishes rivals best and is safe on each of them.
 
     library: random motifs, and windows of the machine's own experiments or of the case's motion
-    sequence: the motifs that together tell most (greedy; information adds), then local search: one of them mutated;
+    sequence: the motifs of largest joint information (greedy; information adds), then local search by mutation of one;
         once of many short motifs, once of a few long ones
-    random: motions of the whole length, since one of them may tell more; the median one says what the search gains
-    check: the whole motion on every explanation; smaller until it is safe
-    refit: of all parameters, and carried to its end, on those that tell most; the one that then tells most is kept
+    random: motions of the whole length, since one may be better; their median shows the gain of the search
+    check: the whole motion on every explanation; made smaller until it is safe
+    refit: of all parameters, to convergence, on the best few motions; the best one after it is kept
 
-All chance is seeded.
+All random draws are seeded.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ENOUGH = 0.5  # probability below which an experiment is not recommended: assume
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A motif with the size at which it is safe, its course in shares (frames, channels), and what it tells."""
+    """A motif with its safe course in shares (frames, channels) and its expected information."""
 
     motif: Motif | Window
     course: np.ndarray
@@ -75,12 +75,12 @@ class Design:
 
     @property
     def enough(self) -> bool:
-        """Whether it is recommended."""
+        """Whether the experiment is recommended."""
         return self.information.probability >= ENOUGH
 
 
 class Designer:
-    """The search for one contest.
+    """Search for the most informative experiment of one contest.
 
     Args:
         contest: explanations still in play.
@@ -125,7 +125,7 @@ class Designer:
         return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
 
     def safe(self, motif: Motif | Window) -> tuple[np.ndarray, float] | None:
-        """The course of a motif, smaller until it is safe, and how much rivals differ on it as they are; or None."""
+        """The course of a motif, made smaller until it is safe, and the difference of the rivals on it; or None."""
         self.tried += 1
         shares, rest = motif.shares(self.frames, self.stage.rest), self.stage.rest
         for _ in range(SHRINKS):
@@ -141,7 +141,7 @@ class Designer:
         return Piece(motif, shares, found) if found else None
 
     def library(self) -> list[Piece]:
-        """Of random motifs and windows of known motions those that tell most at first sight, at a size that is safe."""
+        """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
         channels = len(self.stage.low)
         motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
         windows = [window for reference in self.known for window in self.cut(reference)]
@@ -155,7 +155,7 @@ class Designer:
         return pieces
 
     def sequence(self, library: list[Piece]) -> list[Piece]:
-        """The pieces that together tell most, chosen one after the other."""
+        """Pieces of largest joint information, chosen one after the other."""
         chosen: list[Piece] = []
         for _ in range(self.pieces):
             chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
@@ -228,7 +228,7 @@ def known_motions(contest: Contest) -> list[Reference]:
 
 
 def total(pieces: list[Piece]) -> Information:
-    """What pieces tell together."""
+    """Information of several pieces together."""
     found = pieces[0].information
     for piece in pieces[1:]:
         found = found + piece.information

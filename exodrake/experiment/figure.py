@@ -1,4 +1,4 @@
-"""A figure of an experiment: its references, and by how much the two closest explanations then differ."""
+"""Figure of an experiment: its references, and the difference of the two closest explanations on it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BAND = 1.96  # standard deviations that hold 95 % (normal law)
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """What a true explanation logs less what the closest rival does once it is refitted.
+    """Difference between the logs of a true explanation and of its closest rival after a refit.
 
     Attributes:
         true, rival: their names.

@@ -1,33 +1,33 @@
-"""What a motion tells of rivals, each of them refitted (T-optimality; Atkinson & Fedorov 1975).
+"""Expected information of a motion about rivals, each of them refitted (T-optimality; Atkinson & Fedorov 1975).
 
-If i is true and j is fitted to the new log and to what is known already, j leaves
+If i is true, and j is fitted to the new log and the present logs, the sum of squares left by j is
 
     T_ij = min_z  (d - J z)' W (d - J z) + z'z  =  d'Wd - d'WJ (1 + J'WJ)^-1 J'Wd
 
-d: whitened difference of their logs. J: derivatives of j's log by its parameters in units of what the present logs
-leave uncertain (`Contest.spreads`). W: one over the variance of a sample, of noise and of both predictions as far as no
-refit follows them (variances of predictions in a design: Buzzi-Ferraris & Forzatti 1983),
+d: whitened difference of their logs. J: derivatives of j's log by its parameters, in units of the uncertainty that the
+present logs leave (`Contest.spreads`). W: inverse variance of a sample. It holds noise and the part of both predictions
+that no refit follows (variances of predictions in a design: Buzzi-Ferraris & Forzatti 1983):
 
     1 / w = n (1 + m_i^2 + m_j^2)         n: frames that count as one
 
-m_i: what plausible robots, drawn from what the present logs leave uncertain of i, miss its linearisation by, mean of
-all columns about that time. Where a finger snaps over or a carriage sticks the least difference of two robots moves a
-jump in time: T does not hold there, and such frames count little.
+m_i: error of the linearisation of i on plausible robots, which are drawn from the uncertainty of i after the present
+logs; mean of all columns about that time. Where a finger snaps over or a carriage sticks, the least difference of two
+robots moves a jump in time. T does not hold there, and such frames count little.
 
-d'Wd, J'Wd and J'WJ add over motions, which makes the search for a sequence cheap. What the law of i is wrong by, and so
-what i itself leaves, grows with what its effects contribute: E_i = a_i^2 G_i with a_i as in the present logs. G sums
-squares of what effects contribute, times the relative error rho that a diagnosis grants the law of each: little for a
-delay, whose law is known.
+d'Wd, J'Wd and J'WJ add over motions, so the search for a sequence is cheap. The error of the law of i, and so the
+residual of i itself, grows with the contribution of its effects: E_i = a_i^2 G_i with a_i as in the present logs. G is
+the sum of squares of the contributions, times the relative error rho that a diagnosis grants the law of each effect. It
+is small for a delay, whose law is known.
 
-A diagnosis (`diagnosis.levels`) rejects j where it leaves more than the errors that its laws are granted or, unless
-i is a richer law of the same effects, where i takes up a share q of what j leaves above noise. So T must exceed
+A diagnosis (`diagnosis.levels`) rejects j if it leaves more than the errors that its laws are granted. It also rejects
+j if i takes up a share q of what j leaves above noise, unless i is a richer law of the same effects. So T must exceed
 
     T*_ij = max(z^2, min(G_j - E_i, E_i q / (1 - q)))
 
-z: chance. T must exceed q / (1 - q) times B_i + B_j, too, what these robots miss the linearisation by in all: where a
-motion moves snaps, true laws are rejected like wrong ones. The probability of that is Phi((sqrt T - sqrt T*) / s):
-s^2 is 1 for noise, and more as E_i and G_j differ in a new motion. A richer law j of a true i leaves as little as i
-does and is dropped as needless where it takes up nothing: as probable as the reverse.
+z: chance. T must also exceed q / (1 - q) times B_i + B_j, the total errors of the linearisation on these robots: where
+a motion moves snaps, true laws are rejected like wrong ones. The probability of a rejection is
+Phi((sqrt T - sqrt T*) / s). s^2 is 1 for noise, and more as E_i and G_j differ in a new motion. A richer law j of a
+true i leaves as little as i does. It is dropped as needless where it takes up nothing, as probably as the reverse.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def pair_of(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) ->
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What motions tell.
+    """Expected information of a motion about the rival explanations.
 
     Attributes:
         pairs: (true, rival) -> information.
@@ -99,7 +99,7 @@ class Information:
 
     @property
     def left(self) -> dict[tuple[int, int], float]:
-        """(true, rival) -> T."""
+        """(true, rival) -> T, the sum of squares that the refitted rival leaves."""
         return {key: self.ended[key][0] if key in self.ended else pair.left for key, pair in self.pairs.items()}
 
     def refit(self, true: int, rival: int) -> np.ndarray:
@@ -115,7 +115,7 @@ class Information:
         return max(min(beaten, granted - excess), float(self.bent[true] + self.bent[rival]) * more)
 
     def beyond(self, true: int, rival: int) -> float:
-        """By how many standard deviations the root of T exceeds that of T*."""
+        """Excess of sqrt T over sqrt T* in standard deviations."""
         if self.laws.richer[rival, true]:
             true, rival = rival, true
         required = np.sqrt(self.required(true, rival))
@@ -124,7 +124,7 @@ class Information:
 
     @property
     def criterion(self) -> tuple[float, float]:
-        """What a search maximises: logarithm of the product of all probabilities, then the least `beyond`."""
+        """Objective of the search: logarithm of the product of all probabilities, then the least `beyond`."""
         from scipy.stats import norm
 
         beyond = [self.beyond(*key) for key in self.pairs]
@@ -132,7 +132,7 @@ class Information:
 
     @property
     def closest(self) -> tuple[int, int]:
-        """The (true, rival) that is distinguished worst; of two laws of the same effects the richer one is true."""
+        """The (true, rival) of least `beyond`; of two laws of the same effects the richer one counts as true."""
         true, rival = min(self.pairs, key=lambda key: self.beyond(*key))
         return (rival, true) if self.laws.richer[rival, true] else (true, rival)
 
@@ -153,13 +153,13 @@ class Information:
 
 
 def information(contest: Contest, reference: np.ndarray) -> Information | None:
-    """What a reference (frames, references) [SI] tells; None if a robot does not come to its end."""
+    """Expected information of a reference (frames, references) [SI]; None if a run does not reach its end."""
     terms = terms_of(contest, reference)
     return information_of(contest, terms) if terms else None
 
 
 def information_of(contest: Contest, terms: Terms) -> Information | None:
-    """What the runs on a motion tell; None if a robot without an effect does not come to its end."""
+    """Expected information of a motion from its runs; None if a run without an effect is not finite."""
     rows, frames, laws = terms.rows, effective(terms.likelihood), contest.laws
     errors = [
         sum(float(np.sum(part**2)) for part in contributed(terms.likelihood, e, row).values())

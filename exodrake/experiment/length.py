@@ -1,4 +1,4 @@
-"""How long an experiment lasts."""
+"""Length of an experiment."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""Motifs: short motions from rest to rest, by a few parameters each, out of which an experiment is put together.
+"""Motifs: short motions from rest to rest with a few parameters each, from which an experiment is composed.
 
 In a motif every channel goes to a level, swings about it, and comes back:
 
     u(t) = u0 + e(t) (level + swing sin(2 pi phi(t) + phase) - u0)         phi' from f_first to f_last
 
-e rises and falls within a share of the motif: a step and a hold where it is short, a ramp where it is long; with a
-swing it is a sine, a chirp, or a triangle, whose speed is constant. u is a share of the span between the lowest and the
-highest reference.
+The envelope e rises and falls within a share of the motif: a short share gives a step and a hold, a long one a ramp.
+With a swing the motif is a sine, a chirp, or a triangle of constant speed. u is a share of the span between the lowest
+and the highest reference.
 """
 
 from __future__ import annotations
@@ -70,14 +70,14 @@ class Window:
     course: np.ndarray
 
     def shares(self, frames: int, rest: np.ndarray) -> np.ndarray:
-        """As `Motif.shares`."""
+        """Shares (frames, channels) of the span; rest: (channels,) where it begins and ends."""
         at = np.linspace(0.0, len(self.course) - 1.0, frames).round().astype(int)
         s = np.linspace(0.0, 1.0, frames)
         envelope = smooth(s / BLEND) * smooth((1.0 - s) / BLEND)
         return rest + envelope[:, None] * (self.course[at] - rest)
 
     def mutated(self, rng: np.random.Generator) -> Motif:
-        """A motif in its place."""
+        """A random motif that replaces the window."""
         return random_motif(self.course.shape[1], rng)
 
 

@@ -1,4 +1,4 @@
-"""Refits of rivals to a motion that are carried to their end: a search finds where a linear refit is wrong."""
+"""Nonlinear refits of rivals to a motion, carried to convergence where a linear refit is wrong."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHARES = 1.0, 0.5, 0.25, 0.1  # of a step that are tried
 
 
 def refitted(contest: Contest, reference: np.ndarray) -> Information | None:
-    """What a reference (frames, references) [SI] tells, each rival with the least that it leaves; None as there."""
+    """Expected information of a reference (frames, references) [SI] with rivals refitted to the end; or None."""
     terms = terms_of(contest, reference)
     found = information_of(contest, terms) if terms else None
     if terms is None or found is None:

@@ -1,9 +1,9 @@
-"""Safety: an experiment takes no signal, on any explanation still in play, where the robot has not been or may not go.
+"""Safety: on every rival explanation all signals of an experiment stay within ranges that are known to be safe.
 
 The range of a signal spans
-    what the robot file states, for signals in the unit of the reference
-    what each explanation says that the robot did in the logs of the case, which it has survived
-    what the nominal robot does on the machine's own experiments, which stay within the stated limits
+    the limits of the robot file, for signals in the unit of the reference
+    the values in runs of each explanation on the logs of the case, which the robot has survived
+    the values in runs of the nominal robot on the machine's own experiments, which stay within the stated limits
 and is widened by a share. Positions have a range of rates, too, from the last two.
 """
 
@@ -40,7 +40,7 @@ class Safety:
     rate: np.ndarray
 
     def violations(self, names: Sequence[str], records: np.ndarray) -> list[str]:
-        """Sentences on what leaves its range.
+        """Sentences on signals that leave their range.
 
         Args:
             names: of the explanations.
@@ -75,7 +75,7 @@ class Span:
 
 
 def spans(safety: Safety, records: np.ndarray) -> list[Span]:
-    """What the signals that logs show reach.
+    """Ranges that the logged signals reach, each on the channel nearest to its limits.
 
     Args:
         safety: the ranges.

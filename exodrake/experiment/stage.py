@@ -18,7 +18,7 @@ CORNER = 0.1  # s over which a course that may not step is averaged: assumed
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Where motions take place: shares of a span become references within limits.
+    """Map from shares of a span to references within their limits.
 
     Attributes:
         low, high: (channels,) lowest and highest reference [SI].

@@ -1,4 +1,4 @@
-"""Runs of explanations on a motion: their differences, derivatives, and where no derivative describes them."""
+"""Runs of explanations on a motion: differences, derivatives, and errors of the linearisation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DRAWS = 8  # plausible robots of an explanation: assumed
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What the information of a motion is made of.
+    """Terms of the information of a motion: residuals, derivatives and errors of the linearisation.
 
     Attributes:
         likelihood: of the log that the first explanation would leave.

@@ -110,7 +110,7 @@ def joints(angles: np.ndarray, n: Parameters) -> np.ndarray:
 
 
 def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Parameters) -> np.ndarray:
-    """How deep the object lies in a phalanx at most (k,) [m]; 0 for none."""
+    """Largest depth of the object in a phalanx (k,) [m]; 0 for none."""
     ends, deepest = joints(angles, n), np.zeros(len(angles))
     for i in range(3):
         bone = ends[:, i + 1] - ends[:, i]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class TrainedEstimator(Protocol):
-    """What a run needs of an estimator: its channels and the arrays of its prediction."""
+    """Interface of an estimator in a run: its channels and the arrays of its prediction."""
 
     @property
     def wires(self) -> tuple[str, ...]:

@@ -20,12 +20,12 @@ from exodrake.systems.reading import sensor
 
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """By how much the efforts of equal motions differ [N m]; the noise of each joint comes from simulated runs."""
+    """Standard deviation of the efforts of equal motions [N m]; each joint's noise comes from simulated runs."""
     return {"effort": parameter("torque.repeatability")}
 
 
 def both_std(parameter: Callable[[str], float]) -> dict[str, float]:
-    """The same, and that of positions [rad]."""
+    """Standard deviations of the efforts of equal motions [N m] and of the positions [rad]."""
     return {"position": parameter("encoder.repeatability"), **noise_std(parameter)}
 
 
@@ -74,7 +74,7 @@ def renamed(noise: dict[str, float], found: tuple[Column, ...]) -> dict[str, flo
 
 
 def shape(robot: Any) -> Shape:
-    """What a recording draws: the joints of the robot's parameters, in order."""
+    """Geometry that a recording draws: the joints of the robot's parameters, in order."""
 
     def rows(*names: str) -> np.ndarray:
         return np.column_stack([robot.channels(f"arm.{name}") for name in names])

@@ -71,7 +71,7 @@ def moved(chain: Chain, q: np.ndarray, rate: np.ndarray, acceleration: np.ndarra
 
 
 def stops(joint: Joint, channel: str) -> dict[str, float]:
-    """Where the end stops of a joint stand [rad]; far away for one without limits."""
+    """Positions of the end stops of a joint [rad]; far away for one without limits."""
     there = np.isfinite(joint.upper - joint.lower) and joint.upper > joint.lower
     return {f"arm.stop_low.{channel}": joint.lower if there else -FAR,
             f"arm.stop_high.{channel}": joint.upper if there else FAR}  # fmt: skip
@@ -101,7 +101,7 @@ def scales(efforts: np.ndarray, unit: Mapping[str, str]) -> dict[str, tuple[floa
 
 
 def inertias(chain: Chain) -> np.ndarray:
-    """What the drive of each joint moves (n,) with the arm in the middle of its ranges [kg m2] or [kg]."""
+    """Inertia that the drive of each joint moves (n,), the arm in the middle of its ranges [kg m2] or [kg]."""
     rest = np.zeros(len(chain.names))
     return np.diag(moved(chain, middle(chain), rest, rest)[1])
 

@@ -47,7 +47,7 @@ def others(generic: tuple[Effect, ...], library: tuple[Effect, ...]) -> tuple[Ef
 
 
 def parts_of(part: str, joints: tuple[str, ...], frame: float, settings: tuple[Signal, ...]) -> tuple[Part, ...]:
-    """What moves the joints, their commands, and the sensor that reads them."""
+    """Parts of the servos: the joints, their commands, and the sensor that reads them."""
     command = joint_command.SET_PART if settings else joint_command.PART
     reading = sensor("reading", ANGLE, unit="rad", slot=3, frame=frame, size=SWING, channels=len(joints))
     return replace(joint.PART, name=part), command, reading

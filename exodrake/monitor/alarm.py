@@ -1,4 +1,4 @@
-"""The alarm: a gap over a moving window above the limit that healthy robots stay below (`monitor.calibrate`)."""
+"""Alarm: the gap over a moving window exceeds its limit, below which healthy robots stay (`monitor.calibrate`)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIMITS = "alarm_limits.yaml"  # in the folder of the machine
 
 @dataclass(frozen=True)
 class Alarm:
-    """What exceeds its limit.
+    """Alarm of a gap above its limit.
 
     Attributes:
         second: time since the start [s].

@@ -3,10 +3,10 @@
     exodrake alarm-limits --seed 21 --robots 100 --minutes 20 --write alarm_limits.yaml
 
 The first half of the robots gives the limits' proportions: the largest gap that each channel shows in a session. The
-other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. So,
-whatever the distribution, at most 1 - 0.05^(1/n) of healthy robots raise one in such a session, with 95 % confidence,
-where n is half the robots (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941): 6 % for n = 50, and 1 / (n + 1) are to
-be expected. `studies.alarm_rates` tries the limits on other robots.
+other half gives their size: the smallest factor, one for all channels, at which none of them raises an alarm. With n
+robots in that half, at most 1 - 0.05^(1/n) of healthy robots raise an alarm in such a session, with 95 % confidence and
+for any distribution (Wilks' tolerance limit, Ann. Math. Stat. 12, 1941). That is 6 % for n = 50; the expected share is
+1 / (n + 1). `studies.alarm_rates` tests the limits on other robots.
 """
 
 from __future__ import annotations

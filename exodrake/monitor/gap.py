@@ -1,6 +1,6 @@
-"""The gap as it grows: RMS of each channel in noise standard deviations, over a moving window and since the start.
+"""The growing gap: RMS of each channel in noise standard deviations, over a moving window and since the start.
 
-Squares are summed second by second, counted from the log's start, so that the gap does not depend on how the log
+Squares are summed second by second from the log's start, so the gap does not depend on the pieces in which the log
 arrives.
 """
 

@@ -56,7 +56,7 @@ class SegmentReplay:
         return self.replay.step(inputs, feed, rate, self.readings(held, measured), targets, gains)
 
     def readings(self, held: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """What software of known law reads and writes, (n, compared columns); NaN where the simulated value stays."""
+        """Inputs and outputs of exact segments (n, compared columns); NaN where the simulated value stays."""
         found = np.full_like(measured, np.nan)
         for software in (s for s in self.machine.segments if s.exact):
             for kind in software.inputs:
@@ -116,7 +116,7 @@ class OnlineReplay:
         return np.concatenate(found, axis=1)
 
     def usable(self, measured: np.ndarray) -> np.ndarray:
-        """Where the replay of each compared column had its inputs, in this frame and in the one before."""
+        """Mask of the compared columns whose replay had its inputs, in this frame and in the one before."""
         here, places = np.isfinite(measured), reading_places(self.machine)
         both = here & np.concatenate([self.known[None], here[:-1]])[: len(here)]
         self.known = here[-1] if len(here) else self.known

@@ -1,7 +1,7 @@
-"""When a gap rose: the change point (`diagnosis.change_point`) of a channel's power before an alarm.
+"""Date at which a gap rose: the change point (`diagnosis.change_point`) of a channel's power before an alarm.
 
-The alarm itself stays that of limits which healthy robots keep, so its rate of false alarms is theirs. The scan says
-whether the gap was there from the begin on, or when it came.
+The alarm uses its own limits, so the scan does not change its rate of false alarms. The scan tells a gap that was there
+from the start from one that rose later, and dates it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A CSV log that still grows: its whole lines as they come, across pauses, truncation and rotation.
 
-A file that does not exist yet, and a last line without its end, are waited for. A file that shrinks, is replaced by
-another of its name or repeats its heading begins a new log: its writer has started anew.
+The reader waits for a file that does not exist yet, and for the end of an incomplete last line. A new log begins where
+the file shrinks, is replaced by another of its name or repeats its heading: its writer has started again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Follows a log: rows from the file, frames from the rows, residuals from the frames, gap and alarm from these."""
+"""Monitor of a log: rows from the file, frames from the rows, residuals from the frames, then gap and alarm."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ POLL = 0.2  # s between looks at the file
 
 @dataclass
 class Monitor:
-    """What is known so far. `push` takes frames and yields a reading for each second of the log.
+    """State of the monitor of one log. `push` takes frames and yields a reading for each second.
 
     Attributes:
         robot: robot whose model is compared.

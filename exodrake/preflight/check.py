@@ -20,7 +20,7 @@ from exodrake.preflight.signals import Channel, Clock, Excitation, channels, clo
 @short_repr
 @dataclass(frozen=True, eq=False)
 class Preflight:
-    """What a case is good for.
+    """Checks of a case before its diagnosis: clocks, channels, excitation and identifiability.
 
     Attributes:
         case: as read.

@@ -33,7 +33,7 @@ def state(direction: Direction) -> int:
 
 
 def bars(axes: Any, found: Identifiability, effects: list[str]) -> None:
-    """How far an effect of typical size changes the logs, a mark for each channel."""
+    """Draw the change of the logs by effects of typical size, a mark for each channel."""
     words = ("distinguished", "could be mistaken", "not seen")
     for kind, (colour, word) in enumerate(zip(COLOURS, words, strict=True)):
         own = [d for d in found.directions if state(d) == kind]
@@ -49,7 +49,7 @@ def bars(axes: Any, found: Identifiability, effects: list[str]) -> None:
 
 
 def rivals(axes: Any, found: Identifiability, effects: list[str]) -> None:
-    """What could be taken for each effect, and the share of its change that this would leave."""
+    """Write the effects that could be taken for each effect, and the share of its change that they would leave."""
     axes.set_axis_off()
     axes.set_title("could be taken for (share of the change left)", fontsize=9, loc="left")
     for row, effect in enumerate(effects):

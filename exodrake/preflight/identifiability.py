@@ -62,7 +62,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A signal that is not logged: how many directions remain hidden or could be mistaken if it were."""
+    """A signal that is not logged, with the numbers of hidden and mistaken directions if it were."""
 
     signal: str
     unit: str
@@ -73,7 +73,7 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class Fewer:
-    """What would be left of it with some kinds of columns alone: `lost` holds the effects no longer distinguished."""
+    """Identifiability with a subset of the sensors; `lost` holds the effects that are no longer distinguished."""
 
     kinds: tuple[str, ...]
     left: Identifiability
@@ -82,7 +82,7 @@ class Fewer:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What logs could tell.
+    """Identifiability of effects from the references and columns of a case.
 
     Attributes:
         directions: of all effects.
@@ -111,7 +111,7 @@ class Identifiability:
 
 
 def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Identifiability:
-    """What the references of a case could tell, whatever its measured values are.
+    """Identifiability of effects from the references of a case, whatever its measured values are.
 
     Args:
         case: references and columns.
@@ -141,7 +141,7 @@ def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = Non
 
 
 def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple[Fewer, ...]:
-    """What would be left with one kind of sensor less, and with each alone; nothing of a log with one kind.
+    """Identifiability with one kind of sensor less, and with each alone; none for a log with one kind.
 
     A command that is logged is no sensor, and stays.
     """
@@ -156,7 +156,7 @@ def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple
 
 
 def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kinds: tuple[str, ...]) -> Fewer:
-    """What would be left with some kinds of columns alone."""
+    """Identifiability with some kinds of columns alone."""
     mask = mask_of(problem, np.isin(problem.kinds, kinds))
     left = Identifiability(directions(lin, problem.robot.machine, mask))
     clear = {d.effect for d in left.clear}
@@ -208,7 +208,7 @@ def typical(probes: list[Probe]) -> list[tuple[int, float, str, Probe, int]]:
 
 
 def mistaken_for(gram: np.ndarray, row: int, effect: str, probes: Sequence[Probe], most: float) -> dict[str, float]:
-    """Other effects that leave less than `most` [standard deviations] of a direction, and the share, least first."""
+    """Effects that leave less than `most` [standard deviations] of a direction -> share left, least first."""
     left: dict[str, float] = {}
     for probe in probes:
         if probe.effect == effect:

@@ -50,7 +50,7 @@ class Clock:
     repeated: int
 
     def problems(self) -> list[str]:
-        """What a reader should know, a sentence each."""
+        """Problems of the clock, a sentence each."""
         found = []
         if self.jitter > JITTER:
             found.append(f"{self.file}: steps of the clock scatter by {self.jitter:.0%} of a frame")
@@ -85,7 +85,7 @@ class Channel:
     noise: float
 
     def problems(self) -> list[str]:
-        """What a reader should know, a sentence each."""
+        """Problems of the channel, a sentence each."""
         found = []
         if self.saturated > max(SATURATED, BEYOND * self.nominal_saturated):
             share = f"{self.saturated:.0%} of the samples"
@@ -97,7 +97,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Excitation:
-    """How much a reference asks for, over the logs to fit.
+    """Excitation by a reference, over the logs to fit.
 
     Attributes:
         column: of the reference.
@@ -116,7 +116,7 @@ class Excitation:
     rest: float
 
     def problems(self) -> list[str]:
-        """What a reader should know, a sentence each."""
+        """Problems of the excitation, a sentence each."""
         if self.span == 0.0:
             return [f"{self.column} never moves, so its channel shows no friction, play, lag or gain"]
         small = f"{self.column} uses {self.share:.0%} of the span between its limits"
@@ -185,7 +185,7 @@ def at_ends(values: np.ndarray) -> np.ndarray:
 
 
 def excitations(case: Case, robot: Robot) -> tuple[Excitation, ...]:
-    """What the first reference of the machine asks of each channel, over the logs to fit."""
+    """Excitation of each channel by the machine's first reference, over the logs to fit."""
     machine = robot.machine
     column = machine.references[0]
     low, high = robot.reference_limits()

@@ -41,7 +41,7 @@ def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
 
 
 def role(item: CaseLog, case: Case) -> str:
-    """What a log serves."""
+    """Use of a log in the diagnosis."""
     if case.is_copy(item):
         return f"noise: repeats {item.repeats}"
     return "held out: closure" if item.role == "holdout" else "fitted"

@@ -27,7 +27,7 @@ BAND = 2.0  # noise standard deviations to either side of no error
 
 
 def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
-    """All that the report draws over time: for each judged log what was measured, and each robot with its error.
+    """Curves of the report over time: for each judged log what was measured, and each robot with its error.
 
     Returns:
         Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns).

@@ -126,7 +126,7 @@ def robot_table(robots: Sequence[Member]) -> Table:
 
 
 def words(trend: Trend) -> str:
-    """When an amplitude changed."""
+    """Date of an amplitude's change, in words."""
     assert trend.change is not None
     _, low, high = map(trend.moment, trend.change.began)
     if trend.change.began[1] <= trend.times[0] and trend.change.shape != STEP:
@@ -135,7 +135,7 @@ def words(trend: Trend) -> str:
 
 
 def amount(trend: Trend) -> str:
-    """How much an amplitude changed."""
+    """Size of an amplitude's change, in words."""
     assert trend.change is not None
     before, after = (n.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
     if trend.change.shape != RAMP:

@@ -39,7 +39,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def law_lines(law: MissingLaw | None) -> list[str]:
-    """What a discovery found, in sentences; nothing without one."""
+    """Result of a discovery in lines of text; nothing without one."""
     if law is None:
         return []
     if not law.found:

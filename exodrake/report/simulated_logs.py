@@ -79,7 +79,7 @@ class SimulatedLogs:
         return tuple(sorted(kinds, key=lambda kind: kind == self.loop_answer))
 
     def display(self, kind: str) -> Display:
-        """How a kind of signal is shown."""
+        """Display of a kind of signal."""
         return display_of(kind, self.problem.robot.machine)
 
     def of_kind(self, kind: str) -> list[int]:

@@ -30,7 +30,7 @@ def since(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """What the sessions say, in sentences; none for a case without sessions."""
+    """Changes over the sessions in sentences; none for a case without sessions."""
     found = diagnosis.since
     if found is None:
         return []

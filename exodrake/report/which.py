@@ -52,7 +52,7 @@ def test_table(diagnosis: Diagnosis) -> Table | None:
 
 
 def found_and_level(test: LevelTest) -> tuple[str, str]:
-    """What a test found and its level, in its measure."""
+    """Value of a test and its level, in the measure of the test."""
     if test.measure == "p-value":
         return f"p {p_value(test.value)}", f"p > {test.limit:g}"
     if test.measure == "share":

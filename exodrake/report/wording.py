@@ -60,7 +60,7 @@ def effect_of(diagnosis: Diagnosis, identity: str) -> Effect | None:
 
 
 def summary_of(diagnosis: Diagnosis, identity: str) -> str:
-    """What an effect is, in one sentence; empty if the library lacks it."""
+    """Summary of an effect in one sentence; empty if the library lacks it."""
     effect = effect_of(diagnosis, identity)
     return effect.summary if effect else ""
 
@@ -131,7 +131,7 @@ def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
 
 
 def last_robot(diagnosis: Diagnosis) -> str:
-    """What the last of these robots is."""
+    """Description of the last of these robots."""
     return list(robots_of(diagnosis).values())[-1]
 
 
@@ -158,7 +158,7 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
 
 
 def motion_words(diagnosis: Diagnosis) -> str:
-    """Which motion the closure was measured on, and what each kind left out of the fit lets expect of another kind."""
+    """Kinds of motion that the closure was measured on, and closures of kinds left out of the fit."""
     closure = diagnosis.closure
     if not closure.motions or not diagnosis.effects:
         return ""
@@ -174,7 +174,7 @@ def experiment_words(diagnosis: Diagnosis) -> str:
 
 
 def moved_words(diagnosis: Diagnosis) -> list[str]:
-    """What retuning moved, and the effects that alone explain as much; nothing where it moved nothing."""
+    """Parameters that retuning moved, and the effects that alone explain as much; nothing where it moved nothing."""
     found = diagnosis.retune
     lines = []
     if found.moved:

@@ -20,7 +20,7 @@ def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.ndarray:
-    """Some channels of noise-free runs as a log shows them, delayed columns at t - delay.
+    """Logs of some channels of noise-free runs, delayed columns at t - delay.
 
     Args:
         machine: whose columns they are.

@@ -31,7 +31,7 @@ def simulator() -> None:
 
 
 def leaves() -> None:
-    """What the Drake leaves call."""
+    """Compile the functions that the Drake leaves call."""
     from exodrake.diagrams.diagram import run_diagram
 
     robot = load_robot()

@@ -109,7 +109,7 @@ def axis_rows(markers: Markers) -> list[tuple[str, ...]]:
 
 
 def inside(markers: Markers) -> int:
-    """How many of the nine true slopes lie in their 95 % intervals."""
+    """Number of the nine true slopes inside their 95 % intervals."""
     return sum(
         int(np.sum(np.abs(joint.line.gradient - axis.slope) <= joint.line.gradient_interval))
         for joint, axis in zip(markers.rigid.joints, markers.truth.axes[1:])

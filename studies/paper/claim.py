@@ -10,7 +10,7 @@ VERDICTS = (AGREES, DOES_NOT, UNKNOWN)
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says and what came of it.
+    """A claim of the paper and its verdict here.
 
     Attributes:
         where: equation, figure, table or section. what: the claim. printed, ours: values with units.
@@ -45,7 +45,7 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is computed.
+    """Size of the computation.
 
     Attributes:
         points, clean_points: training points of the estimator on the worn and on the clean robot.
@@ -65,5 +65,5 @@ QUICK = Effort(points=120, clean_points=80, every=6, marker_seconds=20.0, tensio
 
 
 def count(claims: tuple[Claim, ...]) -> dict[str, int]:
-    """How many claims have each verdict."""
+    """Number of claims with each verdict."""
     return {verdict: sum(claim.verdict == verdict for claim in claims) for verdict in VERDICTS}

@@ -66,7 +66,7 @@ def residue(degrees: float, printed: bool) -> float:
 
 
 def centre_error(degrees: float) -> float:
-    """How far off [m] Eq. 9 as printed puts a joint centre after a turn [deg] about z."""
+    """Error [m] of a joint centre by Eq. 9 as printed after a turn [deg] about z."""
     axis, angle = np.array([0.0, 0.0, -1.0]), float(np.deg2rad(degrees))
     shift = g_matrix(axis, angle) @ -np.cross(axis, CENTRE)
     return float(np.linalg.norm(np.cross(axis, g_inverse_as_printed(axis, angle) @ shift) - CENTRE))

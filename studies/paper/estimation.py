@@ -61,7 +61,7 @@ def methods_table(found: Study) -> Table:
 
 
 def split_table(found: Study) -> Table:
-    """The same data under both splits."""
+    """Table of errors on the same data under both splits."""
     header = (
         "mean RMSE [rad] by how train and test were split",
         "random rows",
@@ -77,7 +77,7 @@ def split_table(found: Study) -> Table:
 
 
 def recorded_table(found: Study) -> Table:
-    """What the sweeps of the training decide."""
+    """Table of errors by the sweeps that the estimator was trained on."""
     header = ("trained on", "RMSE on held-out sweeps [rad]", "in 95 % band", "of the joints")
     rows = [
         (one.method, f"{one.mean_rmse:.3f}", f"{100 * one.coverage.mean():.0f} %",

@@ -60,12 +60,12 @@ class Study:
 
     @property
     def ratio(self) -> float:
-        """How many times the model's error is the estimator's."""
+        """Ratio of the model's error to the estimator's."""
         return self.error(MODEL) / self.error(DATA)
 
     @property
     def clean_ratio(self) -> float:
-        """The same on the robot without friction and creep."""
+        """Ratio of the model's error to the estimator's, on the robot without friction and creep."""
         return float(self.clean.rmse[MODEL].mean() / self.clean.rmse[DATA].mean())
 
     def split(self, name: str, method: str = DATA) -> Score:
@@ -147,7 +147,7 @@ def loading(sweeps: Sweeps) -> np.ndarray:
 
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
-    """The same sweeps and the same split without friction and creep."""
+    """Comparison on the same sweeps with the same split, without friction and creep."""
     from exodrake.simulation.simulate import simulate
     from exodrake.systems.finger_statics import parameters_of
 

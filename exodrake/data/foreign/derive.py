@@ -81,7 +81,7 @@ def derived(column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray],
 
 
 def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
-    """How late one signal is against another [s], and their correlation then, by the largest cross-correlation.
+    """Lag of one signal behind another [s] and their correlation at that lag, by the largest cross-correlation.
 
     Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient.
 
@@ -121,7 +121,7 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
 
 
 def vertex(course: np.ndarray, at: int) -> float:
-    """How far the top of the parabola through the samples about the largest of `course` (n,) [-] lies from it."""
+    """Distance of a parabola's vertex from the largest sample of `course` (n,) [-] that it passes through."""
     if not 0 < at < len(course) - 1:
         return 0.0
     before, top, after = course[at - 1 : at + 2]
@@ -158,7 +158,7 @@ def synchronised(
 
 
 def note_of(column: Column | Derived) -> str | None:
-    """What was done to a column beyond its unit, in one sentence; None for nothing."""
+    """Note on the conversions of a column beyond its unit, in one sentence; None for none."""
     done = []
     if isinstance(column, Derived) and column.take != "first":
         minus = f" minus {column.minus}" if column.minus else ""

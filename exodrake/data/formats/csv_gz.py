@@ -13,7 +13,7 @@ ENDINGS = (".csv.gz",)
 
 
 def read(data: bytes, source: str) -> Log:
-    """As `csv.read`. InputError for a file that is no gzip or is cut short."""
+    """Read a compressed CSV as `csv.read` does. InputError for a file that is no gzip or is cut short."""
     return csv.read(unpack(data, source), source)
 
 
@@ -27,5 +27,5 @@ def unpack(data: bytes, source: str) -> bytes:
 
 
 def write(log: Log) -> bytes:
-    """As `csv.write`. No time stamp inside, so the same log gives the same bytes."""
+    """Compress the text of `csv.write`. No time stamp inside, so the same log gives the same bytes."""
     return gzip.compress(csv.write(log), compresslevel=6, mtime=0)

@@ -1,4 +1,4 @@
-"""Checks of a case before the search: what is refused, and what is suspicious."""
+"""Checks of a case before the search: errors that refuse it, and suspicions that are noted."""
 
 from exodrake.diagnosis.checks.refuse import check_case
 from exodrake.diagnosis.checks.suspicions import suspicions

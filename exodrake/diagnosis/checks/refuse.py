@@ -1,4 +1,4 @@
-"""What a case must be to be diagnosed with a machine: channels, frame, length of logs, references of repeats."""
+"""Requirements on a case for its diagnosis with a machine: channels, frame, length of logs, references of repeats."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def exchanged_columns(comparison: Comparison) -> list[str]:
 
 
 def best_assignment(measured: np.ndarray, nominal: np.ndarray) -> list[int]:
-    """Which nominal channel each measured one is; each its own unless another assignment is clearly better.
+    """Nominal channel that matches each measured one; its own unless another assignment is clearly better.
 
     Args:
         measured: (n, channels) array.

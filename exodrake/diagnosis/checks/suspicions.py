@@ -1,4 +1,4 @@
-"""What is suspicious about a case that can be diagnosed."""
+"""Suspicious properties of a case that can still be diagnosed."""
 
 from __future__ import annotations
 

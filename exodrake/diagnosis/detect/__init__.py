@@ -1,12 +1,12 @@
-"""Detectors: what no fit finds, a module each, in this folder or in that of a plugin.
+"""Detectors of effects that no fit finds, a module each, in this folder or in that of a plugin.
 
 A module offers
 
     detect(problem, effect, values) -> Problem
 
 effect: the effect that names the module in its field `detector`. values: (parameters,) flat vector of the retuned
-robot. The problem that it returns may hold latent inputs of trials (`Trial.latent`), filtered bands
-(`Problem.without`), a `Detection`, and other effects to try (`Problem.tried`).
+robot. The returned problem may hold latent inputs of trials (`Trial.latent`), filtered bands (`Problem.without`), a
+`Detection`, and other effects to try (`Problem.tried`).
 """
 
 from importlib import import_module

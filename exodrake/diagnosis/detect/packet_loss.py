@@ -1,7 +1,7 @@
-"""Packet loss: which commands did not reach the drives, decoded from a log.
+"""Packet loss: decoding of the commands that did not reach the drives, from a log.
 
-The path of least cost through a log (`command_paths`) tells the losses, run by run. They are believed if they take away
-most of the errors around them.
+The path of least cost through a log (`command_paths`) gives the losses, run by run. A run of losses is accepted if it
+removes most of the errors around it.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Spectral peak: a tremor, whose wandering phase no simulation repeats, so that it is detected rather than fitted.
+"""Spectral peak: detection of a tremor, whose wandering phase no simulation repeats.
 
-A narrow band that stands out from its neighbourhood, alike in every log, whatever the reference does, is one. Other
-causes are then sought without its band. The power that each joint's torque would leave in each signal, by simulation,
-tells the joint and the torque.
+A tremor is a narrow band with a high prominence, alike in every log whatever the reference does. Other causes are then
+searched without its band. A simulation predicts the power that each joint's torque would leave in each signal. These
+powers identify the joint and the torque.
 
-Its phase phi walks at random, so that its line is Lorentzian: what lies beyond the band is noise to all other causes.
+The phase phi is a random walk, so the line is Lorentzian. Power beyond the band is noise to all other causes.
 
     E exp(i (phi(t + tau) - phi(t))) = exp(-rate tau / 2)          rate of the phase's variance [rad^2/s]
 """
@@ -59,7 +59,7 @@ class Peak:
 
     @property
     def certain(self) -> bool:
-        """Whether it is a tremor's; slower ones are a wearer's movements."""
+        """Whether the peak is a tremor; peaks below its frequencies are movements of a wearer."""
         return self.prominence > PROMINENT and self.steady > ALIKE and self.frequency >= LOWEST
 
     def bands(self, nyquist: float) -> Bands:
@@ -157,7 +157,7 @@ def prominence(frequency: np.ndarray, sums: np.ndarray, centre: float) -> np.nda
 
 
 def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which frequencies (f,) are in the band of a peak, and which beside it."""
+    """Masks of the frequencies (f,) in the band of a peak, and of those beside it."""
     away = np.abs(frequency - centre)
     return away <= HALF, (away > HALF) & (away < ASIDE)
 

@@ -1,1 +1,1 @@
-"""The missing law: what acts where in a robot that no known effect explains."""
+"""Discovery of a missing law: its point in the robot and its curve, where no known effect explains the gap."""

@@ -1,4 +1,4 @@
-"""Candidates for the missing law: a form at a point with its knots, its basis and what a plausible size is."""
+"""Candidates for the missing law: a form at a point with its knots, its basis and its plausible size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FRAMES = 2.0  # shortest memory
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A law that may be missing.
+    """A candidate for the missing law: a form at a point.
 
     Attributes:
         law: its point.
@@ -50,7 +50,7 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Where and what, in words."""
+        """Id of the effect and its form in words."""
         return f"{self.law.learned}: {self.form.words}"
 
     def weights(self, modes: np.ndarray) -> np.ndarray:
@@ -75,7 +75,7 @@ class Candidate:
         return found
 
     def shape(self) -> tuple[np.ndarray, np.ndarray]:
-        """How the law is drawn: abscissas (channels, points), and values there for each weight (channels, points, 8).
+        """Curves of the law: abscissas (channels, points), and values per weight (channels, points, 8).
 
         A curve at its knots; hysteresis as the first loading from rest; relaxation as the answer to a step.
         """

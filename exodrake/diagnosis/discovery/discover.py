@@ -1,6 +1,6 @@
-"""Discovery: the free law, of all points of all parts, that explains best what no known effect does.
+"""Discovery of the free law, among all points of all parts, that best explains the gap left by known effects.
 
-One linearisation screens all laws; the best few are fitted through the simulation and compared by their evidence.
+One linearisation screens all laws. The best few are fitted through the simulation and compared by their evidence.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ def answer(
 
 
 def reason_of(found: Isolation, candidate: Candidate, share: float, where: str) -> str:
-    """What was found, in one sentence."""
+    """Finding of the discovery in one sentence."""
     said = f"a free law of {candidate.form.words} at {candidate.law.key} removes {share:.0%} of what retuning leaves"
     if imitates(found.retuned):
         return f"{said}; without it nominal parameters leave their tolerances"

@@ -1,4 +1,4 @@
-"""Writes the source of free laws as effects, and of the watches that say where their variables go."""
+"""Source code of free laws as effects, and of watches that record the ranges of their variables."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Forms of the laws that may be missing: for each point of a part, the variables that act there.
 
 A form adds `factor f(variable)` to the value that passes the point, with a free curve f, or a sum of elements that
-remember how the variable moved. Text is source of the point's own arguments. Points without an entry here, such as
-those of a machine of one's own, get one curve for each of their arguments.
+remember how the variable moved. Texts are source code in the point's own arguments. Points without an entry here, such
+as those of a user's machine, get one curve for each of their arguments.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""A plain formula for a free law: few named terms, chosen greedily by the logs through the law's linearisation.
+"""A plain formula for a free law: few named terms, selected greedily on the law's linearisation.
 
     f(u) = b_1 t_1(u) + b_2 t_2(u) + ...        cost = S / v + p log(n)        (Bayesian information criterion)
 
-S is what the terms leave, v the variance of a sample beside the free curve, p the number of coefficients, n that of
-independent samples. A formula is stated only where it is at least as likely as the free curve.
+S: sum of squares left by the terms; v: variance of a sample beside the free curve; p: number of coefficients; n: number
+of independent samples. A formula is stated only where it is at least as likely as the free curve.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ def laws_of(machine: Machine) -> list[LawPoint]:
 
 
 class Moved:
-    """What moves a robot of a machine to the same machine with other effects in it, by the names of parameters."""
+    """Conversion of robots to the same machine with other effects, by the names of parameters."""
 
     def __init__(self, before: Machine, after: Machine) -> None:
         self.machine = after
@@ -95,7 +95,7 @@ class Moved:
         return replace(problem, robot=self.robot(problem.robot))
 
     def likelihood(self, likelihood: Likelihood) -> Likelihood:
-        """The same views of robots on the other machine."""
+        """The likelihood with its views on the other machine."""
         views = tuple(replace(view, problem=self.problem(view.problem)) for view in likelihood.views)
         return replace(likelihood, views=views)
 
@@ -106,6 +106,6 @@ class Moved:
         return replace(likelihood, views=views)
 
     def explanation(self, e: Explanation) -> Explanation:
-        """The same robot on the other machine, with its parameters."""
+        """The explanation on the other machine, with its parameters."""
         parameters = tuple(replace(p, index=tuple(int(self.index[i]) for i in p.index)) for p in e.parameters)
         return replace(e, parameters=parameters, values=self.values(e.values))

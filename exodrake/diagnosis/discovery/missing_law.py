@@ -1,4 +1,4 @@
-"""The answer of a discovery: where a law is missing, what it looks like, how far it closes the gap, and how sure."""
+"""Result of a discovery: point and curve of the missing law, its closure and its evidence."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Runner:
 
 @dataclass(frozen=True, eq=False)
 class MissingLaw:
-    """A free law, fitted through the simulation.
+    """The missing law: a free law, fitted through the simulation, with its evidence.
 
     Attributes:
         found: whether the logs show one.

@@ -1,8 +1,8 @@
-"""The search for a law: which of the screened ones are simulated and fitted, and in which order they stand.
+"""Search for a law: choice of the screened laws that are simulated and fitted, and their order.
 
-Free inputs (`free_input`) say in which block of the robot something acts, whatever its law. So laws inside that block
-and outside it are fitted apart, and those inside stand first, unless one outside takes up more of what they leave than
-a law in a wrong part takes up of a right one's (`compare.LEAD`).
+Free inputs (`free_input`) name the block of the robot that has an unknown input, whatever its law. Laws inside that
+block and outside it are fitted separately, and those inside rank first. A law outside ranks first if it takes up more
+of what they leave than a law in a wrong part takes up of a right one's (`compare.LEAD`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where the variables of laws go in the logs of a case: range and counts, by states of the simulated robot."""
+"""Ranges and histograms of the variables of laws in the logs of a case, by states of the simulated robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from exodrake.diagnosis.problem import Problem, Trial
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Where a variable went: `low`, `high` (channels,) [its unit]."""
+    """Range of a variable in the simulated logs: `low`, `high` (channels,) [its unit]."""
 
     low: np.ndarray
     high: np.ndarray
@@ -71,7 +71,7 @@ def end_states(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 
 def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> dict[tuple[str, int], Seen]:
-    """Where the variable of each form of each law goes, and the scale of the law (one number above all forms).
+    """Range of the variable of each form of each law, and scale of the law (one number above all forms).
 
     Args:
         problem: the case, its robot on a machine with laws and watches.
@@ -97,7 +97,7 @@ def watched(problem: Problem, values: np.ndarray, laws: Sequence[LawPoint]) -> d
 
 
 def counted(problem: Problem, values: np.ndarray, law: LawPoint, form: int, seen: Seen) -> np.ndarray:
-    """How often (channels, bins) the variable of a form is in each part of its range; arguments as `watched` has."""
+    """Histogram (channels, bins) of the variable of a form over its range; arguments as `watched` has."""
     machine, row = problem.robot.machine, values.copy()
     for name, value in (("form", form), ("low", seen.low), ("high", seen.high)):
         row[places(machine, f"{law.identity}_watch", name)] = value

@@ -34,7 +34,7 @@ RATE = 25.0  # frames per second of a short recording
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a recording shows.
+    """Motion of the robots in a recording.
 
     Attributes:
         time: (k,) of the frames [s].
