@@ -7,6 +7,7 @@ import numpy as np
 
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
+from exodrake.diagnosis.gap import Closure, Interval, SignalGap, Where
 from exodrake.diagnosis.level_table import LevelTest
 from exodrake.diagnosis.problem import Problem, Trial
 from exodrake.diagnosis.provenance import Provenance
@@ -17,14 +18,10 @@ from exodrake.diagnosis.result import (
     RETUNE,
     UNKNOWN,
     Candidate,
-    Closure,
     Diagnosis,
-    Interval,
     Moved,
     NamedEffect,
     Retune,
-    SignalGap,
-    Where,
 )
 from exodrake.diagnosis.rival import Rival
 from exodrake.machines.robot_file import load_robot

@@ -24,10 +24,10 @@ from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.discovery.search import ranked
 from exodrake.diagnosis.discovery.watch import state_places
+from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.likelihood import SAMPLE
 from exodrake.diagnosis.pipeline import isolated, with_law
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.result import Where
 from exodrake.effects import law_table
 from exodrake.simulation.simulate import simulate
 from studies.missing_law_page import ERROR, limit

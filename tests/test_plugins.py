@@ -55,7 +55,8 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.diagnosis.detection import Detection
-from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import NamedEffect
 
 
 def detect(problem, effect, values):

@@ -17,7 +17,8 @@ from rich.console import Console
 
 from exodrake.data.envelope import envelope, stretch_of
 from exodrake.data.log import Log
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Interval
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report import number_format, wording
 from exodrake.report.curves import LEVELS, MOST, curves
 from exodrake.report.diagnosis_html import html_of

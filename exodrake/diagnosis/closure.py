@@ -15,8 +15,8 @@ import numpy as np
 
 from exodrake.core.confidence import CONFIDENCE
 from exodrake.diagnosis.filters import mismatch
+from exodrake.diagnosis.gap import Closure, Interval, SignalGap
 from exodrake.diagnosis.problem import WILD, Problem
-from exodrake.diagnosis.result import Closure, Interval, SignalGap
 
 PART = 2.0  # s, longer than the loop's memory
 DRAWS = 400

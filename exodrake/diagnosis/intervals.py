@@ -19,8 +19,9 @@ from exodrake.core.confidence import CONFIDENCE, NORMAL_90
 from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.channels import affected_channels
+from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.result import NamedEffect
 
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
 

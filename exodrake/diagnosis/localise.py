@@ -15,10 +15,11 @@ import numpy as np
 from exodrake.core.signal import JOINTS, TENDONS
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.free_input import WHOLE, Course, free_courses
+from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.regime import regime
-from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect, Where
+from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect
 from exodrake.diagnosis.segment_shares import segment_gaps, shapley, subsets, suspects
 
 AFFECTED = 0.5  # a channel with this share of the strongest one's residual power counts as affected

@@ -13,11 +13,11 @@ import numpy as np
 
 from exodrake.data.case import Case
 from exodrake.diagnosis.closure import overall
+from exodrake.diagnosis.gap import Closure, Interval
 from exodrake.diagnosis.improved import without_traces
 from exodrake.diagnosis.isolation import Isolation, Tested
 from exodrake.diagnosis.left_out import without_logs
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import Closure, Interval
 
 
 def kind_of(protocol: str) -> str:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
+from exodrake.diagnosis.gap import Closure, Interval, Where
 from exodrake.diagnosis.rival import Rival
 from exodrake.machines.write_robot import robot_text
 
@@ -25,20 +24,16 @@ NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
 
 
 @dataclass(frozen=True)
-class Interval:
-    """A value with the ends of its 90 % interval, SI."""
-
-    value: float
-    low: float
-    high: float
-    unit: str = "-"
-
-
-@dataclass(frozen=True)
 class NamedEffect:
-    """An effect with the channels that it sits on, its parameters and the probability that it is there.
+    """An effect that the verdict names.
 
-    `channels`: parameter -> channel -> interval, for what differs from channel to channel.
+    Attributes:
+        id: id of the effect.
+        wires: tendons that it sits on.
+        joints: joints that it sits on.
+        parameters: parameter -> interval.
+        channels: parameter -> channel -> interval, for what differs from channel to channel.
+        probability: probability of the explanation that the effect belongs to.
     """
 
     id: str
@@ -50,73 +45,13 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
-class Where:
-    """Block, wires and joints of the gap.
-
-    shares: block -> share of the gap. segments: exact Shapley shares of replayed segments. regime: condition -> share
-    of the residual's variance that it explains.
-    """
-
-    block: str
-    wires: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
-    shares: dict[str, float] = field(default_factory=dict)
-    segments: dict[str, float] = field(default_factory=dict)
-    replay: dict[str, float] = field(default_factory=dict)
-    regime: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class SignalGap:
-    """Gap of a signal on held-out logs before and after, its noise standard deviation [its unit], and the closure."""
-
-    before: float
-    retuned: float
-    after: float
-    noise_std: float
-    closure: float
-    unit: str
-
-    def to_json(self) -> dict[str, Any]:
-        """The gap as plain data, the noise standard deviation as `floor`."""
-        return plain({"floor" if name == "noise_std" else name: value for name, value in vars(self).items()})
-
-
-@dataclass(frozen=True)
-class Closure:
-    """Closure over all signals with 90 % intervals, and signal by signal.
-
-    Attributes:
-        overall: from the nominal to the improved robot.
-        retune: from the nominal to the retuned robot.
-        effect: from the retuned to the improved robot; NaN where retuning leaves nothing.
-        signals: column -> gap.
-        measured_on: kinds of motion that it was measured on.
-        motions: kind of fitted motion -> overall closure on it by the robot that was fitted to the other kinds.
-    """
-
-    overall: Interval
-    retune: Interval
-    effect: Interval
-    signals: dict[str, SignalGap]
-    measured_on: tuple[str, ...] = ()
-    motions: dict[str, Interval] = field(default_factory=dict)
-
-    @property
-    def rms(self) -> dict[str, float]:
-        """RMS error over all signals of the nominal, the retuned and the improved robot [noise_std]; 1 is noise."""
-        names = ("before", "retuned", "after")
-        squares = [[(getattr(gap, name) / gap.noise_std) ** 2 for gap in self.signals.values()] for name in names]
-        return {name: float(np.sqrt(np.mean(s))) if s else float("nan") for name, s in zip(names, squares, strict=True)}
-
-
-@dataclass(frozen=True)
 class Moved:
     """A nominal parameter that retuning moved.
 
     Attributes:
         name: full name.
-        nominal, value: before and after [unit].
+        nominal: value before retuning [unit].
+        value: value after retuning [unit].
         unit: its unit.
         deviations: change in standard deviations of its tolerance.
     """

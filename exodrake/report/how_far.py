@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from exodrake.diagnosis import regime
-from exodrake.diagnosis.result import Diagnosis, SignalGap
+from exodrake.diagnosis.gap import SignalGap
+from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Drawing, Table
 from exodrake.report.curves import curves

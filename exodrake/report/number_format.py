@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from exodrake.core.display import SYMBOLS, shown_unit
-from exodrake.diagnosis.result import Interval
+from exodrake.diagnosis.gap import Interval
 
 DIGITS = 3  # significant digits of a quantity
 NEARLY = 0.985  # a fraction above it is given to a tenth of a per cent, so that 0.996 is not printed as 100 %

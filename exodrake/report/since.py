@@ -9,7 +9,8 @@ from typing import Any
 from exodrake.core.confidence import ALPHA
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
-from exodrake.diagnosis.result import UNKNOWN, Diagnosis, Interval
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import UNKNOWN, Diagnosis
 from exodrake.diagnosis.session_series import RESIDUAL, Series
 from exodrake.diagnosis.since import Since
 from exodrake.report import number_format as n

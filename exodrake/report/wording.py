@@ -10,7 +10,8 @@ import numpy as np
 from exodrake.core.display import Display, display_of
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect, SignalGap
+from exodrake.diagnosis.gap import SignalGap
+from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.report.number_format import digits, interval, listed, percent
 
 MOST_MOVED = 4  # parameters that the terminal lists

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from exodrake.core.markdown import markdown_table
-from exodrake.diagnosis.result import Diagnosis, Interval
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import Diagnosis
 from studies.real_machines.study import Result
 
 Texts = dict[str, dict[str, str]]

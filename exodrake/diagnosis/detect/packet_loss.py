@@ -19,8 +19,9 @@ from exodrake.diagnosis.command_paths import ENTER, LAGS, SHOWN, best_path, erro
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.drive import Drive, Record, load_kinds
 from exodrake.diagnosis.filters import filled_columns
+from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.noise import sensor_noise_std
-from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.result import NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial

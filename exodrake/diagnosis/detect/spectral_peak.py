@@ -21,8 +21,9 @@ from exodrake.core.effect import Effect
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, outside
+from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import apply, effect_parameters
-from exodrake.diagnosis.result import Interval, NamedEffect
+from exodrake.diagnosis.result import NamedEffect
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem

@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.result import Interval
+from exodrake.diagnosis.gap import Interval
 
 
 @dataclass(frozen=True, eq=False)
