@@ -16,7 +16,7 @@ def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
 
 
 def robot_text(robot: Robot, notes: str = "") -> str:
-    """Text of a robot file that `load_robot` takes: what differs from the robot of its machine, effects and limits too."""
+    """Text of a robot file that `load_robot` takes: what differs from its machine, effects and limits too."""
     base = load_robot(robot.machine.name)
     parameters = {
         e.name: {"value": float(v), "unit": e.unit, "source": robot.sources.get(e.name, "")}
