@@ -17,7 +17,7 @@ def test_closure_of_known_gaps(before, after, value):
 
 def test_gap_within_noise_has_no_closure():
     assert np.isnan(closure(np.array([0.98]), np.array([0.9])))
-    assert np.isnan(bootstrapped(np.full(5, 0.9), np.full(5, 0.8), np.zeros((10, 5), dtype=int)).value)
+    assert np.isnan(bootstrapped(np.full(5, 0.9), np.full(5, 0.8), np.ones(5), np.zeros((10, 5), dtype=int)).value)
 
 
 def test_two_steps_multiply_to_the_whole():
@@ -42,12 +42,24 @@ def test_bootstrap_interval_covers_the_truth_as_often_as_it_says():
     rng, truth, hits = np.random.default_rng(1), 1.0 - 1.0 / 9.0, 0
     for _ in range(200):
         before, after = 10.0 * rng.gamma(5.0, 0.2, 40), 2.0 * rng.gamma(5.0, 0.2, 40)
-        found = bootstrapped(before, after, rng.integers(0, 40, (200, 40)))
+        found = bootstrapped(before, after, np.ones(40), rng.integers(0, 40, (200, 40)))
         hits += found.low <= truth <= found.high
     assert CONFIDENCE - 0.07 < hits / 200 < CONFIDENCE + 0.06
 
 
-def test_blocks_are_mean_squares_of_whole_parts_of_each_log():
-    logs = [np.repeat([1.0, 2.0, 9.0], [4, 4, 2])[:, None], np.full((4, 1), 3.0)]
-    assert blocks(logs, 4) == pytest.approx([1.0, 4.0, 9.0])
-    assert blocks([np.full((2, 1), 2.0)], 4) == pytest.approx([4.0])  # a log shorter than a part counts as one
+def test_blocks_are_mean_squares_of_all_measured_samples_of_each_log():
+    logs = [np.repeat([1.0, 2.0, 9.0], [4, 4, 2])[:, None], np.full((4, 1), 3.0), np.full((3, 1), np.nan)]
+    logs[1][1] = np.nan
+    means, samples = blocks(logs, 4)
+    assert means == pytest.approx([1.0, 4.0, 81.0, 9.0]) and samples.tolist() == [4, 4, 2, 3]
+    assert np.average(means, weights=samples) == pytest.approx(np.nanmean(np.concatenate(logs) ** 2))
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.2, 0.5])
+def test_missing_samples_do_not_count_as_perfect_ones(missing):
+    """Gaps of 2 and 0.5 noise variances: closure 0.75, however many samples are missing."""
+    rng = np.random.default_rng(0)
+    logs = [[np.sqrt(1.0 + gap) * rng.standard_normal((20_000, 2))] for gap in (2.0, 0.5)]
+    lost = rng.random((20_000, 2)) < missing
+    (before, samples), (after, _) = (blocks([np.where(lost, np.nan, log[0])], 100) for log in logs)
+    assert closure(before, after, samples) == pytest.approx(0.75, abs=0.02)

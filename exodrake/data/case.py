@@ -105,13 +105,14 @@ class Case:
 
     @property
     def repeat_groups(self) -> tuple[tuple[CaseLog, ...], ...]:
-        """Groups of two or more logs that run the same reference in one session, in order.
+        """Groups of two or more fitted logs that run the same reference in one session, in order.
 
-        Between sessions the robot may change, so these do not show the noise.
+        Between sessions the robot may change, so these do not show the noise. Neither do held-out logs, which decide
+        nothing but the closure.
         """
         heads = {item.file: item.repeats for item in self.logs}
         groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
-        for item in self.logs:
+        for item in self.fit_logs:
             groups.setdefault((_head(item.file, heads), item.date), []).append(item)
         return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 

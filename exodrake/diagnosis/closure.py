@@ -18,7 +18,7 @@ from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.gap import Closure, Interval, SignalGap
 from exodrake.diagnosis.problem import WILD, Problem
 
-PART = 2.0  # s, longer than the loop's memory
+PART, LEAST = 2.0, 8  # block [s], longer than the loop's memory; blocks at least, shorter ones of short logs: assumed
 DRAWS = 400
 
 
@@ -30,20 +30,22 @@ def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndar
         rows: for each of these logs (robots, parameters) flat parameter vectors [SI].
 
     Returns:
-        For each robot the (n, columns) residuals of the logs [noise_std].
+        For each robot the (n, columns) residuals of the logs [noise_std], NaN where nothing was measured.
     """
     period, found = problem.robot.machine.frame, []
     for trial, robots in zip(problem.judged, rows, strict=True):
         simulated = problem.predict(robots, trial)
         gaps = [mismatch(trial.measured, one, problem.notched, period) / problem.noise_std for one in simulated]
-        found.append([np.nan_to_num(gap, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps])
+        bounded = [np.nan_to_num(gap, nan=WILD, posinf=WILD, neginf=-WILD).clip(-WILD, WILD) for gap in gaps]
+        found.append([np.where(np.isfinite(trial.measured), gap, np.nan) for gap in bounded])
     return [list(logs) for logs in zip(*found, strict=True)]
 
 
-def closure(before: np.ndarray, after: np.ndarray) -> float:
-    """Closure from mean squares in noise variances (any shape); NaN where there was no gap."""
-    gap = float(np.mean(before)) - 1.0
-    return 1.0 - max(float(np.mean(after)) - 1.0, 0.0) / gap if gap > 0.0 else float("nan")
+def closure(before: np.ndarray, after: np.ndarray, samples: np.ndarray | None = None) -> float:
+    """Closure from mean squares in noise variances (any shape), of so many samples each; NaN where there was no gap."""
+    gap = float(np.average(before, weights=samples)) - 1.0
+    left = float(np.average(after, weights=samples)) - 1.0
+    return 1.0 - max(left, 0.0) / gap if gap > 0.0 else float("nan")
 
 
 def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
@@ -56,33 +58,41 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
         seed: of the bootstrap.
     """
     logs = residuals(problem, rows)
-    (nominal, retuned, improved), picks = resampled(problem, logs, seed)
+    (nominal, retuned, improved), samples, picks = resampled(problem, logs, seed)
     signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
     return Closure(
-        overall=bootstrapped(nominal, improved, picks),
-        retune=bootstrapped(nominal, retuned, picks),
-        effect=bootstrapped(retuned, improved, picks),
+        overall=bootstrapped(nominal, improved, samples, picks),
+        retune=bootstrapped(nominal, retuned, samples, picks),
+        effect=bootstrapped(retuned, improved, samples, picks),
         signals=signals,
     )
 
 
 def overall(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Interval:
     """Closure from one robot to another; rows: for each log of `Problem.judged` (2, parameters) flat vectors [SI]."""
-    (before, after), picks = resampled(problem, residuals(problem, rows), seed)
-    return bootstrapped(before, after, picks)
+    (before, after), samples, picks = resampled(problem, residuals(problem, rows), seed)
+    return bootstrapped(before, after, samples, picks)
 
 
-def resampled(problem: Problem, logs: list[list[np.ndarray]], seed: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Mean squares of each robot's residuals (blocks,), and the bootstrap's picks (draws, blocks) of these."""
-    length = max(1, round(PART / problem.robot.machine.frame))
-    means = [blocks(one, length) for one in logs]
-    return means, np.random.default_rng(seed).integers(0, len(means[0]), (DRAWS, len(means[0])))
+def resampled(
+    problem: Problem, logs: list[list[np.ndarray]], seed: int
+) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Blocks for a bootstrap.
+
+    Returns:
+        Mean squares (blocks,) of each robot's residuals, samples (blocks,) in each, and picks (draws, blocks) of them.
+    """
+    frames = sum(len(log) for log in logs[0])
+    length = max(1, min(round(PART / problem.robot.machine.frame), frames // LEAST))
+    found = [blocks(one, length) for one in logs]
+    means, samples = [mean for mean, _ in found], found[0][1]
+    return means, samples, np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
 
 
-def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> Interval:
-    """Closure from mean squares (blocks,) with the interval of bootstrap draws, `picks` (draws, blocks)."""
-    value = closure(before, after)
-    draws = np.array([closure(before[pick], after[pick]) for pick in picks])
+def bootstrapped(before: np.ndarray, after: np.ndarray, samples: np.ndarray, picks: np.ndarray) -> Interval:
+    """Closure from mean squares of so many samples (blocks,), with the interval of `picks` (draws, blocks)."""
+    value = closure(before, after, samples)
+    draws = np.array([closure(before[pick], after[pick], samples[pick]) for pick in picks])
     draws = draws[np.isfinite(draws)]
     if not np.isfinite(value) or not len(draws):
         return Interval(float("nan"), float("nan"), float("nan"))
@@ -90,10 +100,15 @@ def bootstrapped(before: np.ndarray, after: np.ndarray, picks: np.ndarray) -> In
     return Interval(value, float(min(low, value)), float(max(high, value)))
 
 
-def blocks(residuals: list[np.ndarray], length: int) -> np.ndarray:
-    """Mean square of each block of time (blocks,)."""
-    found = [np.mean(r[i : i + length] ** 2) for r in residuals for i in range(0, len(r) - length + 1, length)]
-    return np.array(found or [np.mean(r**2) for r in residuals])
+def blocks(residuals: list[np.ndarray], length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean square of each block of time (blocks,) and its number of samples (blocks,), without missing ones.
+
+    The last block of a log may be shorter.
+    """
+    parts = [r[i : i + length] for r in residuals for i in range(0, len(r), length)]
+    parts = [part for part in parts if np.isfinite(part).any()]
+    samples = np.array([np.isfinite(part).sum() for part in parts])
+    return np.array([np.nanmean(part**2) for part in parts]), samples
 
 
 def signal(
@@ -102,6 +117,7 @@ def signal(
     """Gap of one signal in its unit."""
     noise_std = float(problem.noise_std[i])
     b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
+    b, t, a = (x[np.isfinite(b)] for x in (b, t, a))
     rms = [noise_std * float(np.sqrt(x.mean())) for x in (b, t, a)]
     kind = problem.kinds[i]
     unit = next(problem.robot.machine.signal[c.signal].unit for c in problem.robot.machine.columns if c.kind == kind)

@@ -46,14 +46,16 @@ def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tupl
 def excess(likelihood: Likelihood, e: Explanation) -> float:
     """Weighted sum of squares that an explanation leaves, the use of its priors included, above that of noise.
 
-    Of a true explanation both together are as large as noise alone, on the mean.
+    Where many samples count as one, a true explanation uses its priors for more than noise does: its excess is then
+    about as large as the number of parameters that the logs determine.
     """
     return 2.0 * e.cost(likelihood) - float(power(likelihood.weights))
 
 
 def removed(before: np.ndarray, after: np.ndarray) -> float:
-    """Share of the excess over noise that is gone, from reduced chi-squares (views,), the mean of the views."""
-    return 1.0 - float(np.mean(np.maximum(after - 1.0, 0.0) / np.maximum(before - 1.0, 1e-12)))
+    """Share of the excess over noise that is gone, from reduced chi-squares (views,), all views together."""
+    left, gap = (float(np.maximum(chi2 - 1.0, 0.0).sum()) for chi2 in (after, before))
+    return 1.0 - left / gap if gap > 0.0 else 0.0
 
 
 def other_law(likelihood: Likelihood, e: Explanation, other: Explanation) -> bool:

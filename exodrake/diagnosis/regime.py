@@ -39,7 +39,9 @@ def motion(position: np.ndarray, width: int, still: float | None, period: float)
 
     still: speed below which it is at rest [unit/s]; None: a share of the fastest motion.
     """
-    speed = np.gradient(np.convolve(position, np.full(width, 1.0 / width), "same"), period)
+    from scipy.ndimage import uniform_filter1d
+
+    speed = np.gradient(uniform_filter1d(position, width, mode="nearest"), period)
     still = CRAWL * np.abs(speed).max() if still is None else still
     direction = np.where(np.abs(speed) < still, 0.0, np.sign(speed))
     return {

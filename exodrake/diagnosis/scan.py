@@ -11,7 +11,7 @@ WINDOW = 2.0  # s (selection.md)
 
 
 def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
-    """Largest mean square, and largest |mean| sqrt(frames), over windows and whole logs.
+    """Largest mean square, and largest |mean| sqrt(frames), over windows that overlap by half, and over whole logs.
 
     Args:
         likelihood: views of the case.
@@ -27,12 +27,19 @@ def scan(likelihood: Likelihood, rows: np.ndarray) -> np.ndarray:
             frames, columns = trial.measured.shape
             log = log.reshape(len(rows), frames, columns)
             size = min(length, frames)
-            windows = log[:, : frames // size * size].reshape(len(rows), -1, size, columns)
-            power = np.mean(windows**2, axis=2).max(axis=(1, 2))
-            means = np.abs(windows.mean(axis=2)).max(axis=(1, 2)) * np.sqrt(size)
+            power = sliding_mean(log**2, size).max(axis=(1, 2))
+            means = np.abs(sliding_mean(log, size)).max(axis=(1, 2)) * np.sqrt(size)
             means = np.maximum(means, np.abs(log.mean(axis=1)).max(axis=1) * np.sqrt(frames))
             found = np.maximum(found, np.stack([power, means], axis=1))
     return found
+
+
+def sliding_mean(logs: np.ndarray, size: int) -> np.ndarray:
+    """Means (n, windows, columns) of logs (n, frames, columns) in windows of `size` frames, the last one at the end."""
+    starts = np.unique(np.r_[np.arange(0, logs.shape[1] - size + 1, max(size // 2, 1)), logs.shape[1] - size])
+    sums = np.cumsum(logs, axis=1, dtype=float)
+    sums = np.concatenate([np.zeros_like(sums[:, :1]), sums], axis=1)
+    return (sums[:, starts + size] - sums[:, starts]) / size
 
 
 def local_levels(draws: np.ndarray, found: np.ndarray) -> list[float]:

@@ -56,7 +56,7 @@ class Split:
         residual, pull = project.pull(project.explanation.residual[None], project.explanation.use[None])
         self.inverse, self.pull = project.inverse, pull[:, 0]
         rows = [rows_of(project.likelihood, session) for session in sessions]
-        self.directions = [project.directions[:, r] for r in rows]
+        self.directions = [project.directions[:, r] * project.weights[r] for r in rows]
         self.cross = [(project.fitted[:, r] @ d.T).astype(float) for r, d in zip(rows, self.directions, strict=True)]
         self.slopes = [(d @ residual[0, r]).astype(float) for r, d in zip(rows, self.directions, strict=True)]
 

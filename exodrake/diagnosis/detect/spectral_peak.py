@@ -137,10 +137,18 @@ def phase_rate(problem: Problem, logs: list[np.ndarray], peak: Peak) -> float:
 
 
 def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
-    """The most prominent peak in residuals (n, columns) [noise_std] of several logs."""
-    spectra = [spectrum(problem, log) for log in logs]
+    """The most prominent peak in residuals (n, columns) [noise_std] of several logs.
+
+    Logs shorter than a window have no fine spectrum: they are left out where others are longer.
+    """
+    window = round(WINDOW / problem.robot.machine.frame)
+    logs = [log for log in logs if len(log) >= window] or logs
+    size = min(window, *(len(log) for log in logs))
+    spectra = [spectrum(problem, log, size) for log in logs]
     frequency, sums = spectra[0][0], np.array([density.sum(axis=1) for _, density in spectra])
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
+    if not len(sought):
+        return Peak(LOWEST, np.zeros(sums.shape[1]), 0.0, 0.0)
     prominences = [np.min(prominence(frequency, sums, centre)) for centre in sought]
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
@@ -163,12 +171,11 @@ def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray
     return away <= HALF, (away > HALF) & (away < ASIDE)
 
 
-def spectrum(problem: Problem, log: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz]."""
+def spectrum(problem: Problem, log: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz], from windows of `size` frames."""
     from scipy.signal import welch
 
-    rate = 1.0 / problem.robot.machine.frame
-    return welch(log, rate, nperseg=min(len(log), round(WINDOW * rate)), axis=0)
+    return welch(log, 1.0 / problem.robot.machine.frame, nperseg=size, axis=0)
 
 
 def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
@@ -188,7 +195,8 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    unit = [in_band(*spectrum(problem, log - logs[0]), peak.frequency) for log in logs[1:]]
+    size = min(len(logs[0]), round(WINDOW / problem.robot.machine.frame))
+    unit = [in_band(*spectrum(problem, log - logs[0], size), peak.frequency) for log in logs[1:]]
     scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)
