@@ -11,8 +11,7 @@ import pytest
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
 from exodrake.data.log_file import read_log
-
-library = pytest.importorskip("exodrake.machines.library")
+from exodrake.machines import library
 
 ROOT = Path(__file__).parent.parent
 SPEED, COEFFICIENT = 0.1, 500.0  # m/s, N s2/m2
