@@ -1,4 +1,4 @@
-"""The linearised loop and an empty folder, for several files; how workers share the cores: the longest test first."""
+"""The linearised loop and an empty folder, for several files; the environment of the tests; the longest test first."""
 
 import os
 import shutil
@@ -6,6 +6,8 @@ import shutil
 if "PYTEST_XDIST_WORKER" in os.environ:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+# The first import of pydrake puts its own filter before pytest's: an error, too, also in programs that a test starts.
+os.environ.setdefault("DRAKE_DEPRECATION_RUNTIME_SEVERITY", "error")
 
 import pytest
 

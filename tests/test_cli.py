@@ -1,5 +1,7 @@
 """The command line: one line and status 2 for bad input, never a traceback."""
 
+from contextlib import chdir
+
 import click
 import numpy as np
 import pytest
@@ -98,7 +100,7 @@ def test_export_cuts_and_converts(log_file):
     )
 )
 def test_any_words_end_well(tmp_path_factory, words):
-    with CliRunner().isolated_filesystem(tmp_path_factory.getbasetemp()):
+    with chdir(tmp_path_factory.mktemp("words")):
         result = CliRunner().invoke(
             cli, [word for word in words if word in ("export", "import") or word not in COMMANDS]
         )
