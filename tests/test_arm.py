@@ -5,13 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_
 
 import exodrake as exo
-from exodrake.cli.main import cli
 from exodrake.cli.new_arm import SCAFFOLD
 from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
@@ -43,10 +42,6 @@ MIXED = "".join([
     '<axis xyz="0 0 -1"/><limit lower="-1" upper="2" effort="100" velocity="1"/></joint><link name="tool"/>',
     '<joint name="grip" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.1 0 -0.3"/></joint></robot>',
 ])  # fmt: skip
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

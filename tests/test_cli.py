@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
+from command_line import run
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake import __version__
 from exodrake.cli.main import COMMANDS, cli
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
-from exodrake.cli.main import cli
 from exodrake.data.compare import compare
 
 TIME = 0.02 * np.arange(100)
@@ -18,10 +17,6 @@ def log(shift=0.0, source="a", time=TIME, **more) -> exo.Log:
     return exo.Log(
         time, {"tension_AF": 3.0 * time + shift, "angle_MCP": np.full(len(time), 0.1), **more}, source=source
     )
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def test_a_constant_shift_is_its_own_rms_mean_and_largest_difference():

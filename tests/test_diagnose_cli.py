@@ -5,21 +5,16 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
-from exodrake.cli.main import cli
 from exodrake.core.progress import Stage, fraction
 from exodrake.data.case_folder import read_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
 from exodrake.machines.robot_file import load_robot
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -2,15 +2,10 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from estimator_sweeps import as_log, worn_sweeps
 
-from exodrake.cli.main import cli
 from exodrake.data.log_file import read_log, write_log
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import os
 
 import click
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from test_arm import MIXED
 
 import exodrake as exo
@@ -50,10 +50,6 @@ ARMS = {
     "mixed_loop": ["--urdf", "{}", "--form", "closed-loop"],
 }  # from `new-machine`
 EVERY = (*machine_names(), *ARMS)
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")

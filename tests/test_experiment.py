@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 from effects_motion import motion_of
 from scipy.stats import norm
 
 import exodrake as exo
-from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
@@ -319,10 +318,6 @@ def answered(problem, tmp_path_factory):
     answer = {"verdict": "AMBIGUOUS", "rivals": plain([VISCOUS, COULOMB]), "provenance": plain(made)}
     (folder / "diagnosis.json").write_text(json.dumps(answer))
     return folder
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def test_command_writes_a_reference_that_a_robot_follows(answered, few, tmp_path):

@@ -7,12 +7,11 @@ import sqlite3
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
+from command_line import run
 from mcap_ros2._dynamic import serialize_dynamic
 from scipy.io import savemat
 from test_formats import JOINT_STATE, bag
 
-from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.data.case_folder import read_case
 from exodrake.data.foreign.derive import lag_of, low_passed
@@ -29,10 +28,6 @@ MAP = {
     "time": {"column": "run.t", "unit": "s"},
     "columns": {"run.q[1]": {"name": "angle_elbow", "unit": "rad"}, "run.q[0]": {"name": "angle_wrist", "unit": "rad"}},
 }
-
-
-def exodrake(*words: object):
-    return CliRunner().invoke(cli, [str(word) for word in words])
 
 
 def imported(folder, content: bytes, name: str, mapping=MAP):
@@ -159,7 +154,7 @@ def test_joint_states_need_no_mapping(tmp_path):
     np.testing.assert_array_equal(log["angle_start_elbow"], 1.0)
     hand = import_all(tmp_path / "hand.mcap", None)["hand"].log
     np.testing.assert_array_equal(hand["angle_MCP"], 2.0 * np.arange(100))
-    listed = exodrake("import", tmp_path / "hand.mcap")
+    listed = run("import", tmp_path / "hand.mcap")
     assert "/joint_states" in listed.output and "position[MCP]" in listed.output and "wrench.force.z" in listed.output
 
 
@@ -183,16 +178,16 @@ def test_a_lerobot_data_set(tmp_path, version):
     else:
         for episode, table in enumerate(tables):
             parquet.write_table(table, folder / f"episode_{episode:06d}.parquet")
-    made = exodrake("import", tmp_path / "set", "--unit", "deg", "--out", tmp_path / "case")
+    made = run("import", tmp_path / "set", "--unit", "deg", "--out", tmp_path / "case")
     assert made.exit_code == 0, made.output
     case = read_case(tmp_path / "case")
     assert [item.role for item in case.logs] == ["fit", "fit", "holdout"] and case.period == 0.02
     last = case.logs[2].log
     np.testing.assert_allclose(np.degrees(last["angle_wristFlex"]), 10.0 * Q[:, 0] + 2.0, atol=1e-12)
     np.testing.assert_allclose(np.degrees(last["angle_ref_elbowFlex"]), 10.0 * Q[:, 1], atol=1e-12)
-    one = exodrake("import", tmp_path / "set", "--unit", "deg", "--episodes", "1", "--out", tmp_path / "one.csv")
+    one = run("import", tmp_path / "set", "--unit", "deg", "--episodes", "1", "--out", tmp_path / "one.csv")
     assert one.exit_code == 0 and len(read_log(tmp_path / "one.csv")) == N
-    assert "--unit deg" in exodrake("import", tmp_path / "set", "--out", tmp_path / "none").stderr
+    assert "--unit deg" in run("import", tmp_path / "set", "--out", tmp_path / "none").stderr
 
 
 def test_a_counter_that_starts_again_is_made_continuous_with_its_sign(tmp_path):
@@ -267,7 +262,7 @@ def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
         "period": 0.01,
     }
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
-    made = exodrake("import", tmp_path / "run.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "log.csv")
+    made = run("import", tmp_path / "run.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "log.csv")
     assert made.exit_code == 0 and "note: angle_wrist: moved by -200 ms" in made.output, made.output
     case = read_case(tmp_path / "log.csv", period=0.01)
     assert any("moved by -200 ms" in note for note in case.notes) and any("20 Hz" in note for note in case.notes)
@@ -300,19 +295,19 @@ def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_pa
     for k in range(3):
         rows = "\n".join(f"{20 * n};{np.sin(0.1 * n + k):.6f};go" for n in range(50)).replace(".", ",")
         (tmp_path / f"run{k}.csv").write_text("time_ms;q;word\n" + rows)
-    listed = exodrake("import", tmp_path / "run0.csv")
+    listed = run("import", tmp_path / "run0.csv")
     assert listed.exit_code == 0 and "time_ms" in listed.output and "word" not in listed.output
     mapping = {"time": {"column": "time_ms", "unit": "ms"}, "columns": {"q": {"name": "angle_a", "unit": "rad"}}}
     mapping |= {"separator": ";", "decimal": ","}
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
     files = [tmp_path / f"run{k}.csv" for k in range(3)]
-    made = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "case")
+    made = run("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "case")
     assert made.exit_code == 0, made.output
     case = read_case(tmp_path / "case")
     assert [(item.file, item.role) for item in case.logs][1:] == [("run1.csv.gz", "fit"), ("run2.csv.gz", "holdout")]
-    own = exodrake("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "own.npz")
+    own = run("import", tmp_path / "case" / "run0.csv.gz", "--out", tmp_path / "own.npz")
     assert own.exit_code == 0 and read_log(tmp_path / "own.npz").equals(case.logs[0].log)
-    refused = exodrake("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
+    refused = run("import", *files, "--map", tmp_path / "map.yaml", "--out", tmp_path / "one.csv")
     assert refused.exit_code == 2 and "3 logs" in refused.stderr
 
 
@@ -334,10 +329,10 @@ def test_the_marks_of_a_text_table_are_guessed(text, names, last):
 
 def test_the_folder_of_a_log_is_made_and_a_folder_without_recording_is_named(tmp_path):
     (tmp_path / "t.csv").write_text("time [s],force_x [N]\n0,1\n1,2\n")
-    made = exodrake("import", tmp_path / "t.csv", "--out", tmp_path / "new" / "deep" / "t.npz")
+    made = run("import", tmp_path / "t.csv", "--out", tmp_path / "new" / "deep" / "t.npz")
     assert made.exit_code == 0 and len(read_log(tmp_path / "new" / "deep" / "t.npz")) == 2
     for words in ((), ("--out", tmp_path / "x.csv")):
-        assert "a folder without" in exodrake("import", tmp_path / "new", *words).stderr
+        assert "a folder without" in run("import", tmp_path / "new", *words).stderr
 
 
 @pytest.mark.parametrize("numbers", [[[0.0]] * 2, [0.0, float("nan")]])
@@ -349,4 +344,4 @@ def test_episodes_of_a_data_set_without_one_number_a_row_are_refused(tmp_path, n
     parquet.write_table(
         arrow.table({"timestamp": [0.0, 0.1], "episode_index": numbers}), tmp_path / "data" / "a.parquet"
     )
-    assert "'episode_index': wanted one number" in exodrake("import", tmp_path).stderr
+    assert "'episode_index': wanted one number" in run("import", tmp_path).stderr

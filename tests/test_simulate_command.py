@@ -4,19 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_line import run
 
 import exodrake as exo
-from exodrake.cli.main import cli
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.scenario import Scenario, read_scenario, scenario_text
 
 EFFECTS = exo_index().effects
 SHORT = "caging:rest=0.1,approach=0.2,hold=0.2,release=0.2"
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
