@@ -1,4 +1,4 @@
-"""The linearised loop and an empty folder, for several files; the environment of the tests; the longest test first."""
+"""Fixtures of several files; the environment of the tests; the longest test first."""
 
 import os
 import shutil
@@ -12,6 +12,7 @@ os.environ.setdefault("DRAKE_DEPRECATION_RUNTIME_SEVERITY", "error")
 import pytest
 
 import exodrake as exo
+from exodrake.core import plugins
 
 LONGEST = "diagnose_case"  # an example that diagnoses a case, which takes longer than any file of tests
 
@@ -43,6 +44,14 @@ def model(loop, point):
     from exodrake.analysis.linear_model import linearise
 
     return linearise(loop, point.state, point.references)
+
+
+@pytest.fixture(scope="module")
+def arm_folder(tmp_path_factory):
+    """A folder for machines of a module of tests, whose registration is undone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(plugins.VARIABLE, "")
+        yield tmp_path_factory.mktemp("arms")
 
 
 @pytest.fixture

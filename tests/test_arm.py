@@ -5,13 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from command_line import run
+from arm_folders import CABLE, LINK, MIXED, made
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_
 
 import exodrake as exo
-from exodrake.cli.new_arm import SCAFFOLD
 from exodrake.compiled.inputs import Reference
 from exodrake.core import plugins
 from exodrake.diagrams.multibody_arm import multibody_arm
@@ -21,55 +20,17 @@ from exodrake.machines.urdf import read_urdf
 from exodrake.simulation.simulate import record
 from exodrake.systems import arm_forward, rigid_arm
 
-CABLE = SCAFFOLD / "cable_arm.urdf"
-LINK = '<link name="{0}"><inertial>{1}<mass value="{2}"/><inertia {3}/></inertial></link>'
-TENSOR = 'ixx="{}" ixy="0.001" ixz="-0.002" iyy="{}" iyz="0.0015" izz="{}"'
-# all kinds of joints, a plate that is welded on, tilted frames, an axis that is no unit vector
-MIXED = "".join([
-    '<robot name="mixed"><link name="base"/>',
-    LINK.format("a", '<origin xyz="0.1 0.02 -0.2" rpy="0.3 0.2 -0.5"/>', 2.0, TENSOR.format(0.03, 0.025, 0.02)),
-    LINK.format("plate", '<origin xyz="0 0.1 0" rpy="1 0 0"/>', 0.7, TENSOR.format(0.013, 0.014, 0.015)),
-    LINK.format("b", '<origin xyz="0 0 -0.15"/>', 1.0, TENSOR.format(0.02, 0.03, 0.02)),
-    LINK.format("c", '<origin xyz="0.02 0.03 -0.15"/>', 0.5, TENSOR.format(0.02, 0.02, 0.01)),
-    '<joint name="turn-table" type="continuous"><parent link="base"/><child link="a"/>'
-    '<origin xyz="0.1 0 0.3" rpy="0.1 -0.4 0.9"/><axis xyz="1 2 3"/></joint>',
-    '<joint name="weld" type="fixed"><parent link="a"/><child link="plate"/>'
-    '<origin xyz="0.2 0.1 -0.1" rpy="0.5 1.2 0.3"/></joint>',
-    '<joint name="lift_2" type="prismatic"><parent link="plate"/><child link="b"/><origin xyz="0 0 -0.4"/>'
-    '<axis xyz="0 0.6 0.8"/><limit lower="-0.1" upper="0.4" effort="100" velocity="1"/></joint>',
-    '<joint name="3" type="revolute"><parent link="b"/><child link="c"/>'
-    '<origin xyz="0.1 0 0" rpy="0 1.5707963267949 0"/>'
-    '<axis xyz="0 0 -1"/><limit lower="-1" upper="2" effort="100" velocity="1"/></joint><link name="tool"/>',
-    '<joint name="grip" type="fixed"><parent link="c"/><child link="tool"/><origin xyz="0.1 0 -0.3"/></joint></robot>',
-])  # fmt: skip
+
+@pytest.fixture(scope="module")
+def inverse(arm_folder):
+    return made(arm_folder, "cable_arm", "--urdf", "cable_arm")
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder for machines, whose registration is undone."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(plugins.VARIABLE, "")
-        yield tmp_path_factory.mktemp("arms")
-
-
-def made(folder: Path, name: str, *options: str) -> exo.Robot:
-    """The robot of a machine that the command makes."""
-    result = run("new-machine", folder / name, *options)
-    assert result.exit_code == 0, result.output
-    exo.add_plugin(folder / name)
-    return exo.load_robot(name)
-
-
-@pytest.fixture(scope="module")
-def inverse(folder):
-    return made(folder, "cable_arm", "--urdf", "cable_arm")
-
-
-@pytest.fixture(scope="module")
-def closed(folder, tmp_path_factory):
+def closed(arm_folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("urdf") / "mixed.urdf"
     path.write_text(MIXED)
-    return made(folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
+    return made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
 
 
 def parsed(path: Path) -> MultibodyPlant:

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from arm_folders import CABLE, MIXED, made
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_, SpatialInertia, UnitInertia, default_model_instance
 from pydrake.systems.analysis import Simulator
-from test_arm import CABLE, MIXED, folder, made  # noqa: F401  # pyright: ignore
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
@@ -77,8 +77,8 @@ def inverse_case(robot, payload=0.0, friction=(), gain=(), rows=1600):
 
 
 @pytest.fixture(scope="module")
-def cable_arm(folder):  # noqa: F811
-    return made(folder, "cable_arm", "--urdf", "cable_arm")
+def cable_arm(arm_folder):
+    return made(arm_folder, "cable_arm", "--urdf", "cable_arm")
 
 
 @pytest.mark.parametrize(
@@ -140,10 +140,10 @@ def loop_case(robot, path, payload, rows=1200):
     return case_of(robot, logs)
 
 
-def test_a_payload_is_named_in_closed_loop(folder, tmp_path):  # noqa: F811
+def test_a_payload_is_named_in_closed_loop(arm_folder, tmp_path):
     path = tmp_path / "mixed.urdf"
     path.write_text(MIXED)
-    robot = made(folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
+    robot = made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
     found = exo.diagnose(loop_case(robot, path, 0.3), robot)
     assert found.verdict == "NAMED", found.reasons
     assert [one.id for one in found.effects] == ["arm.payload"]

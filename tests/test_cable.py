@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_arm import folder, made  # noqa: F401  # pyright: ignore
+from arm_folders import made
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
@@ -118,10 +118,10 @@ def test_losses_of_a_cable_damp_the_oscillation_as_those_of_a_spring_and_a_dampe
 
 
 @pytest.fixture(scope="module")
-def arm(folder, tmp_path_factory):  # noqa: F811
+def arm(arm_folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("urdf") / "two.urdf"
     path.write_text(TWO)
-    return made(folder, "cable_two", "--urdf", path, "--form", "cable")
+    return made(arm_folder, "cable_two", "--urdf", path, "--form", "cable")
 
 
 def test_both_engines_agree_to_the_last_bit_on_a_cable_arm(arm):

@@ -4,8 +4,8 @@ import os
 
 import click
 import pytest
+from arm_folders import MIXED
 from command_line import run
-from test_arm import MIXED
 
 import exodrake as exo
 from exodrake.cli.main import cli

@@ -6,10 +6,10 @@ import json
 import numpy as np
 import pytest
 import yaml
+from bags import BAG, BAG_MAP
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings, strategies as st
 from mcap.reader import make_reader
-from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import loadmat, savemat
 
 from exodrake.cli.main import cli
@@ -26,32 +26,6 @@ MAP = {
         "pos[1]": {"name": "position_elbow", "unit": "deg"},
     },
 }
-JOINT_STATE = """std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-WRENCH = """std_msgs/Header header
-geometry_msgs/Wrench wrench
-================================================================================
-MSG: geometry_msgs/Wrench
-geometry_msgs/Vector3 force
-geometry_msgs/Vector3 torque
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-""" + JOINT_STATE[JOINT_STATE.index("=") :]
 
 
 def imported(folder, mapping=MAP, content=TABLE, name="drive.csv") -> Log:
@@ -166,53 +140,12 @@ def test_mat_is_what_matlab_opens(tmp_path):
     assert not (tmp_path / "odd.mat").exists()
 
 
-def bag() -> bytes:
-    """Joint states at 50 Hz, a wrench at 100 Hz that stops early, a command once in a while."""
-    stream = io.BytesIO()
-    writer = RosWriter(stream)
-    joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
-    wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
-    number = writer.register_msgdef("std_msgs/msg/Float64", "float64 data\n")
-    for n in range(200):
-        stamp = 10_000_000 * n + 1_700_000_000_000_000_000
-        header = {"stamp": {"sec": n // 100, "nanosec": n % 100 * 10_000_000}, "frame_id": ""}
-        if n % 2 == 0:
-            state = {
-                "header": header,
-                "name": ["PIP", "MCP"],
-                "position": [n * 0.5, n * 1.0],
-                "velocity": [],
-                "effort": [],
-            }
-            writer.write_message("/joint_states", joints, state, log_time=stamp, publish_time=stamp)
-        if n < 100:
-            force = {"force": {"x": 0.0, "y": 0.0, "z": float(n)}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}
-            writer.write_message(
-                "/wrench", wrench, {"header": header, "wrench": force}, log_time=stamp, publish_time=stamp
-            )
-        if n % 40 == 0:
-            writer.write_message("/command", number, {"data": float(n)}, log_time=stamp, publish_time=stamp)
-    writer.finish()
-    return stream.getvalue()
-
-
-BAG_MAP = {
-    "time": {"start": 0},
-    "columns": {
-        "/joint_states:position[MCP]": {"name": "angle_MCP", "unit": "rad"},
-        "/joint_states:position[0]": {"name": "angle_PIP", "unit": "rad"},
-        "/wrench:wrench.force.z": {"name": "force_z", "unit": "N"},
-        "/command:data": {"name": "speed_cmd_AF", "unit": "mm/s"},
-    },
-}
-
-
 @pytest.mark.parametrize("stamp", ["log", "header"])
 def test_ros2_bag(tmp_path, stamp):
     mapping = {**BAG_MAP, "period": 0.02, "stamp": stamp}
     if stamp == "header":
         mapping["columns"] = {key: value for key, value in BAG_MAP["columns"].items() if "command" not in key}
-    log = imported(tmp_path, mapping, bag(), "bag.mcap")
+    log = imported(tmp_path, mapping, BAG, "bag.mcap")
     assert len(log) == 100 and log.dt == pytest.approx(0.02)
     np.testing.assert_array_equal(log["angle_MCP"], 2.0 * np.arange(100))
     np.testing.assert_array_equal(log["angle_PIP"], 1.0 * np.arange(100))
@@ -223,7 +156,7 @@ def test_ros2_bag(tmp_path, stamp):
 
 
 def test_ros2_hold_keeps_a_command(tmp_path):
-    log = imported(tmp_path, {**BAG_MAP, "hold": 1000}, bag(), "bag.mcap")
+    log = imported(tmp_path, {**BAG_MAP, "hold": 1000}, BAG, "bag.mcap")
     np.testing.assert_allclose(log["speed_cmd_AF"], 0.04 * (np.arange(100) // 20))
 
 
@@ -240,7 +173,7 @@ def test_ros2_hold_keeps_a_command(tmp_path):
 def test_ros2_wrong_column_is_named(tmp_path, column, part):
     mapping = {"columns": {column: {"name": "force_x", "unit": "N"}}}
     with pytest.raises(InputError, match=part.replace("[", r"\[")):
-        imported(tmp_path, mapping, bag(), "bag.mcap")
+        imported(tmp_path, mapping, BAG, "bag.mcap")
 
 
 def test_import_command(tmp_path):
@@ -269,7 +202,6 @@ def test_damaged_recordings_are_refused_or_read(tmp_path, data, name):
         assert str(tmp_path) in str(error)
 
 
-BAG = bag()
 SCRAP = st.one_of(
     st.none(), st.booleans(), st.floats(), st.text(max_size=4), st.sampled_from(["t", "cell", "N", "x_1"])
 )

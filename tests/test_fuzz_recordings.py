@@ -8,12 +8,11 @@ from contextlib import suppress
 import numpy as np
 import pytest
 import yaml
+from bags import BAG, BAG_MAP, sqlite_bag
 from fuzzing import JUNK, bounded, run, spoilt_bytes, spoilt_page, spoilt_table
 from hypothesis import given, strategies as st
 from scipy.io import savemat
-from test_formats import BAG, BAG_MAP
-from test_import import sqlite_bag
-from test_machine_recordings import SETS, made
+from small_recordings import SETS, made
 
 import exodrake as exo
 from exodrake.data.formats import formats

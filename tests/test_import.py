@@ -2,15 +2,13 @@
 
 import io
 import json
-import sqlite3
 
 import numpy as np
 import pytest
 import yaml
+from bags import BAG, TIME, N, Q, sqlite_bag
 from command_line import run
-from mcap_ros2._dynamic import serialize_dynamic
 from scipy.io import savemat
-from test_formats import JOINT_STATE, bag
 
 from exodrake.core.errors import InputError
 from exodrake.data.case_folder import read_case
@@ -21,9 +19,6 @@ from exodrake.data.foreign.tables import list_columns
 from exodrake.data.foreign.track import Track
 from exodrake.data.log_file import read_log
 
-N = 40
-TIME = 0.02 * np.arange(N)
-Q = np.column_stack([np.sin(3.0 * TIME), np.cos(2.0 * TIME)])
 MAP = {
     "time": {"column": "run.t", "unit": "s"},
     "columns": {"run.q[1]": {"name": "angle_elbow", "unit": "rad"}, "run.q[0]": {"name": "angle_wrist", "unit": "rad"}},
@@ -103,34 +98,6 @@ def test_json_objects_records_and_lines(tmp_path):
             imported(tmp_path, spoilt, "run.json")
 
 
-def sqlite_bag(path, definitions: bool) -> None:
-    """Joint states at 50 Hz and commands at 25 Hz as rosbag2 stores them, with or without message definitions."""
-    kind = "sensor_msgs/msg/JointState"
-    encode = serialize_dynamic(kind, JOINT_STATE)[kind]
-    bag = sqlite3.connect(path)
-    bag.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
-    bag.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
-    own = "my_msgs/msg/State"
-    if definitions:
-        bag.execute("CREATE TABLE message_definitions(topic_type TEXT, encoding TEXT, encoded_message_definition TEXT)")
-        bag.execute("INSERT INTO message_definitions VALUES(?, 'ros2msg', ?)", (own, JOINT_STATE))
-    for number, topic in enumerate(("/joint_states", "/joint_command")):
-        bag.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr')", (number, topic, own if definitions else kind))
-        for n in range(0, N, 1 + number):
-            stamp = 1_700_000_000_000_000_000 + 20_000_000 * n
-            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
-            state = {
-                "header": header,
-                "name": ["wrist", "elbow"],
-                "position": Q[n].tolist(),
-                "velocity": [],
-                "effort": [],
-            }
-            bag.execute("INSERT INTO messages VALUES(NULL, ?, ?, ?)", (number, stamp + 3_000_000, encode(state)))
-    bag.commit()
-    bag.close()
-
-
 @pytest.mark.parametrize("definitions", [False, True])
 def test_a_bag_in_sqlite(tmp_path, definitions):
     folder = tmp_path / "bag"
@@ -147,7 +114,7 @@ def test_a_bag_in_sqlite(tmp_path, definitions):
 
 def test_joint_states_need_no_mapping(tmp_path):
     sqlite_bag(tmp_path / "run.db3", False)
-    (tmp_path / "hand.mcap").write_bytes(bag())
+    (tmp_path / "hand.mcap").write_bytes(BAG)
     log = import_all(tmp_path / "run.db3", None)["run"].log
     check(log)
     np.testing.assert_array_equal(log["angle_ref_wrist"][::2], Q[::2, 0])

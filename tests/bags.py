@@ -1,0 +1,108 @@
+"""ROS 2 bags of joint states, made here."""
+
+import io
+import sqlite3
+
+import numpy as np
+from mcap_ros2._dynamic import serialize_dynamic
+from mcap_ros2.writer import Writer as RosWriter
+
+N = 40
+TIME = 0.02 * np.arange(N)  # s
+Q = np.column_stack([np.sin(3.0 * TIME), np.cos(2.0 * TIME)])  # angles of wrist and elbow [rad]
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+WRENCH = """std_msgs/Header header
+geometry_msgs/Wrench wrench
+================================================================================
+MSG: geometry_msgs/Wrench
+geometry_msgs/Vector3 force
+geometry_msgs/Vector3 torque
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+""" + JOINT_STATE[JOINT_STATE.index("=") :]
+BAG_MAP = {
+    "time": {"start": 0},
+    "columns": {
+        "/joint_states:position[MCP]": {"name": "angle_MCP", "unit": "rad"},
+        "/joint_states:position[0]": {"name": "angle_PIP", "unit": "rad"},
+        "/wrench:wrench.force.z": {"name": "force_z", "unit": "N"},
+        "/command:data": {"name": "speed_cmd_AF", "unit": "mm/s"},
+    },
+}
+
+
+def bag() -> bytes:
+    """Joint states at 50 Hz, a wrench at 100 Hz that stops early, a command once in a while."""
+    stream = io.BytesIO()
+    writer = RosWriter(stream)
+    joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+    wrench = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH)
+    number = writer.register_msgdef("std_msgs/msg/Float64", "float64 data\n")
+    for n in range(200):
+        stamp = 10_000_000 * n + 1_700_000_000_000_000_000
+        header = {"stamp": {"sec": n // 100, "nanosec": n % 100 * 10_000_000}, "frame_id": ""}
+        if n % 2 == 0:
+            state = {
+                "header": header,
+                "name": ["PIP", "MCP"],
+                "position": [n * 0.5, n * 1.0],
+                "velocity": [],
+                "effort": [],
+            }
+            writer.write_message("/joint_states", joints, state, log_time=stamp, publish_time=stamp)
+        if n < 100:
+            force = {"force": {"x": 0.0, "y": 0.0, "z": float(n)}, "torque": {"x": 0.0, "y": 0.0, "z": 0.0}}
+            writer.write_message(
+                "/wrench", wrench, {"header": header, "wrench": force}, log_time=stamp, publish_time=stamp
+            )
+        if n % 40 == 0:
+            writer.write_message("/command", number, {"data": float(n)}, log_time=stamp, publish_time=stamp)
+    writer.finish()
+    return stream.getvalue()
+
+
+BAG = bag()
+
+
+def sqlite_bag(path, definitions: bool) -> None:
+    """Joint states at 50 Hz and commands at 25 Hz as rosbag2 stores them, with or without message definitions."""
+    kind = "sensor_msgs/msg/JointState"
+    encode = serialize_dynamic(kind, JOINT_STATE)[kind]
+    bag = sqlite3.connect(path)
+    bag.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+    bag.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+    own = "my_msgs/msg/State"
+    if definitions:
+        bag.execute("CREATE TABLE message_definitions(topic_type TEXT, encoding TEXT, encoded_message_definition TEXT)")
+        bag.execute("INSERT INTO message_definitions VALUES(?, 'ros2msg', ?)", (own, JOINT_STATE))
+    for number, topic in enumerate(("/joint_states", "/joint_command")):
+        bag.execute("INSERT INTO topics VALUES(?, ?, ?, 'cdr')", (number, topic, own if definitions else kind))
+        for n in range(0, N, 1 + number):
+            stamp = 1_700_000_000_000_000_000 + 20_000_000 * n
+            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
+            state = {
+                "header": header,
+                "name": ["wrist", "elbow"],
+                "position": Q[n].tolist(),
+                "velocity": [],
+                "effort": [],
+            }
+            bag.execute("INSERT INTO messages VALUES(NULL, ?, ?, ?)", (number, stamp + 3_000_000, encode(state)))
+    bag.commit()
+    bag.close()
