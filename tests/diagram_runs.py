@@ -1,33 +1,17 @@
-"""What the tests of Drake and of the parts share: reference data, short references, runs by both engines."""
+"""What the tests of Drake and of the parts share: references, runs by both engines."""
 
-import os
 from functools import cache
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
 from exodrake.compiled.run import run_compiled
-from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import load_robot
 
 
 @cache
 def nominal():
     return load_robot()
-
-
-@cache
-def reference_log(name):
-    """A log of data/reference: below EXODRAKE_DATA, or beside or above the checkout; else the test skips."""
-    bases = [Path(os.environ["EXODRAKE_DATA"])] if "EXODRAKE_DATA" in os.environ else []
-    for parent in Path(__file__).resolve().parents:
-        bases += [parent / "data", parent / "shared" / "data"]
-    for base in bases:
-        if (base / "reference" / f"{name}.csv").is_file():
-            return read_log(base / "reference" / f"{name}.csv")
-    pytest.skip("no data/reference here")
 
 
 def wavy(seconds):

@@ -1,11 +1,10 @@
 """The reference simulator: right without effects, and different with each of them."""
 
-import os
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_data import data_folder, needs_data
 
 from exodrake.blind.case_mix import CaseMix, draw_case, plan
 from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
@@ -22,14 +21,6 @@ NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad
 NEEDS_LONGER = {"outside.voltage_sag", "timing.mocap_clock_skew"}  # rare spells; grows with time
 
 
-def reference_folder():
-    """data/reference: EXODRAKE_DATA, or beside or above the checkout; None if absent."""
-    bases = [Path(os.environ["EXODRAKE_DATA"])] if "EXODRAKE_DATA" in os.environ else []
-    for parent in Path(__file__).resolve().parents:
-        bases += [parent / "data", parent / "shared" / "data"]
-    return next((base / "reference" for base in bases if (base / "reference" / "sweeps.csv").is_file()), None)
-
-
 @cache
 def short_grasps(seconds=14.0):
     return Protocol("grasps", grasps(np.random.default_rng(5)).reference[: round(seconds / FRAME)])
@@ -40,12 +31,10 @@ def healthy_log():
     return simulate(RobotSpec(noisy=False), short_grasps(), 0)
 
 
+@needs_data("reference")
 @pytest.mark.parametrize("name", REFERENCES)
 def test_reproduces_the_reference(name):
-    folder = reference_folder()
-    if folder is None:
-        pytest.skip("no data/reference here")
-    path = folder / f"{name}.csv"
+    path = data_folder("reference") / f"{name}.csv"
     names = [heading.split(" ")[0] for heading in path.open().readline().strip().split(",")]
     table = np.loadtxt(path, delimiter=",", skiprows=1)
     wanted = dict(zip(names, table.T))

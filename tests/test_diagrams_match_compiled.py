@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagram_runs import both, nominal, reference_log, wavy
+from diagram_runs import both, nominal, wavy
+from shared_data import data_folder, needs_data
 
 from exodrake.compiled.inputs import Reference
+from exodrake.data.log_file import read_log
 from exodrake.machines.exo_index.machine import machine as exo_index
 from exodrake.simulation.simulate import record
 
@@ -19,8 +21,8 @@ TIGHT = {"tension_read": 1e-3, "stroke_read": 0.5e-6, "angle_read": 5e-5}  # RMS
 COLUMN = {"tension_read": "tension", "stroke_read": "stroke", "angle_read": "angle"}
 
 
-def test_a_minute_of_sweeps_with_noise_and_rounding():
-    compiled, drake = both(nominal(), Reference(reference_log("sweeps").array("tension_ref")))
+def test_a_minute_with_noise_and_rounding():
+    compiled, drake = both(nominal(), wavy(60.0))
     assert len(compiled) == 3000
     np.testing.assert_array_equal(compiled, drake)
 
@@ -62,10 +64,11 @@ def test_parts_as_printed():
     assert float(run.stdout) > 0.1
 
 
+@needs_data("reference")
 @pytest.mark.parametrize("engine", ["compiled", "drake"])
 @pytest.mark.parametrize("name", ["sweeps", "chirp", "holds", "grasps"])
 def test_reproduces_the_reference(name, engine):
-    log = reference_log(name)
+    log = read_log(data_folder("reference") / f"{name}.csv")
     run = record(nominal(), Reference(log.array("tension_ref")), seed=None, quantisation=False, engine=engine)
     for wire, bound in TIGHT.items():
         error = run.signals[wire] - log.array(COLUMN[wire])

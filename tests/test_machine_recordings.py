@@ -1,10 +1,10 @@
 """Importers of the four sets, on files made here in their form, and on the recordings where they are."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_data import data_folder, needs_data
 from small_recordings import SETS, made
 
 from exodrake.core.errors import InputError
@@ -16,9 +16,6 @@ from studies.real_machines.growing_models import growing_models
 from studies.real_machines.measures import decimated, relative_error, rms_degrees
 from studies.real_machines.recordings import FOLDERS, MODELS
 from studies.real_machines.study import emps_numbers
-
-REAL = Path(__file__).parent.parent.parent / "shared" / "data" / "real"
-real = pytest.mark.skipif(not REAL.is_dir(), reason="no recordings of real machines here (shared/data/real)")
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -67,9 +64,9 @@ def test_bad_recordings_are_refused_by_name(name, file, text, says, tmp_path):
         reader(name)(tmp_path / "absent")
 
 
-@real
+@needs_data("real")
 def test_emps_force_errors_are_the_published_ones():
-    case, robot = reader("emps")(REAL / FOLDERS["emps"]), load_robot("emps")
+    case, robot = reader("emps")(data_folder("real") / FOLDERS["emps"]), load_robot("emps")
     problem = make_problem(case, robot)
     inertia, viscous, _, _, full, asymmetric = growing_models(problem, MODELS["emps"])
     force = problem.columns.index("force_carriage")
@@ -82,19 +79,19 @@ def test_emps_force_errors_are_the_published_ones():
     assert errors[2] == pytest.approx(0.0408, abs=0.0005) and errors[3] <= 0.0311
 
 
-@real
+@needs_data("real")
 def test_emps_numbers_are_the_published_ones():
     """To 2 %, in closed loop, from all cycles as published."""
-    problem = make_problem(reader("emps")(REAL / FOLDERS["emps"]), load_robot("emps"))
+    problem = make_problem(reader("emps")(data_folder("real") / FOLDERS["emps"]), load_robot("emps"))
     full = growing_models(replace(problem, fit=(*problem.fit, *problem.holdout)), MODELS["emps"][:5])[-1]
     found = [float(number) for number in emps_numbers(full.robot)]
     assert found == pytest.approx([95.11, 203.5, 20.39, -3.16], rel=0.02)
 
 
-@real
+@needs_data("real")
 @pytest.mark.parametrize("bend", ["0", "60", "120", "180"])
 def test_play_brings_each_sheath_near_a_degree(bend):
-    case = reader("tendon_sheath")(REAL / FOLDERS["tendon_sheath"] / f"{bend}.txt")
+    case = reader("tendon_sheath")(data_folder("real") / FOLDERS["tendon_sheath"] / f"{bend}.txt")
     problem = make_problem(case, load_robot("tendon_sheath"))
     rigid, loose, play = growing_models(problem, MODELS["tendon_sheath"])
     rounded = growing_models(problem, MODELS["sheath_alone"])[-1]
@@ -103,8 +100,8 @@ def test_play_brings_each_sheath_near_a_degree(bend):
     assert errors[3] < min(errors[2], 1.25)
 
 
-@real
+@needs_data("real")
 def test_play_of_the_wrist_joints_own_cable():
-    case = reader("dvrk_wrist")(REAL / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
+    case = reader("dvrk_wrist")(data_folder("real") / FOLDERS["dvrk_wrist"] / "exp3_q_des_raw.npy")
     _, loose, play = growing_models(make_problem(case, load_robot("dvrk_wrist")), MODELS["dvrk_wrist"][:3])
     assert np.degrees(loose.rms[0]) > 1.2 and np.degrees(play.rms[0]) < 0.5
