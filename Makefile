@@ -4,7 +4,6 @@
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
-EXTRAS := parquet,mcap,hdf5,cluster,control,pandas
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # installs the package with some extras and groups; pip checks the files of other packages by their hashes
 INSTALL = $(BIN)/python .ci/requirements.py $(1) >$(VENV)/requirements.txt && \
@@ -29,7 +28,7 @@ $(STAMP): pyproject.toml constraints.txt
 	echo "Setting up $(VENV) with $$($$python --version); the first time this takes a few minutes ..."; \
 	test -x $(BIN)/python && $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' || $$python -m venv --clear $(VENV)
 	@$(PIP) --upgrade "pip>=25.1"
-	@{ $(call INSTALL,$(EXTRAS) dev); } 2>$(VENV)/pip.log || { cat $(VENV)/pip.log; exit 1; }
+	@{ $(call INSTALL,all dev); } 2>$(VENV)/pip.log || { cat $(VENV)/pip.log; exit 1; }
 	@$(BIN)/exodrake warm-up
 	@touch $(STAMP)
 
@@ -50,7 +49,7 @@ fuzz: $(STAMP)
 	FUZZ=$(or $(INPUTS),10000) $(BIN)/pytest tests/test_fuzz.py tests/test_fuzz_recordings.py $(ARGS)
 
 docs: $(STAMP)
-	@$(call INSTALL,$(EXTRAS) docs)
+	@$(call INSTALL,all docs)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 lock: $(STAMP)

@@ -60,7 +60,7 @@ def licence_of(metadata: dict) -> str:
 
 def main() -> None:
     """Write both files."""
-    used = requirements("parquet", "mcap", "hdf5", "cluster", "control", "pandas")
+    used = requirements("all")
     developed = requirements("docs", "dev", "bench")
     with tempfile.TemporaryDirectory() as folder:
         pins, known = Path(folder) / "pins.txt", (ROOT / "constraints.txt").read_text()

@@ -232,7 +232,7 @@ def test_every_page_is_in_the_nav():
 BUILDS = all(find_spec(name) for name in ("mkdocs", "material", "mkdocstrings", "latex2mathml"))
 
 
-@pytest.mark.skipif(not BUILDS, reason="the extra `docs` is not installed")
+@pytest.mark.skipif(not BUILDS, reason="the dependency group `docs` is not installed")
 def test_the_site_builds_without_a_warning(tmp_path):
     words = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", tmp_path / "site"]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=900)
@@ -245,7 +245,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
     assert all(f">{name}<" in python or f".{name}" in python for name in exo.PUBLIC)
 
 
-@pytest.mark.skipif(not BUILDS, reason="the extra `docs` is not installed")
+@pytest.mark.skipif(not BUILDS, reason="the dependency group `docs` is not installed")
 def test_a_page_for_each_command():
     spec = spec_from_file_location("pages", ROOT / "docs" / "_pages.py")
     module = module_from_spec(spec)
