@@ -22,6 +22,14 @@ def speed(simulator: Simulator, seconds: float, pieces: int) -> float:
     """Simulated seconds per second on one core: the best of some pieces of a run, after a short start.
 
     The time is that of this thread, so that other work on the machine does not count.
+
+    Args:
+        simulator: of the Diagram, at time 0.
+        seconds: simulated in all pieces together [s].
+        pieces: of equal length.
+
+    Returns:
+        Speed of the fastest piece [-].
     """
     simulator.AdvanceTo(0.1)
     best, at = math.inf, 0.1
@@ -34,7 +42,17 @@ def speed(simulator: Simulator, seconds: float, pieces: int) -> float:
 
 
 def diagram_speed(robot: Robot, reference: Reference, seconds: float, pieces: int = 5) -> float:
-    """Simulated seconds per second on one core of the closed loop, its log included."""
+    """Simulated seconds per second on one core of the closed loop, its log included.
+
+    Args:
+        robot: whose Diagram runs.
+        reference: of its tensions.
+        seconds: simulated in all pieces together [s].
+        pieces: of equal length, of which the fastest counts.
+
+    Returns:
+        Speed [-].
+    """
     return speed(Simulator(build_diagram(robot, reference, seed=1)), seconds, pieces)
 
 
@@ -44,9 +62,14 @@ def multibody_speed(
     """Speed of a MultibodyPlant finger alone, pulled by a Python leaf with our own run's strokes; no motor, no sensors.
 
     Args:
+        robot: whose finger it is, and whose own run gives the strokes.
+        reference: of the tensions in that run.
         step: of the discrete plant [s]; 0 for a continuous one, integrated with Drake's default error control.
+        seconds: simulated in all pieces together [s].
+        pieces: of equal length, of which the fastest counts.
 
-    Returns: simulated seconds per second on one core; and the RMS difference of its angles from ours [rad].
+    Returns:
+        Simulated seconds per second on one core [-], and the RMS difference of the finger's angles from ours [rad].
     """
     machine, builder = robot.machine, DiagramBuilder()
     run = record(robot, reference, seed=None, quantisation=False).signals
