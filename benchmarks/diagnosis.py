@@ -1,6 +1,6 @@
 """For the bench: one fit, the same by scipy on the compiled simulator and on the Drake Diagram, and one diagnosis.
 
-The robot has friction in its sheaths, planted; its logs are 10 s of random motion. All three fits look for the three
+The robot has friction injected into its sheaths; its logs are 10 s of random motion. All three fits look for the three
 coefficients; ours fits the nominal parameters along with them, as a diagnosis does, the others hold those.
 """
 
@@ -27,7 +27,7 @@ from exodrake.simulation.protocols import random_motion
 from exodrake.simulation.simulate import record, simulate
 
 EFFECT, COEFFICIENT = "tendon.capstan_friction", "mu_phi"
-PLANTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}
+INJECTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}
 SECONDS = 10.0
 STEPS, TOL = 8, 1e-3  # of a fit
 Row = tuple[str, float, str]
@@ -35,7 +35,7 @@ Row = tuple[str, float, str]
 
 def rubbing(nominal: Robot, seconds: float) -> Case:
     """Two logs of the robot with friction, one of them held out."""
-    robot, logs = nominal.splice(EFFECT, {COEFFICIENT: PLANTED}), []
+    robot, logs = nominal.splice(EFFECT, {COEFFICIENT: INJECTED}), []
     for seed, role in enumerate(("fit", "holdout")):
         reference = Reference(random_motion(nominal, seed=seed).values[: round(seconds / nominal.machine.frame)], role)
         logs.append(CaseLog(simulate(robot, reference, seed=seed), role, role, None, f"{role}.csv"))
@@ -52,7 +52,7 @@ def timed(function: Callable[[], np.ndarray]) -> tuple[float, np.ndarray]:
 def explanation(problem: Problem) -> Explanation:
     """The nominal robot with the effect at its initial values, nominal parameters and their Jacobian along with it."""
     machine, likelihood, nominal = problem.robot.machine, output_error(problem), nominal_parameters(problem.robot)
-    parameters = (*nominal, *effect_parameters(machine, machine.effect(EFFECT), tuple(PLANTED)))
+    parameters = (*nominal, *effect_parameters(machine, machine.effect(EFFECT), tuple(INJECTED)))
     start, values = np.array([p.start for p in parameters]), problem.silent()
     lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, ())
     return Explanation((EFFECT,), parameters, start, values, lin.residual, lin.jacobian).at(likelihood, start)
@@ -92,7 +92,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     nominal = load_robot()
     case = rubbing(nominal, seconds)
     problem = make_problem(case, nominal)
-    parameters = effect_parameters(nominal.machine, nominal.machine.effect(EFFECT), tuple(PLANTED))
+    parameters = effect_parameters(nominal.machine, nominal.machine.effect(EFFECT), tuple(INJECTED))
     by_compiled, by_diagram = (partial(f, problem, parameters) for f in (compiled_residual, diagram_residual))
     fits = {
         "ours, errors of the nominal parameters along with it": partial(ours, problem),
@@ -101,7 +101,7 @@ def rows(seconds: float = SECONDS) -> list[Row]:
     }
     by_compiled(np.array([p.start for p in parameters]))  # loads the compiled code
     found = {name: timed(fit) for name, fit in fits.items()}
-    truth = np.array([p.coordinate(PLANTED[p.channels[0]]) for p in parameters])
+    truth = np.array([p.coordinate(INJECTED[p.channels[0]]) for p in parameters])
     table: list[Row] = []
     for name, (time, x) in found.items():
         table += [(f"fit of {len(truth)} coefficients to {seconds:g} s: {name}", time, "s")]

@@ -13,15 +13,15 @@ from exodrake.identification.workspace import Ranges, monte_carlo, reach
 recording, truth = synthesise(Hand(), Faults(noise=0.3e-3, dropouts=6), duration=20.0, rate=100.0, seed=1)
 found = identify(recording)
 
-print("joint  centre = gradient x angle + intercept [mm/rad, mm]      planted gradient [mm/rad]")
-for joint, planted in zip(found.joints, truth.axes[1:]):
+print("joint  centre = gradient x angle + intercept [mm/rad, mm]      true gradient [mm/rad]")
+for joint, true in zip(found.joints, truth.axes[1:]):
     gradient, intercept = 1e3 * joint.line.gradient, 1e3 * joint.line.intercept
     line = f"{np.round(gradient, 2)} x angle + {np.round(intercept, 2)}"
-    print(f"{joint.name}   {line:55s} {np.round(1e3 * planted.slope, 2)}")
+    print(f"{joint.name}   {line:55s} {np.round(1e3 * true.slope, 2)}")
 
 print("\nphalanx lengths [mm]")
-for joint, length, half, planted in zip(found.joints, found.lengths, found.intervals, truth.lengths):
-    print(f"{joint.name}   {1e3 * length:.2f} +- {1e3 * half:.2f}   planted {1e3 * planted:.2f}")
+for joint, length, half, true in zip(found.joints, found.lengths, found.intervals, truth.lengths):
+    print(f"{joint.name}   {1e3 * length:.2f} +- {1e3 * half:.2f}   true {1e3 * true:.2f}")
 
 ranges = Ranges(*(joint.range for joint in found.joints))
 area, drawn = reach(found.lengths, ranges).area, monte_carlo(found.lengths, ranges, samples=5000)

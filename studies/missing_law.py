@@ -83,13 +83,13 @@ class Found:
 
 
 def discovered(
-    case: Case, robot_name: str, tried: frozenset[str] | None, planted: str = "", blocks: tuple[str, ...] = ()
+    case: Case, robot_name: str, tried: frozenset[str] | None, injected: str = "", blocks: tuple[str, ...] = ()
 ) -> Found:
-    """Discovery of the missing law in a case with an effect injected in some blocks."""
+    """What is found in a case with an effect injected in some blocks."""
     with one_blas_thread():
         started = time.process_time()
         problem, found = isolated(make_problem(case, load_robot(robot_name), tried))
-        where = block_of_inputs(problem, found, planted)
+        where = block_of_inputs(problem, found, injected)
         law = discover(problem, found, where=where)
         seconds = time.process_time() - started
         every = {point.block for point in laws_of(problem.robot.machine)}
@@ -98,12 +98,12 @@ def discovered(
     return Found(law, where, seconds, *shares)
 
 
-def block_of_inputs(problem: Problem, found: Isolation, planted: str) -> str:
+def block_of_inputs(problem: Problem, found: Isolation, injected: str) -> str:
     """Block of the free input that the logs are likeliest with, at any effect of the library but the injected one."""
     e = found.retuned.explanation
     if found.retuned.levels.kept or found.nominal.levels.kept:
         return ""
-    effects = [effect for effect in problem.robot.machine.effects if effect.id != planted]
+    effects = [effect for effect in problem.robot.machine.effects if effect.id != injected]
     lin = linearise(found.likelihood, e.values, e.x, e.parameters, effects, e.jacobian, e.residual)
     courses = free_courses(found.likelihood, lin, e)
     return courses[0].block if courses else ""

@@ -16,9 +16,9 @@ PAGE = """# The missing law
 
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
 are diagnosed with **no effect in the library**: no injected law is known to it. Free inputs of unknown course act at
-the points of all effects but the planted one and name a block; one free law is searched over every point of every part;
-both make one answer ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual; held-out ones are
-motions of another kind than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in encoder,
+the points of all effects but the injected one and name a block; one free law is searched over every point of every
+part; both make one answer ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual, held-out ones
+of another motion than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in encoder,
 motor or tendon, which meet at the spool. The runner-up is the best law in another block. It is distinguished where the
 law takes up more of what it leaves above noise than a law in a wrong part takes up of what the best one in the right
 part leaves, in {held:.0%} of these robots; by the same limit laws overrule the block of the free inputs. Where the
@@ -57,7 +57,7 @@ torque of the finger that removes half of what retuning leaves; in another one a
 
 A carriage that a few lines of their own simulate (`tests/test_missing_law.py`), its law in no library:
 
-| planted | found, SI |
+| injected | found, SI |
 |---|---|
 | a spring that saturates, 60 tanh(x / 0.015) N | force over place, 60.1 tanh(u / 0.015) |
 | a drive whose force depends on place, factor 1 - 6 x | gain over place, - 6 u |
@@ -121,7 +121,7 @@ def percent(value: float) -> str:
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown."""
     head = (
-        "| planted | gap | free inputs | law found | channels | fitted | held out | runner-up distinguished |\n"
+        "| injected | gap | free inputs | law found | channels | fitted | held out | runner-up distinguished |\n"
         + 8 * "|---"
         + "|\n"
     )

@@ -38,9 +38,9 @@ class Outcome:
         verdict: its word.
         series: quantity whose change is clearest; empty where none is stated.
         right: whether it is of the injected effect.
-        begin: injected date [d].
+        begin: true date [d].
         began: ends of the stated set [d]; NaN where no change is stated.
-        truth: injected value at the last session; NaN where the parameter means something else in the library.
+        truth: true value at the last session; NaN where the parameter means something else in the library.
         after: ends of its stated interval; NaN where no change is stated.
         seconds: processor time [s].
     """
@@ -57,12 +57,12 @@ class Outcome:
 
     @property
     def covered(self) -> bool:
-        """Whether the stated set holds the injected date."""
+        """Whether the stated set holds the true date."""
         return self.began[0] <= self.begin <= self.began[1]
 
     @property
     def sized(self) -> bool:
-        """Whether the stated interval holds the injected value at the last session."""
+        """Whether the stated interval holds the true value at the last session."""
         return self.after[0] <= self.truth <= self.after[1]
 
     @property
@@ -108,9 +108,9 @@ Made by `python -m studies.since{options}` ({made}).
 
 Robots drawn within their tolerances; {sessions} daily sessions, the begin of the change drawn between {earliest:g} and
 {latest:g} days after the first. "Stated": a change is stated (tests at {level:g}, all quantities together). "Right": of
-the planted effect, or for slack of the encoder's zero, which shifts the stroke alike. "Date held": the stated
-{confidence:.0%} set holds the planted begin. "Value held": the stated {confidence:.0%} interval of the value at the
-last session holds the planted one, where the effect is right and its parameter means the same in both simulators: the
+the injected effect, or for slack of the encoder's zero, which shifts the stroke alike. "Date held": the stated
+{confidence:.0%} set holds the true begin. "Value held": the stated {confidence:.0%} interval of the value at the
+last session holds the true one, where the effect is right and its parameter means the same in both simulators: the
 reference simulator's sheath friction yields over a travel and is weaker at high load. Shares with exact 95 % intervals;
 processor time of one diagnosis.
 
@@ -131,8 +131,8 @@ def tried(make: Callable[[Kind, int], tuple[Case, exo.Robot, float]], kind: Kind
 def misses(found: list[Outcome]) -> list[str]:
     """Lines about the robots whose change is stated wrongly."""
     return [
-        f"- {o.name}: {o.series} began at {o.began[0]:.2f} to {o.began[1]:.2f} d (planted {o.begin:.2f}), "
-        f"at last {o.after[0]:.4g} to {o.after[1]:.4g} (planted {o.truth:.4g}), {o.verdict}"
+        f"- {o.name}: {o.series} began at {o.began[0]:.2f} to {o.began[1]:.2f} d (true {o.begin:.2f}), "
+        f"at last {o.after[0]:.4g} to {o.after[1]:.4g} (true {o.truth:.4g}), {o.verdict}"
         for o in found
         if o.series and not (o.right and o.covered and (o.sized or np.isnan(o.truth)))
     ]

@@ -14,7 +14,7 @@ from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
 
 FRAMES = 900  # 18 s a log
-PLANTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}  # coefficients of capstan friction
+INJECTED = {"AF": 0.30, "MF": 0.20, "AE": 0.25}  # coefficients of capstan friction
 
 
 def case_of(robot, seed=0, frames=FRAMES, name="case"):
@@ -42,9 +42,9 @@ def robot_with(identity="", seed=0, **parameters):
 def friction_problem():
     """The problem of 6 s of the nominal robot with friction, as the only log."""
     robot = load_robot()
-    planted = robot.splice("tendon.capstan_friction", {"mu_phi": PLANTED})
-    reference = Reference(protocols.random_motion(robot, seed=1).values[:300], "random")
-    log = CaseLog(simulate(planted, reference, seed=1), "random", "fit", None, "random.csv")
+    injected = robot.splice("tendon.capstan_friction", {"mu_phi": INJECTED})
+    reference = Reference(protocols.random_motion(robot, seed=1).tension[:300], "random")
+    log = CaseLog(simulate(injected, reference, seed=1), "random", "fit", None, "random.csv")
     return make_problem(Case("friction", {}, (log,)), robot)
 
 

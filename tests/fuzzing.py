@@ -29,10 +29,10 @@ WAIT = 300  # s of the clock, on a busy machine
 
 def bounded(share: float):
     """Settings of a test that takes a share [%] of the suite's inputs."""
-    quiet = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
+    suppressed = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.data_too_large]
     return settings(
         max_examples=round(share / 100 * (INPUTS or FEW)), derandomize=not INPUTS, print_blob=True, deadline=None,
-        database=None, suppress_health_check=quiet,
+        database=None, suppress_health_check=suppressed,
     )  # fmt: skip
 
 

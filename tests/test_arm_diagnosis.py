@@ -1,4 +1,4 @@
-"""Faults planted in arms that Drake's MultibodyPlant moves are named by the diagnosis of exodrake's own model."""
+"""Faults injected in arms that Drake's MultibodyPlant moves are named by the diagnosis of exodrake's own model."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def case_of(robot, logs):
         units = {name: column[name.rsplit("_", 1)[0]] for name in signals}
         time = robot.machine.frame * np.arange(len(next(iter(signals.values()))))
         items.append(CaseLog(Log(time, signals, units, str(k)), f"motion{k}", role, None, f"{k}.csv"))
-    return Case("planted", {}, tuple(items), robot.machine.frame)
+    return Case("injected", {}, tuple(items), robot.machine.frame)
 
 
 def inverse_case(robot, payload=0.0, friction=(), gain=(), rows=1600):

@@ -1,4 +1,4 @@
-"""Scoring a blind set: planted answers whose counts are known by hand, and statistics against closed forms."""
+"""Scoring a blind set: synthetic answers whose counts are known by hand, and statistics against closed forms."""
 
 import json
 

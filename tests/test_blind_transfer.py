@@ -156,17 +156,17 @@ def test_set_without_robots_or_with_changed_labels_is_refused(tmp_path, late):
     assert len(result.output.strip().splitlines()) == 1
 
 
-def planted(name, real, wrong=1.0):
+def transferred(name, real, wrong=1.0):
     """A case whose nominal model predicts the real costs times `wrong`, the others exactly."""
     costs = {model: {k: v * (wrong if model == "nominal" else 1.0) for k, v in real.items()} for model in MODELS}
     gains = {controller: {"controller.kp": 6e-3} for controller in real}
     return Transferred(Prediction(name, "NAMED", gains, costs), "single", ("motor.dead_zone",), real)
 
 
-def test_measures_of_planted_costs():
+def test_measures_of_costs_by_hand():
     cuts = (0.1, 0.2, 0.3, 0.4, 0.5, -0.2)  # by which the improved robot's controller really costs less
     real = [{"default": 0.05, "nominal": 0.06, "retuned": 0.05, "improved": 0.05 * (1.0 - cut)} for cut in cuts]
-    found = Transfer(tuple(planted(f"case_{i}", costs, 1.5) for i, costs in enumerate(real)), {}, 0)
+    found = Transfer(tuple(transferred(f"case_{i}", costs, 1.5) for i, costs in enumerate(real)), {}, 0)
     of = {(m.name, m.model): m for m in measures(found)}
     saved = of["real change of cost, median", "improved"]
     assert saved.ends == pytest.approx((-0.25, -0.5, 0.2))  # of six values, all lie in the interval: 1 - 2/64 > 95 %
@@ -181,7 +181,7 @@ def test_measures_of_planted_costs():
 
 
 def test_one_case_has_tables_without_intervals():
-    found = Transfer((planted("case_0", dict.fromkeys(("default", *MODELS), 0.05)),), {}, 0)
+    found = Transfer((transferred("case_0", dict.fromkeys(("default", *MODELS), 0.05)),), {}, 0)
     rows = [row for _, _, rows in tables(found) for row in rows]
     assert any("-" in row for row in rows) and not any("nan" in cell for row in rows for cell in row)
     json.dumps(as_json(found), allow_nan=False)

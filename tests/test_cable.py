@@ -1,4 +1,4 @@
-"""Cable-driven transmission: closed forms of stretch, coupling, reflected inertia and frequency; planted faults."""
+"""Cable-driven transmission: closed forms of stretch, coupling, reflected inertia and frequency; injected faults."""
 
 from types import SimpleNamespace
 
@@ -141,7 +141,7 @@ def test_coupling_error_and_play_of_two_joints_are_named(arm):
     worn = worn.splice("cable.backlash", {"half_width": 0.02}, ["A"])
     logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=4,seed={k}", worn), seed=k) for k in range(2)]
     items = tuple(CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout")))
-    found = exo.diagnose(Case("planted", {}, items, arm.machine.frame), arm)
+    found = exo.diagnose(Case("injected", {}, items, arm.machine.frame), arm)
     assert found.verdict == "NAMED", found.reasons
     named = {effect.id: tuple(effect.joints) for effect in found.effects}
     assert named == {"cable.coupling_to_previous": ("B",), "cable.backlash": ("A",)}

@@ -1,4 +1,4 @@
-"""Checks before a diagnosis: each planted fault is named by its own check and by no other."""
+"""Checks before a diagnosis: each injected fault is named by its own check and by no other."""
 
 from dataclasses import replace
 from functools import cache
@@ -33,7 +33,7 @@ def case_of(effect="", **parameters):
         exo.CaseLog(exo.simulate(robot, motion, seed=10 + k), name, role, repeats, f"{name}.csv")
         for k, (motion, (name, role, repeats)) in enumerate(zip(motions, items, strict=True))
     ]
-    return exo.Case("planted", {}, tuple(logs))
+    return exo.Case("injected", {}, tuple(logs))
 
 
 def changed(case, change, columns, logs=range(4)):
@@ -205,7 +205,7 @@ def test_fast_noise_is_the_standard_deviation_of_white_noise():
     assert fast_noise(np.repeat(0.1 * np.arange(40), 500)) == 0.0
 
 
-def test_gain_and_offset_agree_with_planted_values():
+def test_gain_and_offset_agree_with_injected_values():
     rng = np.random.default_rng(1)
     motion = rng.standard_normal(4000)
     first, second = motion + 0.1 * rng.standard_normal(4000), 1.2 * motion + 0.1 * rng.standard_normal(4000)
@@ -215,7 +215,7 @@ def test_gain_and_offset_agree_with_planted_values():
     assert 0.01 <= np.mean(np.array(p) < 0.05) <= 0.11  # binomial, 200 draws of 5 %
 
 
-def test_best_assignment_finds_a_planted_permutation():
+def test_best_assignment_finds_an_injected_permutation():
     signals = np.random.default_rng(2).standard_normal((500, 4))
     order = [2, 0, 1, 3]
     assert best_assignment(3.0 * signals[:, order] - 7.0, signals) == order

@@ -62,9 +62,9 @@ def test_only_the_text_given_is_run(folder, monkeypatch):
     (file,) = folder.glob("trial_*.py")
     code = compile("answer = 66\n", file, "exec")
     stamp = file.stat()
-    planted = importlib._bootstrap_external._code_to_timestamp_pyc(code, int(stamp.st_mtime), stamp.st_size)
+    another = importlib._bootstrap_external._code_to_timestamp_pyc(code, int(stamp.st_mtime), stamp.st_size)
     (folder / "__pycache__").mkdir(exist_ok=True)
-    Path(importlib.util.cache_from_source(str(file))).write_bytes(planted)
+    Path(importlib.util.cache_from_source(str(file))).write_bytes(another)
     monkeypatch.setattr(cache, "_loaded", {})
     assert cache.load_text("trial", "answer = 41\n").answer == 41
 

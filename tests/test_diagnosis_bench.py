@@ -21,7 +21,7 @@ def problem():
 @pytest.fixture(scope="module")
 def parameters(problem):
     machine = problem.robot.machine
-    return effect_parameters(machine, machine.effect(bench.EFFECT), tuple(bench.PLANTED))
+    return effect_parameters(machine, machine.effect(bench.EFFECT), tuple(bench.INJECTED))
 
 
 def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, parameters):
@@ -31,8 +31,8 @@ def test_diagram_and_compiled_simulator_leave_the_same_residual(problem, paramet
     )
 
 
-def test_own_fit_and_scipy_find_what_was_planted(problem, parameters):
-    truth = [bench.PLANTED[p.channels[0]] for p in parameters]
+def test_own_fit_and_scipy_find_what_was_injected(problem, parameters):
+    truth = [bench.INJECTED[p.channels[0]] for p in parameters]
     residual = partial(bench.compiled_residual, problem, parameters)
     for x in (bench.ours(problem), bench.by_scipy(residual, parameters)):
         np.testing.assert_allclose([p.value(c) for p, c in zip(parameters, x)], truth, rtol=0.1)

@@ -15,7 +15,7 @@ def test_play_of_a_joint_is_named_beside_a_lag_that_stands_for_the_delay_of_anot
     worn = worn.splice("servo.dead_band", {"half_width": 0.008}, ["Jaw"])
     logs = [exo.simulate(worn, exo.protocol(f"random-motion:duration=10,seed={k}", worn), seed=k) for k in range(2)]
     items = tuple(CaseLog(log, "motion", role, None, f"{role}.csv") for log, role in zip(logs, ("fit", "holdout")))
-    found = exo.diagnose(Case("planted", {}, items, nominal.machine.frame), nominal, tried=TRIED)
+    found = exo.diagnose(Case("injected", {}, items, nominal.machine.frame), nominal, tried=TRIED)
     assert found.verdict == "NAMED", found.reasons
     named = {effect.id: effect.joints for effect in found.effects}
     assert named == {"servo.lag": ("Rotation",), "servo.gain": ("Elbow",), "servo.dead_band": ("Jaw",)}

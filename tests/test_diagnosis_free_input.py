@@ -77,17 +77,17 @@ def test_spells_in_a_reading_are_found_in_its_sensor_and_channel(robot, column, 
 
 
 @pytest.mark.parametrize(
-    "planted, block, axis",
+    "injected, block, axis",
     [
         ("tendon.capstan_friction", "tendon", "tendons"),
         ("motor.slow_velocity_loop", "motor", "tendons"),
         ("sensor.hysteresis", "sensor", "tendons"),
     ],
 )
-def test_fault_that_the_library_lacks_is_found_in_its_block_and_channels(robot, planted, block, axis):
-    log = exo.simulate(robot.splice(planted), motion(robot), seed=4)
-    problem, found = found_in(robot, log, without=planted)
-    assert found[0].block == block and planted not in {course.name for course in found}
+def test_fault_that_the_library_lacks_is_found_in_its_block_and_channels(robot, injected, block, axis):
+    log = exo.simulate(robot.splice(injected), motion(robot), seed=4)
+    problem, found = found_in(robot, log, without=injected)
+    assert found[0].block == block and injected not in {course.name for course in found}
     assert channels_of(problem, found, block, axis) == robot.machine.axes.of(axis)
     assert channels_of(problem, found, block, "joints") == ()
 

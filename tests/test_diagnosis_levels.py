@@ -1,4 +1,4 @@
-"""Levels: error rates of the tests on draws from their null and on planted errors, and scipy's distributions."""
+"""Levels: error rates of the tests on draws from their null and on injected errors, and scipy's distributions."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_nominal_robot_without_a_gap_is_kept(null):
     assert all(item.beaten_by == "" and item.law_error >= 0.0 for item in null)
 
 
-def test_planted_effect_is_rejected_and_named_as_the_next_one():
+def test_injected_effect_is_rejected_and_named_as_the_next_one():
     """Half a standard deviation in every sample: a gain of 100 in chi-square, where one of 8 has a level of 2 %."""
     found = [levels(seed, extra=0.5) for seed in range(20)]
     assert all(item.complete < ALPHA and item.next_effect == "effect 2" for item in found)
@@ -95,8 +95,8 @@ def bias(white, size=0.3):
     return white + size
 
 
-@pytest.mark.parametrize(("planted", "statistic"), [(burst, 0), (bias, 1)])
-def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(planted, statistic):
+@pytest.mark.parametrize(("injected", "statistic"), [(burst, 0), (bias, 1)])
+def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(injected, statistic):
     """20 s of 12 columns: the burst adds 14 % to the whole sum of squares, the bias 9 %."""
     frames, columns, rng = round(20.0 / FRAME), 12, np.random.default_rng(7)
     likelihood = likelihood_of(lambda row: row, (frames, frames), columns)
@@ -107,7 +107,7 @@ def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(planted, s
         return scan(likelihood, white.reshape(rows, -1))
 
     draws = scanned(99)
-    assert local_levels(draws, scanned(1, planted))[statistic] < 1e-4
+    assert local_levels(draws, scanned(1, injected))[statistic] < 1e-4
     healthy = np.array([local_levels(draws, scanned(1)) for _ in range(40)])
     assert np.mean(healthy.min(axis=1) < ALPHA) < 0.15
 

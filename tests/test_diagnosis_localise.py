@@ -21,10 +21,10 @@ def robot():
     return exo.load_robot()
 
 
-def problem_of(robot, planted, frames=400):
-    """Steps of a robot with a planted effect, as the only log."""
-    reference = Reference(protocols.steps(robot, dwell=1.0).values[:frames], "steps")
-    log = exo.simulate(planted, reference, seed=4)
+def problem_of(robot, injected, frames=400):
+    """Steps of a robot with an injected effect, as the only log."""
+    reference = Reference(protocols.steps(robot, dwell=1.0).tension[:frames], "steps")
+    log = exo.simulate(injected, reference, seed=4)
     return make_problem(Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),)), robot)
 
 
@@ -60,7 +60,7 @@ def test_replay_of_nothing_fixed_is_the_prediction(robot):
     "identity, parameters, segment",
     [("sensor.gain", {"gain": 0.1}, "tendon"), ("finger.stiffness", {"factor": 1.5}, "finger")],
 )
-def test_segment_of_a_planted_effect_has_the_largest_share_and_replay_gap(robot, identity, parameters, segment):
+def test_segment_of_an_injected_effect_has_the_largest_share_and_replay_gap(robot, identity, parameters, segment):
     problem = problem_of(robot, robot.splice(identity, parameters))
     shares, gaps = segment_shares.segment_gaps(problem, problem.silent(), problem.fit[0])
     assert max(gaps, key=lambda s: gaps[s]) == max(shares, key=lambda s: shares[s]) == segment

@@ -43,8 +43,8 @@ def test_a_gap_in_the_rest_of_a_long_log_is_said(monkeypatch):
     problem = make_problem(friction_case(), load_robot(), frozenset())
     trial = problem.fit[0]
     part = 0.3
-    quiet = int(part * len(trial.measured))
-    silent = replace(problem, fit=(replace(trial, measured=predicted(problem, trial, quiet)),))
+    unchanged = int(part * len(trial.measured))
+    silent = replace(problem, fit=(replace(trial, measured=predicted(problem, trial, unchanged)),))
     monkeypatch.setattr(part_used, "MOST", round(part * trial.measured.size))
     _, found = isolated(silent)
     assert "the rest shows a gap that this part does not" in part_used.notes_on_length(silent, found.retuned)[0]

@@ -21,7 +21,7 @@ from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 AFFORDABLE = 560  # robots simulated in both views: 53,000 s of a blind case, of which 48 s are used
 
 
-def test_planted_friction_is_named_with_its_coefficient():
+def test_injected_friction_is_named_with_its_coefficient():
     found = friction_diagnosis()
     assert found.verdict == NAMED and [effect.id for effect in found.effects] == ["tendon.capstan_friction"]
     coefficient = found.effects[0].parameters["mu_phi"]
@@ -31,7 +31,7 @@ def test_planted_friction_is_named_with_its_coefficient():
     assert found.candidates[0].id == "tendon.capstan_friction" and found.candidates[0].left
 
 
-def test_improved_robot_is_the_planted_one():
+def test_improved_robot_is_the_injected_one():
     robot = friction_diagnosis().robots["improved"]
     for tendon in ("AF", "MF", "AE"):
         assert robot[f"tendon.capstan_friction.mu_phi.{tendon}"] == pytest.approx(0.3, abs=0.02)
@@ -127,8 +127,8 @@ def test_simulated_time_is_affordable_and_adds_up(found, shares):
 
 
 def test_effect_beside_a_tremor_is_named_with_it():
-    shaken = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
-    found = exo.diagnose(case_of(shaken.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
+    trembling = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
+    found = exo.diagnose(case_of(trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
 
@@ -164,8 +164,8 @@ def test_progress_goes_through_the_stages_in_order():
 
 def emps_case(robot):
     """Two fitted logs of a carriage with Coulomb friction."""
-    planted = robot.splice("carriage.coulomb_friction", {"force": 15.0})
-    logs = [exo.simulate(planted, Reference(motion_of("emps", seed), "motion"), seed=seed) for seed in (0, 1)]
+    injected = robot.splice("carriage.coulomb_friction", {"force": 15.0})
+    logs = [exo.simulate(injected, Reference(motion_of("emps", seed), "motion"), seed=seed) for seed in (0, 1)]
     items = [CaseLog(log, "motion", "fit", None, f"{k}.csv") for k, log in enumerate(logs)]
     return Case("emps", {}, tuple(items), robot.machine.frame)
 

@@ -1,10 +1,10 @@
-"""Refinement: bounded least squares and the fit, against scipy and planted parameters."""
+"""Refinement: bounded least squares and the fit, against scipy and injected parameters."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_cases import PLANTED, friction_problem
+from diagnosis_cases import INJECTED, friction_problem
 from formula_case import amplitude, explanation, likelihood_of, nominal
 from scipy.optimize import least_squares, lsq_linear
 
@@ -90,7 +90,7 @@ def test_fit_never_raises_the_cost_and_stops_at_a_minimum():
     assert minimise(likelihood, start, 5, 1e-9).cost(likelihood) == start.cost(likelihood)
 
 
-def test_planted_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
+def test_injected_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     """Friction of three tendons and six nominal parameters on 6 s of motion."""
     problem = friction_problem()
     machine, likelihood, values = problem.robot.machine, output_error(problem), problem.silent()
@@ -101,7 +101,7 @@ def test_planted_parameters_of_a_simulated_robot_are_recovered_as_by_scipy():
     start = Explanation(("tendon.capstan_friction",), parameters, x, values, lin.residual, lin.jacobian)
     found = minimise(likelihood, start.at(likelihood, x), 30, 1e-7)
     coefficients = [p.value(c) for p, c in zip(parameters[6:], found.x[6:], strict=True)]
-    assert coefficients == pytest.approx([PLANTED[p.channels[0]] for p in parameters[6:]], abs=0.01)
+    assert coefficients == pytest.approx([INJECTED[p.channels[0]] for p in parameters[6:]], abs=0.01)
 
     def rows(x):
         return np.concatenate([likelihood.residual(apply(values, parameters, x)[None])[0], x / start.prior_std])

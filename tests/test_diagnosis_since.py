@@ -40,7 +40,7 @@ def test_steady_series_change_at_the_level_of_the_test_whatever_their_scatter(sc
 
 @pytest.mark.parametrize("shape, size", [(STEP, 8.0), (RAMP, 2.0)])
 def test_dates_and_sizes_are_covered_as_stated(shape, size):
-    """90 % sets of 60 drawn changes each cover the planted date and last value in at least 80 % of cases."""
+    """90 % sets of 60 drawn changes each cover the true date and last value in at least 80 % of cases."""
     rng, times, dates, sizes = np.random.default_rng(2), np.arange(12.0), 0, 0
     scan = ChangePoint(times, np.eye(12))
     for _ in range(60):

@@ -18,15 +18,15 @@ def robot():
     return load_robot()
 
 
-def detected(robot, planted):
+def detected(robot, injected):
     """The problem of a robot after the detector."""
-    problem = make_problem(case_of(planted, 3), robot)
+    problem = make_problem(case_of(injected, 3), robot)
     return spectral_peak.detect(problem, robot.machine.effect("finger.tremor"), problem.silent())
 
 
 def test_tremor_is_found_at_its_frequency_and_joint(robot):
-    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": FREQUENCY}, channels=["MCP"])
-    found = detected(robot, shaken)
+    trembling = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": FREQUENCY}, channels=["MCP"])
+    found = detected(robot, trembling)
     (detection,) = found.detected
     assert detection.certain and detection.effect.joints == ("MCP",)
     assert detection.effect.parameters["frequency"].value == pytest.approx(FREQUENCY, abs=0.1)
@@ -45,11 +45,11 @@ def test_line_in_every_log_is_distinguished_from_noise(robot):
     columns, time = len(problem.columns), np.arange(2000) * robot.machine.frame
     consistent = [rng.standard_normal((2000, columns)) for _ in range(3)]
     assert not find(problem, consistent).certain
-    shaken = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(consistent)]
-    found = find(problem, shaken)
+    with_peak = [log + 2.0 * np.sin(2 * np.pi * 6.3 * time + k)[:, None] for k, log in enumerate(consistent)]
+    found = find(problem, with_peak)
     assert found.certain and found.frequency == pytest.approx(6.3, abs=0.05)
     assert found.power == pytest.approx(np.full(columns, 2.0), rel=0.2)  # a^2 / 2 of a sine
-    assert not find(problem, [consistent[0], consistent[1], shaken[2]]).certain  # in one log only: no tremor
+    assert not find(problem, [consistent[0], consistent[1], with_peak[2]]).certain  # in one log only: no tremor
 
 
 def test_band_of_a_slow_line_can_be_filtered(robot):
@@ -75,15 +75,15 @@ def test_rate_of_a_wandering_phase_is_recovered(robot, frequency, rate):
 
 
 def test_drawn_tremor_is_as_strong_as_the_simulated_one_and_repeats_no_phase(robot):
-    shaken = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": FREQUENCY}, channels=["MCP"])
-    found = detected(robot, shaken)
+    trembling = robot.splice("finger.tremor", {"torque": 4e-3, "frequency": FREQUENCY}, channels=["MCP"])
+    found = detected(robot, trembling)
     trial, (detection,), rng = found.fit[0], found.detected, np.random.default_rng(1)
     still = found.silent()
     still[robot.machine.index["finger.tremor.torque.MCP"]] = 0.0
     lines = found.predict(np.array([found.silent(), still]), trial)
     here = np.s_[50:, found.columns.index("angle_MCP")]
     line, noise = (lines[0] - lines[1])[here], detection.noise
-    assert isinstance(noise, WanderingPhase) and noise.rate < 0.1  # the planted one keeps its phase
+    assert isinstance(noise, WanderingPhase) and noise.rate < 0.1  # the injected one keeps its phase
     drawn = [noise(found, found.silent(), trial, rng)[here] for _ in range(6)]
     assert np.mean([np.std(line + d) / np.std(line) for d in drawn]) == pytest.approx(1.0, rel=0.05)
     likeness = [np.corrcoef(line, line + d)[0, 1] for d in drawn]  # cosines of random phases

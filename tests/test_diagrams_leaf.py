@@ -133,8 +133,8 @@ def test_exogenous_signals_can_be_ones_own():
     robot, reference = nominal(), wavy(0.5)
     given = NoiseInputs(noise_tension=np.zeros((25, 3)), noise_angle=np.zeros((25, 3)), packet_arrival=np.ones((25, 3)))
     rows = run_diagram(robot, robot.values, reference, given, 1)
-    quiet = record(robot, reference, seed=None).signals
-    np.testing.assert_array_equal(rows, np.hstack([quiet[signal.name] for signal in robot.machine.signals]))
+    noise_free = record(robot, reference, seed=None).signals
+    np.testing.assert_array_equal(rows, np.hstack([noise_free[signal.name] for signal in robot.machine.signals]))
 
 
 @pytest.mark.parametrize("step", [0.002, 0.0])

@@ -17,8 +17,8 @@ SPREAD = (1.0, 1.15, 0.9)  # the channels of an effect differ by these factors
 AWAY = 0.75  # of its true value: where a parameter starts
 TOLERANCE = 0.01
 
-# planted where the effect's defaults hide a parameter
-PLANTED = {
+# injected where the effect's defaults hide a parameter
+INJECTED = {
     "motor.slow_velocity_loop": {"share": 0.4, "order": 1.5},
     "motor.current_limit": {"limit": 0.03},
     "finger.gravity": {"pitch": 0.4},
@@ -69,7 +69,7 @@ OUTWARD = {"linear": float, "log": exp, "reciprocal": lambda u: 1.0 / u}
 
 
 class Exam:
-    """A machine with one effect planted, and what its log shows in units of the noise."""
+    """A machine with one effect injected, and what its log shows in units of the noise."""
 
     def __init__(self, name: str, identity: str) -> None:
         robot = exo.load_robot(name)
@@ -87,10 +87,10 @@ class Exam:
             for channel in machine.axes.of(parameter.axis)
             if channel != SILENT.get(identity)
         ]
-        self.truth = [self.planted(p, machine.axes.of(p.axis).index(channel)) for p, channel in self.fitted]
+        self.truth = [self.injected(p, machine.axes.of(p.axis).index(channel)) for p, channel in self.fitted]
 
-    def planted(self, parameter: EffectParameter, channel: int) -> float:
-        value = PLANTED.get(self.effect.id, {}).get(parameter.name, parameter.initial)
+    def injected(self, parameter: EffectParameter, channel: int) -> float:
+        value = INJECTED.get(self.effect.id, {}).get(parameter.name, parameter.initial)
         return min(max(value * SPREAD[channel % 3] if parameter.axis else value, parameter.low), parameter.high)
 
     def log(self, values) -> np.ndarray:
@@ -129,13 +129,13 @@ class Exam:
 
 
 @pytest.mark.parametrize("name, identity", SMOOTH)
-def test_a_fit_finds_the_planted_parameters_again(name: str, identity: str) -> None:
+def test_a_fit_finds_the_injected_parameters_again(name: str, identity: str) -> None:
     exam = Exam(name, identity)
     assert exam.fit() == pytest.approx(exam.truth, rel=TOLERANCE)
 
 
 @pytest.mark.parametrize("name, identity", STEPS)
-def test_a_scan_finds_the_planted_parameter_again(name: str, identity: str) -> None:
+def test_a_scan_finds_the_injected_parameter_again(name: str, identity: str) -> None:
     """The best of 60 values over the plausible range, or near the truth, is one of the two next to it."""
     exam = Exam(name, identity)
     parameter = exam.fitted[0][0]

@@ -1,4 +1,4 @@
-"""Zeros of the strokes of a session: found against planted shifts, tested at stated error rates, and corrected."""
+"""Zeros of the strokes of a session: found against injected shifts, tested at stated error rates, and corrected."""
 
 from dataclasses import replace
 
@@ -38,10 +38,10 @@ def test_one_millimetre_on_any_wire_is_found_and_nothing_where_nothing_moved(hea
         assert not any(zeros.unlike for zeros in found)
 
 
-def test_zeros_are_those_planted_within_their_intervals(healthy):
-    estimator, planted = trained()[1], np.array([4e-4, -9e-4, 6e-4])
-    found = [estimator.zeros(shifted(session, planted)) for session in healthy]
-    errors = np.array([zeros.shift - planted for zeros in found])
+def test_zeros_are_those_injected_within_their_intervals(healthy):
+    estimator, injected = trained()[1], np.array([4e-4, -9e-4, 6e-4])
+    found = [estimator.zeros(shifted(session, injected)) for session in healthy]
+    errors = np.array([zeros.shift - injected for zeros in found])
     inside = np.mean(np.abs(errors) <= [zeros.half_widths for zeros in found])
     assert 0.88 < inside <= 1.0
     assert np.all(np.abs(errors.mean(axis=0)) < 1e-4)

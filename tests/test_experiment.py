@@ -85,7 +85,7 @@ def test_information_adds_over_motions():
     assert pair_of(d, columns, weights).left == pytest.approx(left)
 
 
-def planted(left, contributed, error, granted, richer=((False, False), (False, False)), bent=0.0):
+def by_hand(left, contributed, error, granted, richer=((False, False), (False, False)), bent=0.0):
     """Information of a motion by hand: T both ways, what laws contribute, and their relative errors: own, granted."""
     pair = pair_of(np.full(4, np.sqrt(left / 4.0)), np.zeros((0, 4)), np.ones(4))
     laws = Laws(np.zeros(2), np.ones(2), np.full(2, error / granted), 0.6, np.array(richer))
@@ -95,8 +95,8 @@ def planted(left, contributed, error, granted, richer=((False, False), (False, F
 
 def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask_for():
     """T = 64. Chance asks for 4 sigma; a truth that leaves 0.1^2 of 9000 and a share of 0.6 for T* = 135."""
-    assert planted(64.0, 9000.0, 0.0, 0.1).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
-    found = planted(64.0, 9000.0, 0.1, 1.0)
+    assert by_hand(64.0, 9000.0, 0.0, 0.1).probability == pytest.approx(norm.cdf(8.0 - CHANCE))
+    found = by_hand(64.0, 9000.0, 0.1, 1.0)
     assert found.probability == pytest.approx(norm.cdf((8.0 - np.sqrt(135.0)) / np.sqrt(1.0 + UNSURE**2 * 135.0)))
     both = found + found
     assert both.left[0, 1] == pytest.approx(128.0) and both.required(0, 1) == pytest.approx(270.0)
@@ -104,17 +104,17 @@ def test_probability_is_that_of_a_normal_law_beyond_what_chance_and_the_laws_ask
 
 def test_what_a_law_is_granted_rejects_it_where_less_than_a_share_would():
     """Granted 0.15^2 of 9000 less the 90 that the truth leaves: T* = 112.5, not 135."""
-    assert planted(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
+    assert by_hand(64.0, 9000.0, 0.1, 0.15).required(0, 1) == pytest.approx(112.5)
 
 
 def test_what_no_linearisation_describes_counts_as_left_by_a_true_law():
     """What plausible robots miss it by counts as a true law's excess does: (100 + 100) 0.6 / 0.4."""
-    assert planted(64.0, 9000.0, 0.1, 0.15, bent=100.0).required(0, 1) == pytest.approx(300.0)
+    assert by_hand(64.0, 9000.0, 0.1, 0.15, bent=100.0).required(0, 1) == pytest.approx(300.0)
 
 
 def test_a_richer_law_rejects_a_simpler_one_beyond_what_that_is_granted_alone():
     """0.4^2 of 9000 less 90, more than a share of 0.6; the simpler one against the richer one is as probable."""
-    found = planted(64.0, 9000.0, 0.1, 0.4, ((False, True), (False, False)))
+    found = by_hand(64.0, 9000.0, 0.1, 0.4, ((False, True), (False, False)))
     assert found.required(0, 1) == pytest.approx(1350.0)
     assert found.power(0, 1) == found.power(1, 0) and found.closest == (0, 1)
 
@@ -124,7 +124,7 @@ def test_frames_that_no_linearisation_describes_count_little(contest, problem, m
     reference = problem.fit[0].reference
     half = len(reference) // 2 * len(problem.columns)
 
-    def planted_miss(missed):
+    def injected_miss(missed):
         monkeypatch.setattr(inside, "nonlinearity", lambda *args: np.tile(missed, (2, 1)))
         found = information(contest, reference)
         assert found is not None
@@ -133,9 +133,9 @@ def test_frames_that_no_linearisation_describes_count_little(contest, problem, m
     none = np.zeros(len(reference) * len(problem.columns))
     first, all_of_it = none.copy(), none + 100.0
     first[:half] = 100.0
-    whole = planted_miss(none)
-    assert planted_miss(all_of_it) == pytest.approx(whole / 201.0)
-    assert whole / 201.0 < planted_miss(first) < whole
+    whole = injected_miss(none)
+    assert injected_miss(all_of_it) == pytest.approx(whole / 201.0)
+    assert whole / 201.0 < injected_miss(first) < whole
 
 
 def test_a_refit_carried_to_its_end_leaves_what_its_robot_leaves(problem):
@@ -249,8 +249,8 @@ def test_limited_courses_keep_the_rate_and_both_ends():
     assert np.array_equal(limited(rows, np.array([np.inf]), 5), rows)
 
 
-def test_what_goes_beyond_a_planted_limit_is_named(contest):
-    """The same motion with the range of the position planted just below and just above its peak."""
+def test_what_goes_beyond_a_limit_is_named(contest):
+    """The same motion with the range of the position set just below and just above its peak."""
     safety = safety_of(contest.problem, contest.robots, [])
     reference = Reference(contest.problem.fit[0].reference)
     records = contest.records(reference)

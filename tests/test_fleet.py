@@ -1,4 +1,4 @@
-"""A fleet: answers of many cases as one table and one page, with planted onsets, failures and spoilt files."""
+"""A fleet: answers of many cases as one table and one page, with onsets, failures and spoilt files that are known."""
 
 import json
 import os
@@ -47,7 +47,7 @@ FLEET = ordered([
 ])  # fmt: skip
 
 
-def test_planted_onsets_are_dated_and_steady_robots_are_not():
+def test_injected_onsets_are_dated_and_steady_robots_are_not():
     found = {m.serial: m for m in members(FLEET)}
     assert not found["steady"].changed and not found["healthy"].trends
     (loosened,), (worn,) = found["loosened"].changed, found["worn"].changed

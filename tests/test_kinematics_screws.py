@@ -114,11 +114,11 @@ def test_centre_error_falls_as_one_over_the_angle(degrees, rms):
     true = Axis(np.array([0.0, 0.0, 1.0]), np.array([20.0, 0.0, 0.0]), np.zeros(3)).pose(np.deg2rad(degrees))
     ways = rng.standard_normal((count, 3)) * np.deg2rad(0.5)
     size = np.linalg.norm(ways, axis=1)
-    shaken = motion(
+    noisy = motion(
         rotation(ways / size[:, None], size) @ true[:3, :3], true[:3, 3] + 0.3 * rng.standard_normal((count, 3))
     )
-    angle = angle_about(shaken[:, :3, :3], np.array([0.0, 0.0, 1.0]))
-    found = centres(shaken, np.array([0.0, 0.0, 1.0]), angle, np.zeros(3))
+    angle = angle_about(noisy[:, :3, :3], np.array([0.0, 0.0, 1.0]))
+    found = centres(noisy, np.array([0.0, 0.0, 1.0]), angle, np.zeros(3))
     error = np.median(np.linalg.norm(found - np.array([20.0, 0.0, 0.0]), axis=1))
     assert 0.4 * rms < error < 1.6 * rms
 

@@ -1,4 +1,4 @@
-"""Four machines that are not the Exo-Index: laws against closed forms, both engines, planted numbers found again."""
+"""Four machines beside the Exo-Index: laws against closed forms, both engines, injected parameters found again."""
 
 import math
 
@@ -63,7 +63,7 @@ def test_both_engines_give_the_same_bits_with_every_effect(name):
     assert not np.array_equal(plain[robot.machine.columns[-1].signal], simulator[robot.machine.columns[-1].signal])
 
 
-PLANTED = {
+INJECTED = {
     "emps": {
         "carriage.viscous_friction": {"coefficient": 150.0},
         "carriage.coulomb_friction": {"force": 15.0},
@@ -82,17 +82,17 @@ PLANTED = {
 
 
 @pytest.mark.parametrize("name", MACHINES)
-def test_planted_effects_are_named_and_their_numbers_found(name):
+def test_injected_effects_are_named_and_their_numbers_found(name):
     robot = load_robot(name)
-    planted = robot
-    for identity, parameters in PLANTED[name].items():
+    injected = robot
+    for identity, parameters in INJECTED[name].items():
         channels = {channel for v in parameters.values() if isinstance(v, dict) for channel in v}
-        planted = planted.splice(identity, parameters, sorted(channels))
-    found = diagnose(case_of(planted, name, range(4) if name == "tendon_sheath" else range(TWO_MOTIONS)), robot)
+        injected = injected.splice(identity, parameters, sorted(channels))
+    found = diagnose(case_of(injected, name, range(4) if name == "tendon_sheath" else range(TWO_MOTIONS)), robot)
     assert found.verdict == "NAMED", found.reasons
-    assert {e.id for e in found.effects} == set(PLANTED[name])
+    assert {e.id for e in found.effects} == set(INJECTED[name])
     improved = found.robots["improved"]
-    for identity, parameters in PLANTED[name].items():
+    for identity, parameters in INJECTED[name].items():
         for number, value in parameters.items():
             for channel, wanted in (value if isinstance(value, dict) else {"": value}).items():
                 full = ".".join(part for part in (identity, number, channel) if part)
@@ -103,10 +103,10 @@ def test_planted_effects_are_named_and_their_numbers_found(name):
 
 def test_a_ladder_falls_with_the_effects_that_are_there_and_stands_without_them():
     robot = load_robot("tendon_sheath")
-    planted = robot.splice("sheath.play", {"half_width": 0.2})
+    injected = robot.splice("sheath.play", {"half_width": 0.2})
     steps = [("rigid", ()), ("play", ("sheath.play",)), ("lag", ("sheath.lag",))]
     rigid, play, lag = (
-        r.rms[0] for r in growing_models(make_problem(case_of(planted, "tendon_sheath", range(2)), robot), steps)
+        r.rms[0] for r in growing_models(make_problem(case_of(injected, "tendon_sheath", range(2)), robot), steps)
     )
     assert play < 0.05 * rigid and play == pytest.approx(load_robot("tendon_sheath")["reading.repeatability"], rel=0.2)
     assert lag == pytest.approx(play, rel=0.1)
@@ -164,17 +164,17 @@ def test_presliding_friction_encloses_the_area_of_its_parallelogram():
 
 def test_friction_that_builds_up_is_distinguished_from_friction_that_does_not():
     robot = load_robot("emps")
-    planted = {
+    injected = {
         "carriage.viscous_friction": {"coefficient": 150.0},
         "carriage.coulomb_friction": {"force": 15.0},
         "carriage.presliding_friction": {"force": 6.0, "presliding": 2e-4},
     }
     made = robot
-    for identity, parameters in planted.items():
+    for identity, parameters in injected.items():
         made = made.splice(identity, parameters)
     problem = make_problem(case_of(made, "emps", range(TWO_MOTIONS)), robot)
-    fitted = growing_models(problem, [(identity, (identity,)) for identity in planted])[-1].robot
-    for identity, parameters in planted.items():
+    fitted = growing_models(problem, [(identity, (identity,)) for identity in injected])[-1].robot
+    for identity, parameters in injected.items():
         for name, value in parameters.items():
             assert fitted[f"{identity}.{name}"] == pytest.approx(value, rel=0.05), name
 

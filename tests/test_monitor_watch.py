@@ -1,4 +1,4 @@
-"""Watching a log: files that grow, break off and begin anew; the alarm on planted effects and on healthy robots."""
+"""Watching a log: files that grow, break off and begin anew; the alarm on injected effects and on healthy robots."""
 
 import os
 import threading
@@ -165,13 +165,13 @@ def test_a_log_cut_out_of_a_motion_raises_nothing(tmp_path, log):
     assert [r for r in follow(monitor, tmp_path / "cut.csv", 0.0) if r] and not monitor.alarms
 
 
-def test_planted_effects_raise_an_alarm_in_their_segment_and_healthy_robots_none():
-    """Planted effects, and none: in 20 minutes some 2 % of healthy robots raise an alarm, in a minute fewer."""
+def test_injected_effects_raise_an_alarm_in_their_segment_and_healthy_robots_none():
+    """Injected effects, and none: in 20 minutes some 2 % of healthy robots raise an alarm, in a minute fewer."""
     noise = noise_std(NOMINAL)
-    quiet = [
+    without_alarm = [
         first_alarm(NOMINAL, healthy_robot(NOMINAL, np.random.default_rng(k)), noise, k, 60.0) is None for k in range(8)
     ]
-    assert sum(quiet) >= 7
+    assert sum(without_alarm) >= 7
     for effect, segment in [
         ("motor.dead_zone", "motor"),
         ("motor.current_limit", "motor"),

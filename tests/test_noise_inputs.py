@@ -45,5 +45,5 @@ def test_a_longer_run_begins_like_a_shorter_one_and_seeds_differ():
 
 
 def test_without_a_seed_nothing_is_noisy_and_every_packet_arrives():
-    quiet = NoiseInputs.draw(5, None, MACHINE)
-    assert not quiet["noise_tension"].any() and not quiet["noise_angle"].any() and (quiet["packet_arrival"] == 1).all()
+    ideal = NoiseInputs.draw(5, None, MACHINE)
+    assert not ideal["noise_tension"].any() and not ideal["noise_angle"].any() and (ideal["packet_arrival"] == 1).all()

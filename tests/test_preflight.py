@@ -1,4 +1,4 @@
-"""What a case could tell: clocks and channels with planted faults, effects against closed forms, and the command."""
+"""What a case could tell: clocks and channels with injected faults, effects against closed forms, and the command."""
 
 from dataclasses import replace
 

@@ -21,7 +21,7 @@ ARGUMENTS = "exodrake.arguments"  # key of the arguments as they were typed
 # why a command does not take a machine of the user's own
 OTHERS: dict[str, str] = {
     "demo": "its hidden fault comes from the reference simulator of the Exo-Index; the test of `exodrake new-machine` "
-    "plants one in yours",
+    "injects one into yours",
     "identify": "it finds the axes of the Exo-Index's finger in marker recordings",
     "workspace": "it solves the statics of the Exo-Index's finger",
     "train": "its estimator maps stroke and tension of the Exo-Index's tendons to joint angles",
