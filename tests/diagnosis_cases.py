@@ -43,7 +43,7 @@ def friction_problem():
     """The problem of 6 s of the nominal robot with friction, as the only log."""
     robot = load_robot()
     injected = robot.splice("tendon.capstan_friction", {"mu_phi": INJECTED})
-    reference = Reference(protocols.random_motion(robot, seed=1).tension[:300], "random")
+    reference = Reference(protocols.random_motion(robot, seed=1).values[:300], "random")
     log = CaseLog(simulate(injected, reference, seed=1), "random", "fit", None, "random.csv")
     return make_problem(Case("friction", {}, (log,)), robot)
 

@@ -177,3 +177,17 @@ def test_dates_and_serial_are_read_written_and_inherited(folder):
 @pytest.mark.parametrize("date", ["5 March", "2026-13-01", 20260305.5, ["2026-03-05"]])
 def test_what_is_no_date_is_refused_by_key(folder, date):
     assert "'date'" in refusal(folder, {"logs": [{"file": "a.csv", "date": date}]})
+
+
+def test_held_out_logs_show_no_noise_and_take_no_log_from_the_fit():
+    """Held-out logs decide nothing but the closure: neither do their repeats."""
+    items = (
+        CaseLog(one_log(1), "sweeps", "holdout", None, "a.csv"),
+        CaseLog(one_log(2), "sweeps", "fit", "a.csv", "b.csv"),
+        CaseLog(one_log(3), "sweeps", "holdout", "a.csv", "c.csv"),
+        CaseLog(one_log(4), "chirp", "fit", None, "d.csv"),
+        CaseLog(one_log(5), "chirp", "fit", "d.csv", "e.csv"),
+    )
+    case = Case("wearer", {}, items)
+    assert [[item.file for item in group] for group in case.repeat_groups] == [["d.csv", "e.csv"]]
+    assert [item.file for item in case.logs if case.is_copy(item)] == ["e.csv"]

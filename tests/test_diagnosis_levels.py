@@ -112,6 +112,17 @@ def test_scan_sees_a_burst_of_three_seconds_and_a_small_constant_bias(injected, 
     assert np.mean(healthy.min(axis=1) < ALPHA) < 0.15
 
 
+@pytest.mark.parametrize("begins", [0.0, 9.5, 20.0])
+def test_scan_sees_a_burst_wherever_it_lies(begins):
+    """A second of ten: at the start, across windows and after the last whole one of a log of 21 s."""
+    frames, second = round(21.0 / FRAME), round(1.0 / FRAME)
+    first = round(begins / FRAME)
+    log = np.zeros((1, frames, 2))
+    log[0, first : first + second] = 10.0
+    ((power, _),) = scan(likelihood_of(lambda row: row, (frames,), 2), log.reshape(1, -1))
+    assert power == pytest.approx(50.0, rel=0.03)  # half a window of 100
+
+
 def test_rival_takes_up_its_share_of_the_excess_over_noise():
     """A leaves 5 and B leaves 2 times the noise, and they use 25 and 4 of their prior, in independent samples."""
     likelihood = likelihood_of(lambda row: np.full(FRAMES, np.sqrt(row[0])))

@@ -12,7 +12,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import segment_shares
 from exodrake.diagnosis.localise import affected, block_shares
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.regime import conditions, explained, since_reversal
+from exodrake.diagnosis.regime import conditions, explained, motion, since_reversal
 from exodrake.simulation import protocols
 
 
@@ -23,7 +23,7 @@ def robot():
 
 def problem_of(robot, injected, frames=400):
     """Steps of a robot with an injected effect, as the only log."""
-    reference = Reference(protocols.steps(robot, dwell=1.0).tension[:frames], "steps")
+    reference = Reference(protocols.steps(robot, dwell=1.0).values[:frames], "steps")
     log = exo.simulate(injected, reference, seed=4)
     return make_problem(Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),)), robot)
 
@@ -98,3 +98,13 @@ def test_conditions_are_those_that_the_machine_declares(robot):
     np.testing.assert_array_equal(found["position"], angle[:, 0])
     assert found["speed"][200] == pytest.approx(2 * (200 / 399) / 399 / so101.machine.frame, rel=0.02)
     assert set(found) == {"direction of motion", "speed", "position", "time since reversal", "time in trial"}
+
+
+@pytest.mark.parametrize("position", [0.0, 1.5])
+def test_direction_of_motion_does_not_depend_on_where_a_joint_is(position):
+    """A slow sine about any angle: friction against its motion is explained by the direction."""
+    time = 0.02 * np.arange(3000)
+    angle, speed = position + 0.1 * np.sin(0.2 * np.pi * time), 0.02 * np.pi * np.cos(0.2 * np.pi * time)
+    found = motion(angle, 15, None, 0.02)
+    assert np.max(found["speed"]) == pytest.approx(0.02 * np.pi, rel=0.02)
+    assert explained(np.sign(speed), found["direction of motion"]) > 0.9

@@ -97,3 +97,12 @@ def test_slow_bursts_are_no_tremor(robot):
     wave = 3.0 * np.sin(2 * np.pi * 0.9 * time + 0.2 * np.cumsum(rng.standard_normal(2000)))[:, None]
     found = find(problem, [rng.standard_normal((2000, len(problem.columns))) + wave for _ in range(3)])
     assert found.prominence > PROMINENT and not found.certain
+
+
+def test_short_log_beside_long_ones_hides_no_tremor(robot):
+    rng, problem = np.random.default_rng(0), make_problem(case_of(robot, 3), robot)
+    logs = [rng.standard_normal((frames, 2)) for frames in (1000, 1500, 120)]
+    for log in logs:
+        log[:, 0] += 2.0 * np.sin(2.0 * np.pi * FREQUENCY * 0.02 * np.arange(len(log)))
+    assert find(problem, logs).frequency == pytest.approx(FREQUENCY, abs=0.1)
+    assert find(problem, logs[2:]).frequency == pytest.approx(FREQUENCY, abs=0.5)  # windows of 2.4 s
