@@ -20,7 +20,7 @@ from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.evidence import TIGHTER, Eliminated, weigh
-from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
+from exodrake.diagnosis.discovery.law_machine import MachineMap, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.discovery.search import ranked
 from exodrake.diagnosis.discovery.watch import state_places
@@ -253,7 +253,7 @@ def test_absent_laws_leave_the_bits():
     robot = exo.load_robot("emps")
     reference = exo.Reference(np.column_stack([motion(0), np.zeros(4000), np.zeros(4000)]))
     plain = simulate(robot, reference, seed=1)
-    other = simulate(Moved(robot.machine, with_laws(robot.machine)).robot(robot), reference, seed=1)
+    other = simulate(MachineMap(robot.machine, with_laws(robot.machine)).robot(robot), reference, seed=1)
     assert all(np.array_equal(plain[c], other[c]) for c in plain.columns)
 
 

@@ -105,7 +105,7 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     return ClosedLoop(
         robot, point, model, whole, steps, responses, found, delay_budget(loop, found),
         robustness(loop, point, model, "this robot"), *maps, back,
-        (*remarks(loop, point, model, steps), *margin_remarks(model, found)),
+        (*remarks(loop, point, model, steps), *margin_remarks(found)),
     )  # fmt: skip
 
 
@@ -161,7 +161,7 @@ def remarks(
     return tuple(notes)
 
 
-def margin_remarks(model: FrameModel, found: tuple[Margins, ...]) -> tuple[str, ...]:
+def margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     """Remarks on the margins, a sentence each."""
     notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:

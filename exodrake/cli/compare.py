@@ -44,7 +44,7 @@ def command(first: Path, second: Path, robot: str, out: Path, json_file: Path | 
     write_bytes(out, png_of(figure))
     if json_file:
         save(found, json_file)
-    show(found, one, machine)
+    show(found, machine)
     click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
 
 
@@ -55,7 +55,7 @@ def read(path: Path) -> Log:
     return read_log(path / "log.csv" if path.is_dir() else path)
 
 
-def show(found: Comparison, log: Log, machine: Machine) -> None:
+def show(found: Comparison, machine: Machine) -> None:
     """Prints the differences in the units that people read."""
     from rich.console import Console
 

@@ -31,7 +31,7 @@ def command(identity: str, as_json: bool, robot: str) -> None:
     elif identity:
         print_description(machine, chosen[0])
     else:
-        print_library(machine, chosen)
+        print_library(chosen)
 
 
 def finite(value: float) -> float | str:
@@ -71,7 +71,7 @@ def plausible(parameter: EffectParameter) -> str:
     return f"{parameter.low:g} to {parameter.high:g}{unit}"
 
 
-def print_library(machine: Machine, effects: list[Effect]) -> None:
+def print_library(effects: list[Effect]) -> None:
     """A table, one row an effect, grouped by block."""
     from rich.console import Console
 

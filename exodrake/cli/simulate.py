@@ -54,7 +54,7 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=stderr(), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("simulating (the first run after a change compiles for half a minute)")
-        log, nominal = scenario.simulate(built, what), nominal_of(scenario, built, what)
+        log, nominal = scenario.simulate(built, what), nominal_of(scenario, what)
         logs = {"log.csv": log} if nominal is None else {"log.csv": log, "nominal.csv": nominal}
         say = lambda text: progress.update(task, description=text)  # noqa: E731
         contents = files_of(scenario, built, log, what.name, say, nominal)
@@ -111,7 +111,7 @@ def changed(scenario: Scenario, options: dict) -> tuple[Scenario, Robot]:
     return scenario, scenario.build_robot()
 
 
-def nominal_of(scenario: Scenario, robot: Robot, what: Reference) -> Log | None:
+def nominal_of(scenario: Scenario, what: Reference) -> Log | None:
     """Log of the same run without the options' effects, parameters and variants; None where there are none."""
     if not (scenario.effects or scenario.parameters or scenario.parts):
         return None

@@ -38,7 +38,7 @@ def call(part: Part, function: str, arguments: list[str]) -> str:
     return f"{module}__{function}({part.name}_x, {part.name}_z, {part.name}_n, {part.name}_e, {', '.join(arguments)})"
 
 
-def outputs(machine: Machine, part_names: set[str] | None = None, sampled_too: bool = True) -> list[str]:
+def outputs(machine: Machine, part_names: set[str] | None = None) -> list[str]:
     """Calls of the outputs of some parts, and of those that these feed, in feedthrough order."""
     changed: set[str] = set()
     lines = []

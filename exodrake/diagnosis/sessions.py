@@ -203,11 +203,11 @@ def estimates(
         if step.small(moved - x):
             break
     left = [r + (b - a) @ j for r, a, b, j in zip(residuals, x, moved, jacobians, strict=True)]
-    size = amplitude(likelihood, left, [errors[:, r] for r in rows])
+    size = amplitude(left, [errors[:, r] for r in rows])
     return Estimates(moved[:, list(own)], step.covariance([size * errors[:, r] for r in rows]), left)
 
 
-def amplitude(likelihood: Likelihood, left: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> float:
+def amplitude(left: Sequence[np.ndarray], errors: Sequence[np.ndarray]) -> float:
     """Amplitude of errors of the laws (draws, samples), 1 at most, that explains what is left beside white noise."""
     excess = sum(float(r @ r) - len(r) for r in left)
     power = sum(float(np.mean(np.einsum("ij,ij->i", rows, rows, dtype=float))) for rows in errors)

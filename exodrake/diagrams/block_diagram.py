@@ -74,7 +74,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
         f'<text class="title" x="{MARGIN}" y="42">{escape(machine.name.replace("_", "-"))}: parts and signals</text>',
         f'<text class="sub" x="{MARGIN}" y="64">A part writes along its row and reads along its column. '
         f"Frame {1e3 * machine.frame:g} ms, {machine.slots} slots.</text>",
-        *(draw_link(machine, order, hue, pair, signals) for pair, signals in links(machine).items()),
+        *(draw_link(order, hue, pair) for pair in links(machine)),
         *(draw_label(machine, order, hue, pair, signals) for pair, signals in links(machine).items()),
         *(draw_part(machine, order, hue, name, shares) for name in order),
         *(draw_strip(machine, hue, grid + 40, width - 2 * MARGIN) if schedule else ()),
@@ -110,9 +110,7 @@ def centre(order: list[str], name: str) -> tuple[float, float]:
     return MARGIN + CELL * (i + 0.5), TOP + ROW * (i + 0.5)
 
 
-def draw_link(
-    machine: Machine, order: list[str], hue: Mapping[str, str], pair: tuple[str, str], signals: list[str]
-) -> str:
+def draw_link(order: list[str], hue: Mapping[str, str], pair: tuple[str, str]) -> str:
     """A line along the writer's row, then along the reader's column, with a rounded corner."""
     (x0, y0), (x1, y1) = centre(order, pair[0]), centre(order, pair[1])
     way = 1 if x1 > x0 else -1
@@ -151,7 +149,7 @@ def draw_part(
         f'<rect x="{x - BOX / 2}" y="{y - HIGH / 2}" width="{BOX}" height="{HIGH}" rx="9" fill="{fill}" '
         f'stroke="{hue[name]}" stroke-width="2"{dash}/>'
     )
-    under = when(machine, part) if part else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
+    under = when(part) if part else {OUTSIDE: "one row a frame", LOG: "end of the frame"}[name]
     tone = "when" if shares is not None else "when unit"
     if shares is not None and part:
         under = f"{100 * share:.0f} %"
@@ -161,7 +159,7 @@ def draw_part(
     )
 
 
-def when(machine: Machine, part: Part) -> str:
+def when(part: Part) -> str:
     """Slots in which a part's tasks run, in words."""
     slots = sorted({slot for task in part.tasks for slot in task.slots})
     parts = ["every tick"] if any(not task.slots for task in part.tasks) else []

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.data.plot import new_figure
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.result import Diagnosis
@@ -13,7 +14,7 @@ from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Drawing, Table
 from exodrake.report.curves import curves
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, SimulatedLogs
-from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
+from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, svg_of
 
 
 def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
+from exodrake.data.plot import new_figure
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Drawing, Table
-from exodrake.report.svg import RULE, SOFT, house_style, new_figure, svg_of
+from exodrake.report.svg import RULE, SOFT, house_style, svg_of
 
 RELAXES = "relaxation"  # a law over time since a change
 

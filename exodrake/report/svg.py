@@ -25,13 +25,6 @@ STYLE: dict[Any, Any] = {
 DPI = 220  # of what is drawn as pixels inside an SVG
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure of some inches, with constrained layout, that needs no display."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 def house_style() -> Any:
     """Context manager under which figures of a report are drawn."""
     import matplotlib

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.display import SYMBOLS
+from exodrake.data.plot import new_figure
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.result import Diagnosis
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Bars, Drawing, shares
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, RETUNED, SimulatedLogs
-from exodrake.report.svg import AFTER, BAND, BEFORE, SOFT, house_style, new_figure, svg_of
+from exodrake.report.svg import AFTER, BAND, BEFORE, SOFT, house_style, svg_of
 
 BINS = 14  # of a condition
 DOTS = 2500  # of a scatter, at most

@@ -49,7 +49,8 @@ def robot_overshoot(robot) -> float:
 
 def figure() -> str:
     """Both signs' steps as SVG."""
-    from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, new_figure, svg_of
+    from exodrake.data.plot import new_figure
+    from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, svg_of
 
     with house_style():
         drawn = new_figure(4.6, 2.5)

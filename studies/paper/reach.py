@@ -54,9 +54,10 @@ def table_rows(wired) -> list[tuple[str, ...]]:
 
 def figure(wired) -> str:
     """Both workspaces as SVG."""
+    from exodrake.data.plot import new_figure
     from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
     from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
-    from exodrake.report.svg import RULE, house_style, new_figure, svg_of
+    from exodrake.report.svg import RULE, house_style, svg_of
 
     with house_style():
         drawn = new_figure(9.6, 4.6)

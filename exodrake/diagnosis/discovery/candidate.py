@@ -22,7 +22,7 @@ FRAMES = 2.0  # shortest memory
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class CandidateLaw:
     """A candidate for the missing law: a form at a point.
 
     Attributes:
@@ -86,7 +86,7 @@ class Candidate:
         return at, np.minimum(ratio, 1.0) if self.form.kind == HYSTERESIS else np.exp(-ratio)
 
 
-def candidates(problem: Problem, laws: Sequence[LawPoint], seen: dict[tuple[str, int], Seen]) -> list[Candidate]:
+def candidates(problem: Problem, laws: Sequence[LawPoint], seen: dict[tuple[str, int], Seen]) -> list[CandidateLaw]:
     """All laws that may be missing on a machine."""
     machine = problem.robot.machine
     longest = max(len(trial.reference) for trial in problem.fit) * machine.frame
@@ -99,7 +99,7 @@ def candidates(problem: Problem, laws: Sequence[LawPoint], seen: dict[tuple[str,
                 continue
             knots = knots_of(form, here, machine.frame, longest)
             size = MODEST * sizes(form, here, value)
-            found.append(Candidate(law, k, channels, knots, size, basis_of(form), here))
+            found.append(CandidateLaw(law, k, channels, knots, size, basis_of(form), here))
     return found
 
 

@@ -15,13 +15,13 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.closure import measure
 from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.discovery.candidate import Candidate, candidates
+from exodrake.diagnosis.discovery.candidate import CandidateLaw, candidates
 from exodrake.diagnosis.discovery.compare import LEAD, lead, level_of_noise
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import Eliminated, without
 from exodrake.diagnosis.discovery.fit import Fit, Screened, nuisance_jacobian, refined, screened
 from exodrake.diagnosis.discovery.formula import Formula, formula
-from exodrake.diagnosis.discovery.law_machine import Moved, laws_of, with_laws
+from exodrake.diagnosis.discovery.law_machine import MachineMap, laws_of, with_laws
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw, Runner
 from exodrake.diagnosis.discovery.search import fit_best, ranked, rejects
 from exodrake.diagnosis.discovery.watch import counted, watched
@@ -56,7 +56,7 @@ def discover(
     if found.retuned.levels.kept or found.nominal.levels.kept:
         return MissingLaw(False, COMPLETE)
     where = "" if imitates(found.retuned) else where
-    moved = Moved(problem.robot.machine, with_laws(problem.robot.machine))
+    moved = MachineMap(problem.robot.machine, with_laws(problem.robot.machine))
     progress(Stage.LINEARISE, "free laws")
     likelihood, base, model, screen = linearised(problem, found, moved, blocks)
     p = level_of_noise(likelihood, model, screen)
@@ -82,7 +82,7 @@ def discover(
 
 
 def linearised(
-    problem: Problem, found: Isolation, moved: Moved, blocks: Collection[str]
+    problem: Problem, found: Isolation, moved: MachineMap, blocks: Collection[str]
 ) -> tuple[Likelihood, Explanation, Eliminated, list[Screened]]:
     """Views of the case, the robot beside which laws are sought, its linearisation, and the screened laws."""
     likelihood = moved.likelihood(found.likelihood).for_stage("discover")
@@ -100,7 +100,7 @@ def imitates(retuned: Tested) -> bool:
     return retuned.levels.fit > ALPHA and retuned.levels.moved > retuned.levels.most_moved
 
 
-def start_of(found: Isolation, moved: Moved, likelihood: Likelihood) -> Explanation:
+def start_of(found: Isolation, moved: MachineMap, likelihood: Likelihood) -> Explanation:
     """The robot beside which laws are sought, on a machine with laws: the retuned one, or one that imitates no law."""
     if not imitates(found.retuned):
         return moved.explanation(found.retuned.explanation)
@@ -126,7 +126,7 @@ def runners(fits: Sequence[Fit], shares: Sequence[float]) -> tuple[Runner, ...]:
 
 
 def answer(
-    problem: Problem, found: Isolation, moved: Moved, likelihood: Likelihood, base: Explanation, fits: list[Fit],
+    problem: Problem, found: Isolation, moved: MachineMap, likelihood: Likelihood, base: Explanation, fits: list[Fit],
     shares: list[float], p: float, where: str,
 ) -> MissingLaw:  # fmt: skip
     """The answer about the best law."""
@@ -165,7 +165,7 @@ def answer(
     )
 
 
-def reason_of(found: Isolation, candidate: Candidate, share: float, where: str) -> str:
+def reason_of(found: Isolation, candidate: CandidateLaw, share: float, where: str) -> str:
     """Finding of the discovery in one sentence."""
     said = f"a free law of {candidate.form.words} at {candidate.law.key} removes {share:.0%} of what retuning leaves"
     if imitates(found.retuned):

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from exodrake.core.threads import side_by_side
-from exodrake.diagnosis.discovery.candidate import MODES, Candidate
+from exodrake.diagnosis.discovery.candidate import MODES, CandidateLaw
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import TIGHTER, Columns, Eliminated, Weighed, fitted, weights_of
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
@@ -33,7 +33,7 @@ class Screened:
         weighed: fit of the law by the linearisation.
     """
 
-    candidate: Candidate
+    candidate: CandidateLaw
     columns: Columns
     channel: np.ndarray
     weighed: Weighed
@@ -58,7 +58,7 @@ class Fit:
         columns, model, weighed: its linearisation there and what follows from it.
     """
 
-    candidate: Candidate
+    candidate: CandidateLaw
     active: tuple[int, ...]
     x: np.ndarray
     modes: np.ndarray
@@ -85,7 +85,7 @@ class Fit:
 
 
 def screened(
-    likelihood: Likelihood, base: Explanation, model: Eliminated, found: Sequence[Candidate]
+    likelihood: Likelihood, base: Explanation, model: Eliminated, found: Sequence[CandidateLaw]
 ) -> list[Screened]:
     """All candidates by one linearisation at a robot without them, best first.
 
@@ -97,7 +97,7 @@ def screened(
     """
     robot = base.robot
 
-    def screen(candidate: Candidate) -> Screened:
+    def screen(candidate: CandidateLaw) -> Screened:
         modes = candidate.directions(range(len(candidate.channels)), MODES)
         rows = [candidate.put(likelihood.robot.machine, robot, candidate.weights(one)) for one in modes]
         columns = model.columns(likelihood.residual(np.array(rows)) - base.residual)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.diagnosis.discovery.candidate import Candidate
+from exodrake.diagnosis.discovery.candidate import CandidateLaw
 from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.fit import Fit
 from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE
@@ -58,7 +58,7 @@ class Formula:
         return "f(u) = " + " ".join(pieces).removeprefix("+ ")
 
 
-def terms_of(candidate: Candidate) -> Iterator[Term]:
+def terms_of(candidate: CandidateLaw) -> Iterator[Term]:
     """Named terms that a law may be made of."""
     form, u = candidate.form, candidate.knots
     if form.kind not in (CURVE, PLACE):

@@ -72,7 +72,7 @@ def laws_of(machine: Machine) -> list[LawPoint]:
     return list({law.identity: law for law in law_points(machine)}.values())
 
 
-class Moved:
+class MachineMap:
     """Conversion of robots to the same machine with other effects, by the names of parameters."""
 
     def __init__(self, before: Machine, after: Machine) -> None:

@@ -9,7 +9,7 @@ from textwrap import wrap
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.discovery.candidate import Candidate
+from exodrake.diagnosis.discovery.candidate import CandidateLaw
 from exodrake.diagnosis.discovery.effect_text import (
     ELEMENTS,
     HEADER,
@@ -19,7 +19,7 @@ from exodrake.diagnosis.discovery.effect_text import (
     law_source,
 )  # fmt: skip
 from exodrake.diagnosis.discovery.forms import CURVE, HYSTERESIS, PLACE, LawPoint
-from exodrake.diagnosis.discovery.law_machine import Moved, module_of
+from exodrake.diagnosis.discovery.law_machine import MachineMap, module_of
 from exodrake.machines.write_robot import robot_text
 
 SWITCH = "present"
@@ -41,7 +41,7 @@ def single(law: LawPoint, number: int) -> LawPoint:
     return replace(law, identity=law.learned, forms=(law.forms[number - 1],))
 
 
-def effect_text(candidate: Candidate, weights, case: str, formulas: dict[str, str]) -> str:
+def effect_text(candidate: CandidateLaw, weights, case: str, formulas: dict[str, str]) -> str:
     """Source of the effect's module.
 
     Args:
@@ -70,7 +70,7 @@ def effect_text(candidate: Candidate, weights, case: str, formulas: dict[str, st
     return "\n\n\n".join([header.rstrip() + "\n\n" + "\n".join(constants), body, effect]) + "\n"
 
 
-def summary(candidate: Candidate, case: str, formulas: dict[str, str]) -> str:
+def summary(candidate: CandidateLaw, case: str, formulas: dict[str, str]) -> str:
     """The docstring of the effect's module: what it is, its equation and formulas."""
     form, value = candidate.form, candidate.law.arguments[0]
     law = f"law = {form.factor + ' ' if form.factor else ''}f(u)      u = {form.variable}"
@@ -81,12 +81,12 @@ def summary(candidate: Candidate, case: str, formulas: dict[str, str]) -> str:
     return "\n".join([*lines, "", *wrap(f"{NOTE} {knots}", 110)]) + "\n"
 
 
-def robot_with(robot: Robot, candidate: Candidate, weights, text: str) -> Robot:
+def robot_with(robot: Robot, candidate: CandidateLaw, weights, text: str) -> Robot:
     """A robot of the plain machine with the effect of a module's text in it, each channel with its own values."""
     machine = robot.machine
     module = module_of(text, f"found_{machine.name}")
     effect = next(value for value in vars(module).values() if isinstance(value, Effect))
-    out = Moved(machine, replace(machine, effects=(*machine.effects, effect))).robot(robot)
+    out = MachineMap(machine, replace(machine, effects=(*machine.effects, effect))).robot(robot)
     on = [c for c, w in zip(candidate.channels, weights, strict=True) if w.any()]
     given = {SWITCH: dict.fromkeys(on, 1.0)}
     for i, (k, w) in enumerate(zip(KNOTS, WEIGHTS, strict=True)):
