@@ -162,3 +162,39 @@ def test_bench_rows():
     assert row.met and row.target == ""
     assert not Row("x", 0.5, "s", most=0.4).met
     assert Row("ratio", 21.0, "-", least=20).target == "≥ 20"
+
+
+@pytest.mark.parametrize("fixed", [1, 2, 4, 8])
+def test_a_motor_alone_follows_the_value_fixed_last(fixed):
+    """However often a value was fixed before it: C++ puts later vectors where freed ones lay."""
+    found = []
+    for times in (1, fixed):
+        motor, rng = MotorDynamics(), np.random.default_rng(3)
+        simulator = Simulator(motor)
+        context = simulator.get_mutable_context()
+        motor.GetInputPort("tension_spool").FixValue(context, np.zeros(3))
+        for step in range(100):
+            for speed in [*np.full((times - 1, 3), 0.5), rng.uniform(-0.05, 0.05, 3)]:
+                motor.GetInputPort("speed_applied").FixValue(context, speed)
+            simulator.AdvanceTo(0.004 * (step + 1))
+            found.append(motor.GetOutputPort("wire_speed").Eval(context).copy())
+    np.testing.assert_array_equal(found[:100], found[100:])
+
+
+def test_references_fixed_from_outside_act_as_those_of_a_reference():
+    """A value fixed many times in a frame, and a vector that stays and changes, are the same run."""
+    rows, found = wavy(0.4).values, []
+    for edits in (False, True):
+        diagram = build_diagram(nominal(), None, seed=1)
+        simulator = Simulator(diagram)
+        context, port = simulator.get_mutable_context(), diagram.GetInputPort("tension_ref")
+        value = port.FixValue(context, rows[0])
+        for tick in range(800):
+            row = rows[tick // 40] if tick % 2 else rows[0]
+            if edits:
+                value.GetMutableData().get_mutable_value().SetFromVector(row)
+            else:
+                port.FixValue(context, row)
+            simulator.AdvanceTo(0.0005 * (tick + 1))
+        found.append(logged(nominal().machine, diagram, context))
+    np.testing.assert_array_equal(*found)

@@ -2,6 +2,10 @@
 
 A state output port of Drake's shows a copy, made anew after each change. The port `memory` of our systems says instead
 where the state lies, and is found once.
+
+Vectors at other ports are bound to their address as long as they are the same object, which says something of our own
+output ports alone, whose vectors live as long as their Context. `FixValue` frees the vector that was fixed before, and
+pydrake takes a new one at its address for the old one: such a vector is copied at each reading.
 """
 
 from __future__ import annotations
@@ -51,6 +55,16 @@ def declare_inputs(system: LeafSystem, inputs: Mapping[str, InputSpec]) -> None:
             system.DeclareVectorInputPort(name, port.width)
 
 
+OWN: dict[int, ref] = {}  # vectors of our own output ports by their `id`
+
+
+def note_own(vector: BasicVector) -> BasicVector:
+    """Notes the vector of an output port, to be held by an object that lives in the same Context."""
+    key = id(vector)
+    OWN[key] = ref(vector, lambda _, pop=OWN.pop: pop(key, None))
+    return vector
+
+
 class Binding:
     """A leaf's table of addresses for one Context.
 
@@ -58,11 +72,12 @@ class Binding:
     discrete state of a Context keep their place in memory whenever they are set.
     """
 
-    __slots__ = ("__weakref__", "arrays", "bound", "context", "outputs", "read", "scratch", "started", "table")
+    __slots__ = ("__weakref__", "arrays", "bound", "context", "outputs", "read", "scratch", "shown", "started", "table")
 
     def __init__(self, started: bytes = b"") -> None:
         self.context: Context | None = None
         self.started = started  # memory with which this Context began last
+        self.shown: dict[str, BasicVector] = {}  # port -> its vector, see `note_own`
 
     def __deepcopy__(self, memo: dict) -> Binding:
         return Binding(self.started)
@@ -97,9 +112,15 @@ class Binding:
             self.table[FIRST_SIGNAL + spec.reads.index(name)] = array.ctypes.data + 8 * at.start
 
     def take(self, spec: LeafSpec, i: int, vector: BasicVector) -> None:
-        """Binds input port i to the vector that it shows."""
-        self.place(spec, i, vector.value())
-        self.bound[i] = vector
+        """Binds input port i to a vector of our own output ports; copies any other."""
+        if id(vector) in OWN:
+            self.place(spec, i, vector.value())
+            self.bound[i] = vector
+            return
+        if self.bound[i] is not None:
+            self.place(spec, i, np.zeros(vector.size()))
+            self.bound[i] = None
+        np.copyto(self.arrays[FIRST_SIGNAL + i], vector.value())
 
 
 def declare_per_context(leaf: LeafSystem, make: Callable[[], Any]) -> Any:

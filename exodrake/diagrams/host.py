@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from pydrake.common import RandomDistribution
@@ -10,9 +11,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from pydrake.systems.primitives import RandomSource
 
-from exodrake.diagrams.binding import weak_method
+from exodrake.diagrams.binding import note_own, weak_method
 from exodrake.diagrams.exogenous import Exogenous
-from exodrake.diagrams.leaf import slice_of_memory
 from exodrake.diagrams.leaf_spec import InputSpec
 from exodrake.diagrams.signal_log import Logging
 
@@ -56,7 +56,7 @@ class Host(Logging, RandomSource):
         self.DeclareDiscreteState(exogenous.row(exogenous.seed, 0))
         self.DeclareDiscreteState(np.array([np.nan]))  # the seed in use
         for name, place in exogenous.signals.items():
-            shown = slice_of_memory(place, ROW)
+            shown = partial(weak_method(self._show), name, place)
             self.DeclareVectorOutputPort(name, place.stop - place.start, shown, {self.xd_ticket()})
         frame = exogenous.machine.frame
         self.start_logging(inputs, frame, 0.0)
@@ -79,6 +79,13 @@ class Host(Logging, RandomSource):
         if seed != seed:  # a NaN, as long as there was no initialization
             seed = context.get_numeric_parameter(0).value()[0]
         discrete.set_value(ROW, self.exogenous.row(seed, self._frame(context)))
+
+    def _show(self, name: str, place: slice, context: Context, out: BasicVector) -> None:
+        """Fills the output port of a signal."""
+        out.set_value(context.get_discrete_state(ROW).value()[place])
+        shown = self.rows(context).shown
+        if shown.get(name) is not out:
+            shown[name] = note_own(out)
 
     def _frame(self, context: Context) -> int:
         """Number of the frame of this instant."""

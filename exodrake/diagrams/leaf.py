@@ -11,7 +11,14 @@ from weakref import ref
 
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from exodrake.diagrams.binding import Binding, declare_inputs, declare_memory_port, declare_per_context, weak_method
+from exodrake.diagrams.binding import (
+    Binding,
+    declare_inputs,
+    declare_memory_port,
+    declare_per_context,
+    note_own,
+    weak_method,
+)
 from exodrake.diagrams.leaf_spec import Feedthrough, LeafSpec
 from exodrake.diagrams.parameter import NamedParameter, named_parameter
 
@@ -112,6 +119,8 @@ class Leaf(LeafSystem):
             function(binding.table, constant)
             if shown:
                 target.set_value(binding.outputs[shown])
+                if binding.shown.get(shown) is not target:
+                    binding.shown[shown] = note_own(target)
             else:
                 target.set_value(0, binding.scratch)
 
@@ -126,10 +135,10 @@ class Leaf(LeafSystem):
             self.DeclareVectorOutputPort(port, width, self._handler(item.function, 0, item.reads, port), needs)
 
 
-def slice_of_memory(at: slice, group: int = 0) -> Callable[[Context, BasicVector], None]:
-    """The function of an output port that shows a part of a group of discrete state."""
+def slice_of_memory(at: slice) -> Callable[[Context, BasicVector], None]:
+    """The function of an output port that shows a part of discrete state 0."""
 
     def calculate(context: Context, out: BasicVector) -> None:
-        out.set_value(context.get_discrete_state(group).value()[at])
+        out.set_value(context.get_discrete_state(0).value()[at])
 
     return calculate

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 
 from exodrake.core.machine import Machine
 from exodrake.diagrams.binding import declare_inputs, declare_per_context, weak_method
@@ -23,6 +23,7 @@ class Rows:
         self.rows: list[np.ndarray] = rows or []
         self.context: Context | None = None
         self.views: list[np.ndarray] = []
+        self.shown: dict[str, BasicVector] = {}  # vectors of the system's own output ports
 
     def __deepcopy__(self, memo: dict) -> Rows:
         return Rows(self.rows.copy())
