@@ -129,6 +129,33 @@ def test_a_copied_context_goes_on_by_itself():
     np.testing.assert_array_equal(logged_after(third, diagram, 0.7), wanted)
 
 
+@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("at", [0.0, 0.6])
+def test_a_run_goes_on_wherever_in_a_frame_it_stopped(anew, at):
+    """In each slot, by another Simulator or by `Initialize`: state and log are those of one run, to the last bit."""
+    machine, reference = nominal().machine, wavy(0.4)
+    diagram = build_diagram(nominal().splice("timing.dropped_commands"), reference, seed=4)
+    whole = diagram.CreateDefaultContext()
+    Simulator(diagram, whole).AdvanceTo(0.3)
+    for slot in range(machine.slots):
+        context = diagram.CreateDefaultContext()
+        simulator = Simulator(diagram, context)
+        simulator.AdvanceTo(5 * machine.frame + (slot + at) * machine.slot)
+        simulator = Simulator(diagram, context) if anew else simulator
+        simulator.Initialize()
+        simulator.AdvanceTo(0.3)
+        for found, wanted in zip(states(context), states(whole), strict=True):
+            np.testing.assert_array_equal(found, wanted, f"slot {slot}")
+        found, wanted = (logged_signals(diagram, c) for c in (context, whole))
+        for name, rows in wanted.items():
+            np.testing.assert_array_equal(found[name], rows, f"{name}, slot {slot}")
+
+
+def states(context):
+    """All groups of discrete state."""
+    return [context.get_discrete_state(i).value() for i in range(context.num_discrete_state_groups())]
+
+
 def test_a_parameter_is_found_by_its_name_and_acts():
     diagram = build_diagram(nominal(), wavy(1.0), seed=4)
     simulator = Simulator(diagram)

@@ -19,6 +19,7 @@ from exodrake.diagrams.signal_log import Logging
 HOST, SAMPLE = "host", "output"  # name of the system, and of the port of its base class
 LONG = 1e9  # [s] a sampling interval that no run reaches
 MANTISSA = 2**53  # a double in 0 .. 1 has as many values: each a seed
+ROUNDING = 1e-6  # share of a frame: more than the rounding error of an instant in frames, less than a slot
 ROW, SEED = 1, 2  # groups of discrete state, after the random sample
 
 
@@ -88,8 +89,8 @@ class Host(Logging, RandomSource):
             shown[name] = note_own(out)
 
     def _frame(self, context: Context) -> int:
-        """Number of the frame of this instant."""
-        return round(context.get_time() / self.exogenous.machine.frame)
+        """Number of the frame in which this instant lies."""
+        return int(context.get_time() / self.exogenous.machine.frame + ROUNDING)
 
 
 def usual_samples(source: RandomSource) -> tuple[float, float]:
