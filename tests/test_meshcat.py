@@ -1,12 +1,13 @@
 """The viewer: where wires run, and a page that stands alone."""
 
 import re
+from base64 import b64decode
 
 import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.diagrams.meshcat import Thing, beside, frames_of, recording_html
+from exodrake.diagrams.meshcat import Motion, Thing, animated, beside, frames_of, recording_html
 from exodrake.diagrams.meshcat.readings import STOPS, colours
 from exodrake.diagrams.meshcat.shapes import along, skeleton, span
 
@@ -103,3 +104,14 @@ def test_axes_of_which_no_shape_is_known_stand_side_by_side(name):
     page = recording_html(log, robot)
     sliding = [float(name == "emps")] * len(robot.machine.axes.joints)
     assert len(page) < 5e6 and "colour of a joint" in page and f'"sliding": {sliding}' in page
+
+
+@pytest.mark.parametrize("step", [0.04, 0.02, 1.0 / 30.0])
+def test_a_recording_has_a_key_for_each_frame(step):
+    """In each track, be it of the robot or of the ghost."""
+    count = 300
+    angle = np.linspace(np.zeros(3), np.ones(3), count)
+    motion = Motion(step * np.arange(count), angle, angle, np.ones(3), angle)
+    packed = re.findall(r"base64,([A-Za-z0-9+/=]+)", animated(motion, skeleton(ROBOT), None))
+    (animation,) = (text for text in map(b64decode, packed) if b"set_animation" in text)
+    assert animation.count(b"\xa4time") == count * animation.count(b"\xa4keys") > 0  # in MessagePack

@@ -99,9 +99,10 @@ def animated(motion: Motion, bones: Skeleton | Shape, thing: Thing | None) -> st
         drawn.begin(motion.angle[0], motion.ghost is not None)
         meshcat.StartRecording(frames_per_second=1.0 / motion.step, set_visualizations_while_recording=False)
         for k, (angle, load) in enumerate(zip(motion.angle, motion.load)):
-            drawn.frame(k * motion.step, angle, colours(np.abs(load) / motion.top))
+            time = (k + 0.5) * motion.step  # Meshcat rounds down to a frame
+            drawn.frame(time, angle, colours(np.abs(load) / motion.top))
             if motion.ghost is not None:
-                drawn.turn(GHOST, k * motion.step, motion.ghost[k])
+                drawn.turn(GHOST, time, motion.ghost[k])
         meshcat.StopRecording()
         repeat(meshcat)
         return meshcat.StaticHtml()
