@@ -94,6 +94,22 @@ def test_a_system_that_does_not_fit_in_is_refused_by_name():
         build_diagram(nominal(), wavy(0.1), systems=[Ported("mine", ["angel_read"], [])])
     with pytest.raises(InputError, match="in place of encoder has no output port 'stroke_read'"):
         build_diagram(nominal(), wavy(0.1), systems=[Ported("encoder", [], [])])
+    with pytest.raises(InputError, match=r"mine reads 'motor\.stroke', which nothing writes; did you mean stroke"):
+        build_diagram(nominal(), wavy(0.1), systems=[Ported("mine", ["motor.stroke"], [])])
+
+
+def test_a_signal_has_one_writer():
+    """Neither a part nor a system of one's own is passed over; a reference is the exception."""
+    for systems, named in (
+        ([Ported("mine", [], ["speed_cmd"])], "controller and mine both write speed_cmd"),
+        ([Ported("mine", [], ["other"]), Ported("yours", [], ["other"])], "mine and yours both write other"),
+        ([Ported("encoder", [], ["stroke_read", "stroke"])], "motor and encoder both write stroke"),
+    ):
+        with pytest.raises(InputError, match=named + r"; a system takes a part's place by bearing its name"):
+            build_diagram(nominal(), wavy(0.1), systems=systems)
+    with pytest.raises(InputError, match="two systems are named 'mine'"):
+        build_diagram(nominal(), wavy(0.1), systems=[Ported("mine", [], ["one"]), Ported("mine", [], ["other"])])
+    build_diagram(nominal(), wavy(0.1), systems=[Ported("encoder", [], ["stroke_read", "output"])])
 
 
 def test_a_system_of_ones_own_drives_the_references():

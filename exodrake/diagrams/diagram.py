@@ -60,7 +60,7 @@ def build_diagram(
         The Diagram, with the subsystem `log` (see `logged_signals`) and an output port for each signal.
 
     Raises:
-        InputError: a system reads what nothing writes, or does not write what its part did.
+        InputError: a system reads what nothing writes, writes what another writes, or does not write what its part did.
     """
     machine = robot.machine
     names = [n for n in machine.inputs if n not in written_by(systems)]
@@ -91,6 +91,9 @@ def assemble(
     """The Diagram of a robot; exogenous signals that nothing makes are input ports. Arguments as in `build_diagram`."""
     machine, builder = robot.machine, DiagramBuilder()
     own = {system.get_name(): system for system in systems}
+    if len(own) < len(systems):
+        names = [system.get_name() for system in systems]
+        raise InputError(f"two systems are named {max(names, key=names.count)!r}")
     wide = wide_ports(machine, set(own))
     for part in machine.parts:
         inputs = inputs_of(machine, part, wide)
@@ -164,14 +167,19 @@ def inputs_of(machine: Machine, part: Part, wide: Mapping[str, InputSpec]) -> di
 
 
 def port_names(builder: DiagramBuilder) -> dict[str, OutputPort]:
-    """Output ports by the names by which input ports ask for them."""
-    found = {}
+    """Output ports by the names by which input ports ask for them. InputError if two systems write one signal."""
+    found: dict[str, OutputPort] = {}
     for system in builder.GetSystems():
-        for i in range(system.num_output_ports()):
-            port = system.get_output_port(i)
-            wide = port.get_name() == "memory" and isinstance(system, Leaf)
-            if not (isinstance(system, Host) and port.get_name() == SAMPLE):
-                found[memory_of(system.get_name()) if wide else port.get_name()] = port
+        for port in (system.get_output_port(i) for i in range(system.num_output_ports())):
+            name = port.get_name()
+            if isinstance(system, Host) and name == SAMPLE:
+                continue
+            if isinstance(system, Leaf) and name == "memory":
+                name = memory_of(system.get_name())
+            if name in found and vector_like(port):
+                writers = f"{found[name].get_system().get_name()} and {system.get_name()}"
+                raise InputError(f"{writers} both write {name}; a system takes a part's place by bearing its name")
+            found[name] = port
     return found
 
 
@@ -184,10 +192,9 @@ def check_written(machine: Machine, ports: Mapping[str, OutputPort], systems: Se
     known = {*ports, *machine.inputs}
     for system in systems:
         for i in range(system.num_input_ports()):
-            if (name := system.get_input_port(i).get_name()) not in known and "." not in name:
-                raise InputError(
-                    f"{system.get_name()} reads {name!r}, which nothing writes{nearest(name, list(known))}"
-                )
+            if (name := system.get_input_port(i).get_name()) not in known:
+                hint = nearest(name.rpartition(".")[2], sorted(known))
+                raise InputError(f"{system.get_name()} reads {name!r}, which nothing writes{hint}")
 
 
 def join_inputs(machine: Machine, builder: DiagramBuilder, ports: Mapping[str, OutputPort]) -> None:
