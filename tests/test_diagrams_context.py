@@ -108,6 +108,18 @@ def test_one_diagram_serves_many_robots():
         np.testing.assert_array_equal(rows, np.hstack([wanted[signal.name] for signal in robot.machine.signals]))
 
 
+def test_parameters_put_in_later_keep_readings_unrounded():
+    robot, reference = nominal().with_parameters({"finger.kappa": 0.09}), wavy(0.4)
+    for quantisation in (True, False):
+        diagram = build_diagram(nominal(), reference, seed=3, quantisation=quantisation)
+        context = diagram.CreateDefaultContext()
+        set_parameters(robot, diagram, context)
+        Simulator(diagram, context).AdvanceTo(0.4)
+        wanted = record(robot, reference, seed=3, quantisation=quantisation).signals
+        for name in ("stroke_read", "tension_read"):
+            np.testing.assert_array_equal(logged_signals(diagram, context)[name], wanted[name])
+
+
 def logged_after(simulator, diagram, seconds):
     """All signals after a further run."""
     simulator.AdvanceTo(simulator.get_context().get_time() + seconds)

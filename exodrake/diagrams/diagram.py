@@ -27,7 +27,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.part import Part
 from exodrake.core.robot import Robot
 from exodrake.diagrams.exogenous import Exogenous
-from exodrake.diagrams.host import HOST, SAMPLE, Host
+from exodrake.diagrams.host import HOST, SAMPLE, Host, host_of
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.leaf_spec import InputSpec, wide_port
 from exodrake.diagrams.part_spec import alone
@@ -70,7 +70,10 @@ def build_diagram(
         found = input_rows(machine, reference.values, NoiseInputs.draw(1, None, machine))
         rows = {name: found[name] for name in names if name not in drawn}
     robot = replace(robot, values=prepared(robot, quantisation))
-    return assemble(robot, Exogenous(machine, rows, drawn, seed), substeps, fine_log, systems)
+    diagram = assemble(robot, Exogenous(machine, rows, drawn, seed), substeps, fine_log, systems)
+    host = host_of(diagram)
+    host.quantisation, host.source = quantisation, reference.name if reference else machine.name
+    return diagram
 
 
 def run_diagram(
@@ -177,8 +180,9 @@ def port_names(builder: DiagramBuilder) -> dict[str, OutputPort]:
             if isinstance(system, Leaf) and name == "memory":
                 name = memory_of(system.get_name())
             if name in found and vector_like(port):
-                writers = f"{found[name].get_system().get_name()} and {system.get_name()}"
-                raise InputError(f"{writers} both write {name}; a system takes a part's place by bearing its name")
+                first: Any = found[name].get_system()
+                both = f"{first.get_name()} and {system.get_name()} both write {name}"
+                raise InputError(f"{both}; a system takes a part's place by bearing its name")
             found[name] = port
     return found
 
@@ -224,9 +228,19 @@ def ports_to_log(
 
 
 def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:
-    """Puts a robot's parameters into a Context of its machine's Diagram and starts anew: one Diagram, many runs."""
+    """Puts a robot's parameters into a Context of its machine's Diagram and starts anew: one Diagram, many runs.
+
+    Args:
+        robot: of the machine of the Diagram.
+        diagram: from `build_diagram`; readings stay unrounded if it was built so.
+        context: root Context.
+
+    Raises:
+        InputError: the robot lacks a parameter.
+    """
     diagram.SetDefaultContext(context)
     context.SetTime(0.0)
+    robot = replace(robot, values=prepared(robot, host_of(diagram).quantisation))
     for leaf in diagram.GetSystems():
         if isinstance(leaf, Leaf):
             own = leaf.GetMyMutableContextFromRoot(context)

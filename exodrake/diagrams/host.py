@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from pydrake.common import RandomDistribution
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiscreteValues
 from pydrake.systems.primitives import RandomSource
 
 from exodrake.diagrams.binding import note_own, weak_method
@@ -43,9 +43,13 @@ class Host(Logging, RandomSource):
     Numeric parameter 0 is the seed of the noise (negative: none). It takes effect at initialization. As a
     `RandomSource`, the host has a random sample (port `output`), which `SetRandomContext` changes; a sample that is not
     the usual one then gives the seed.
+
+    `quantisation` says whether readings of the Diagram are rounded, `source` what its log is named after.
     """
 
     memory = ROW
+    quantisation = True
+    source = ""
 
     def __init__(self, exogenous: Exogenous, inputs: Mapping[str, InputSpec]) -> None:
         """Takes the exogenous signals, and what each input port of the log carries."""
@@ -91,6 +95,13 @@ class Host(Logging, RandomSource):
     def _frame(self, context: Context) -> int:
         """Number of the frame in which this instant lies."""
         return int(context.get_time() / self.exogenous.machine.frame + ROUNDING)
+
+
+def host_of(diagram: Diagram) -> Host:
+    """The host of a Diagram of `build_diagram`."""
+    host = diagram.GetSubsystemByName(HOST)
+    assert isinstance(host, Host)
+    return host
 
 
 def usual_samples(source: RandomSource) -> tuple[float, float]:
