@@ -20,7 +20,7 @@ from exodrake.machines.robot_file import load_robot
 # heading -> names on the Python page, in order; names in no group come last
 GROUPS = {
     "Robots": ("load_robot", "write_robot", "Robot"),
-    "Simulation": ("simulate", "record", "Reference", "Recording", "build_diagram"),
+    "Simulation": ("simulate", "record", "Reference", "Recording"),
     "References": (
         *("grasp", "sweeps", "short_sweeps", "chirp", "holds", "steps", "multisine", "random_motion"),
         *("protocol", "from_log", "plan_grasp"),
@@ -28,9 +28,10 @@ GROUPS = {
     "Logs and cases": ("Log", "read_log", "write_log", "regularise", "Case", "CaseLog", "read_case", "write_case"),
     "Diagnosis": ("diagnose", "Diagnosis"),
     "The closed loop": ("analyse", "ClosedLoop", "tune", "Requirements", "Tuning"),
+    "The Drake Diagram": ("build_diagram", "diagram_log", "logged_signals", "find_parameter", "set_parameters"),
     "Drake systems": (
         *("TendonFinger", "MotorDynamics", "TensionSensor", "Encoder", "MotionCapture", "AdmittanceController"),
-        *("MotorBus", "GPEstimator"),
+        *("MotorBus", "GPEstimator", "posture_controller", "MultibodyFinger", "FingerView"),
     ),
 }
 

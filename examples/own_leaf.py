@@ -9,9 +9,6 @@ from pydrake.systems.framework import LeafSystem
 
 import exodrake as exo
 from exodrake.data.plot import save_png
-from exodrake.diagrams.signal_log import logged_signals
-
-TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")
 
 
 class Limiter(LeafSystem):
@@ -42,10 +39,7 @@ def run(robot, wanted, limit):
     diagram = exo.build_diagram(robot, seed=None, systems=[Limiter(wanted, limit)])
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.02 * len(wanted))
-    found = logged_signals(diagram, simulator.get_context())
-    log = exo.Log(0.02 * np.arange(len(wanted)), {}).with_array("angle", JOINTS, found["angle_read"])
-    log = log.with_array("tension", TENDONS, found["tension_read"])
-    return log.with_array("tension_ref", TENDONS, found["tension_ref"])
+    return exo.diagram_log(diagram, simulator.get_context())
 
 
 robot, reference = exo.load_robot(), exo.grasp("caging", hold=4.0)

@@ -18,8 +18,11 @@ from exodrake.data.log_file import read_log as read_log, write_log as write_log
 from exodrake.diagnosis.pipeline import diagnose as diagnose
 from exodrake.diagnosis.result import Diagnosis as Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg
-from exodrake.diagrams.diagram import build_diagram as build_diagram
+from exodrake.diagrams.diagram import build_diagram as build_diagram, set_parameters as set_parameters
+from exodrake.diagrams.finger_view import FingerView as FingerView
 from exodrake.diagrams.gp_estimator import GPEstimator as GPEstimator
+from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
+from exodrake.diagrams.parameter import find_parameter as find_parameter
 from exodrake.diagrams.parts import (
     AdmittanceController as AdmittanceController,
     Encoder as Encoder,
@@ -29,9 +32,12 @@ from exodrake.diagrams.parts import (
     TendonFinger as TendonFinger,
     TensionSensor as TensionSensor,
 )
+from exodrake.diagrams.signal_log import logged_signals as logged_signals
 from exodrake.grasping.plan import plan_grasp as plan_grasp
+from exodrake.grasping.posture_loop import posture_controller as posture_controller
 from exodrake.machines.robot_file import load_robot as load_robot
 from exodrake.machines.write_robot import write_robot as write_robot
+from exodrake.simulation.diagram_log import diagram_log as diagram_log
 from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,

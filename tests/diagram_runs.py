@@ -7,6 +7,7 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
 from exodrake.compiled.run import run_compiled
 from exodrake.machines.robot_file import load_robot
+from exodrake.systems.gp_estimator import Weights
 
 
 @cache
@@ -28,3 +29,20 @@ def both(robot, reference, seed=1, substeps=1, **options):
     values, noise_inputs = prepared(robot), NoiseInputs.draw(len(reference.values), seed, robot.machine)
     compiled = run_compiled(robot.machine, values, reference, noise_inputs, substeps)
     return compiled, run_diagram(robot, values, reference, noise_inputs, substeps, **options)
+
+
+def made_up_weights(points=30):
+    """An estimator of random numbers: its arithmetic, not its sense, is at stake."""
+    rng = np.random.default_rng(4)
+    return Weights(
+        center=rng.normal(size=6),
+        rotation=rng.normal(size=(6, 6)),
+        points=rng.normal(size=(6, points)),
+        shrink=rng.uniform(0.1, 0.5, 6),
+        variances=np.array([0.1, 1.0, 1e-3]),
+        alpha=rng.normal(size=(points, 3)),
+        factor=1e-3 * rng.normal(size=points * (points + 1) // 2),
+        offset=rng.normal(size=3),
+        gain=rng.normal(size=3),
+        spread=rng.uniform(0.1, 1.0, 3),
+    )

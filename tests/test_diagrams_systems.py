@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from diagram_runs import nominal, wavy
+from diagram_runs import made_up_weights, nominal, wavy
 from pydrake.geometry import Meshcat, Role
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
@@ -120,23 +120,6 @@ def test_a_system_of_ones_own_drives_the_references():
     np.testing.assert_array_equal(found["angle"], same["angle"])
     np.testing.assert_array_equal(found["other"], found["tension_ref"])
     assert diagram.GetOutputPort("mine.other") is not None
-
-
-def made_up_weights(points=30):
-    """An estimator of random numbers: its arithmetic, not its sense, is at stake."""
-    rng = np.random.default_rng(4)
-    return Weights(
-        center=rng.normal(size=6),
-        rotation=rng.normal(size=(6, 6)),
-        points=rng.normal(size=(6, points)),
-        shrink=rng.uniform(0.1, 0.5, 6),
-        variances=np.array([0.1, 1.0, 1e-3]),
-        alpha=rng.normal(size=(points, 3)),
-        factor=1e-3 * rng.normal(size=points * (points + 1) // 2),
-        offset=rng.normal(size=3),
-        gain=rng.normal(size=3),
-        spread=rng.uniform(0.1, 1.0, 3),
-    )
 
 
 def test_the_estimator_listens():

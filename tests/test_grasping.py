@@ -1,10 +1,12 @@
 """Grasp plans: geometry checked apart from the planner, statics against the simulated robot, bad input at the door."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from diagram_runs import made_up_weights
 
 import exodrake as exo
 from exodrake.cli.grasp import parse_size
@@ -13,6 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
 from exodrake.grasping.inverse_kinematics import candidates
 from exodrake.grasping.inverse_statics import tensions_for
+from exodrake.grasping.run import run_plan
 from exodrake.grasping.trial import at_hold
 from exodrake.systems.finger_statics import parameters_of
 
@@ -146,6 +149,14 @@ def test_bad_words_write_nothing(tmp_path, words):
     result = CliRunner().invoke(cli, ["grasp", *words, "--out", str(tmp_path / "out")])
     assert result.exit_code == 2 and len(result.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_a_plan_in_the_diagram_has_late_samples_as_in_simulate():
+    made, late = plan("caging", 0.06), robot().splice("timing.mocap_delay", {"delay": 0.06})
+    listening = SimpleNamespace(wires=("AF", "MF", "AE"), joints=made.joints, weights=made_up_weights())
+    log = run_plan(made, late, listening, seed=1)
+    same = exo.simulate(late, made.reference(late), seed=1)
+    assert log.only(same.columns).equals(same) and "angle_est_MCP" in log.columns
 
 
 def test_command_writes_everything_and_keeps_its_estimator(tmp_path):

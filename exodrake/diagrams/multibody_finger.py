@@ -119,7 +119,10 @@ class ElasticTendons(LeafSystem):
 
 
 def tendon_law(robot: Robot) -> Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]:
-    """A compiled function (state, stroke, torque to fill, tension to fill) of the nominal tendons and joints."""
+    """A compiled function of the nominal tendons and joints, which fills its last two arguments.
+
+    They are state (6,), angles [rad], then rates [rad/s]; stroke (3,) [m]; torque (3,) [N m]; tension (3,) [N].
+    """
     from numba import njit
 
     flexor = np.array([robot.channels(f"router.{name}") for name in ("a_f", "b_f", "m_f", "n_f")])

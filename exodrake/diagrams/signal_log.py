@@ -121,7 +121,7 @@ def logged_signals(diagram: Diagram, context: Context, log: str = LOG) -> dict[s
 
 
 def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:
-    """All signals (rows, channels) of the machine side by side; arguments as in `logged_signals`.
+    """All signals (rows, channels) [SI] of the machine side by side; arguments as in `logged_signals`.
 
     Exogenous signals are missing where they are input ports of the Diagram.
     """

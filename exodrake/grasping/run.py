@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan
-from exodrake.simulation.simulate import Recording, log_of
 from exodrake.systems.gp_estimator import Weights
 
 if TYPE_CHECKING:
@@ -63,16 +60,16 @@ def run_plan(
     from exodrake.diagrams.diagram import Simulator, build_diagram
     from exodrake.diagrams.gp_estimator import GPEstimator
     from exodrake.diagrams.signal_log import logged_signals
+    from exodrake.simulation.diagram_log import diagram_log
 
     axes, reference = robot.machine.axes, plan.reference(robot, **durations)
     if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
         raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
     systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
     diagram = build_diagram(robot, reference, seed, systems=systems)
-    simulator, frames = Simulator(diagram), len(reference.values)
-    simulator.AdvanceTo(robot.machine.frame * frames)
-    signals = logged_signals(diagram, simulator.get_context())
-    log = log_of(Recording(robot, reference, robot.machine.frame * np.arange(frames), signals))
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(robot.machine.frame * len(reference.values))
+    log, signals = diagram_log(diagram, context := simulator.get_context()), logged_signals(diagram, context)
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, axes.joints, signals[kind])
     return log

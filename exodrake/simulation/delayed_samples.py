@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from exodrake.compiled.inputs import NoiseInputs
 from exodrake.core.machine import Machine
 
 
@@ -40,19 +41,15 @@ def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.nda
     return chosen
 
 
-def delay_samples(machine: Machine, rows: np.ndarray, values: np.ndarray, noise_inputs: NoiseInputs) -> None:
-    """Replaces delayed columns in the rows of a run by their values at t - delay; the noise stays where it was.
+def delay_samples(machine: Machine, signals: dict[str, np.ndarray], noise_std: Callable[[str], float]) -> None:
+    """Replaces delayed columns in the signals of a run by their values at t - delay; the noise stays where it was.
 
     Args:
         machine: whose columns they are.
-        rows: (frames, channels) array of all signals.
-        values: (n,) array of all parameters [SI].
-        noise_inputs: those of the run.
+        signals: name -> (frames, channels) array [SI], with the noise inputs.
+        noise_std: gives the value of a parameter that scales the noise of a delayed column, by its name [SI].
     """
-    at = machine.offsets
-    for column in (column for column in machine.columns if column.delay):
-        assert column.delay
-        late, own = rows[:, at[column.delay.signal].start], at[column.signal]
-        if late.any():
-            noise = values[machine.index[column.delay.noise_std]] * noise_inputs[column.delay.noise_input]
-            rows[:, own] = cubic(rows[:, own] - noise, np.arange(len(rows)) - late / machine.frame) + noise
+    for column in machine.columns:
+        if (delay := column.delay) and (late := signals[delay.signal][:, 0]).any():
+            noise, own = noise_std(delay.noise_std) * signals[delay.noise_input], signals[column.signal]
+            signals[column.signal] = cubic(own - noise, np.arange(len(own)) - late / machine.frame) + noise

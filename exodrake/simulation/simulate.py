@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
@@ -70,9 +72,9 @@ def record(
         rows = rows_of(robot, values, reference, noise_inputs, engine, substeps)
     except ZeroDivisionError:
         raise InputError(f"{robot.source or machine.name}: a number is 0 that the equations divide by") from None
-    delay_samples(machine, rows, values, noise_inputs)
-    time = machine.frame * np.arange(frames)
-    return Recording(robot, reference, time, {name: rows[:, at] for name, at in machine.offsets.items()})
+    signals = {name: rows[:, at] for name, at in machine.offsets.items()}
+    delay_samples(machine, signals, lambda name: values[machine.index[name]])
+    return Recording(robot, reference, machine.frame * np.arange(frames), signals)
 
 
 def rows_of(
@@ -88,12 +90,24 @@ def rows_of(
 
 def log_of(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of its machine."""
-    machine, signals, units = recording.robot.machine, {}, {}
-    for column in machine.columns:
+    return log_of_signals(recording.robot.machine, recording.time, recording.signals, recording.reference.name)
+
+
+def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.ndarray], source: str) -> Log:
+    """The columns of a machine that there are signals for.
+
+    Args:
+        machine: the machine.
+        time: (frames,) array [s].
+        signals: name -> (frames, channels) array, in the unit of the signal.
+        source: name for messages.
+    """
+    found, units = {}, {}
+    for column in (column for column in machine.columns if column.signal in signals):
         names = machine.log_names([column])
-        signals |= dict(zip(names, recording.signals[column.signal].T, strict=True))
+        found |= dict(zip(names, signals[column.signal].T, strict=True))
         units |= dict.fromkeys(names, machine.signal[column.signal].unit)
-    return Log(recording.time, signals, units, source=recording.reference.name)
+    return Log(time, found, units, source=source)
 
 
 def simulate(

@@ -1,0 +1,48 @@
+"""The log of a run of a Drake Diagram, as `simulate` gives it of the same run."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.data.log import Log
+from exodrake.diagrams.host import host_of
+from exodrake.diagrams.parameter import find_parameter
+from exodrake.diagrams.signal_log import logged_signals
+from exodrake.simulation.delayed_samples import delay_samples
+from exodrake.simulation.simulate import log_of_signals
+
+if TYPE_CHECKING:
+    from pydrake.systems.framework import Context, Diagram
+
+
+def diagram_log(diagram: Diagram, context: Context) -> Log:
+    """The log that the robot of a Diagram would have written, one row for each frame that has ended.
+
+    Time is that of the frame's start, and samples of a sensor on a clock of its own are late, as in `simulate`.
+    References that are input ports of the Diagram are not in the log.
+
+    Args:
+        diagram: from `build_diagram`.
+        context: root Context that has run.
+
+    Returns:
+        The columns of the machine.
+    """
+    host = host_of(diagram)
+    machine, signals = host.exogenous.machine, logged_signals(diagram, context)
+    delay_samples(machine, signals, partial(value_of, diagram, context))
+    time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)
+    return log_of_signals(machine, time, signals, host.source)
+
+
+def value_of(diagram: Diagram, context: Context, name: str) -> float:
+    """Value of a parameter [SI]; 0 where a system of one's own, which lacks it, stands in the part's place."""
+    try:
+        parameter = find_parameter(diagram, name)
+    except InputError:
+        return 0.0
+    return float(parameter.get(context)[0])
