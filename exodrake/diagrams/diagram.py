@@ -7,6 +7,7 @@
 
 Every signal is an exported output port, `motor.stroke`. Without a reference the references are input ports. Each part
 is a leaf of its name, `diagram.GetSubsystemByName("motor")`; systems of one's own stand in its place or beside it.
+A leaf reads the state of others where it lies: `FixValue` on its input port `stroke` has no effect.
 """
 
 from __future__ import annotations
