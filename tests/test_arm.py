@@ -1,11 +1,14 @@
 """Serial arms from URDF files: their dynamics against Drake's parser and MultibodyPlant, and against a two-link arm."""
 
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from arm_folders import CABLE, LINK, MIXED, made
+from command_line import run
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces_
@@ -284,3 +287,17 @@ def test_a_wrong_section_is_refused(section, reason, tmp_path):
         (place / "arm.urdf").write_text(MIXED)
     with pytest.raises(exo.InputError, match=reason):
         arm_machine("x", section, inside, "x/robot.yaml")
+
+
+def test_arm_that_is_called_like_a_module_of_the_machines_loads_in_a_process_of_its_own(tmp_path):
+    """Its folder holds no code, and hides none: `exodrake.machines.cable_arm` is what makes cable arms."""
+    command = [sys.executable, "-m", "exodrake"]
+    new = subprocess.run([*command, "new-machine", "cable_arm", "--urdf", "cable_arm"], cwd=tmp_path, check=False)
+    words = [*command, "robot", "--machine", "cable_arm"]
+    found = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert new.returncode == 0 and found.returncode == 0 and "arm." in found.stdout, found.stderr
+
+
+def test_machine_with_code_may_not_be_called_like_a_module_of_the_machines(tmp_path):
+    found = run("new-machine", tmp_path / "robot_file")
+    assert found.exit_code == 2 and "module robot_file" in found.stderr and not (tmp_path / "robot_file").exists()

@@ -312,3 +312,17 @@ def test_episodes_of_a_data_set_without_one_number_a_row_are_refused(tmp_path, n
         arrow.table({"timestamp": [0.0, 0.1], "episode_index": numbers}), tmp_path / "data" / "a.parquet"
     )
     assert "'episode_index': wanted one number" in run("import", tmp_path).stderr
+
+
+def test_jitter_of_a_clock_with_a_sample_a_frame_neither_loses_nor_repeats_samples(tmp_path):
+    """A sine of half a hertz on a clock of 20 ms that errs by 0.1 ms (RMS): 0.07 mrad at most on the mean."""
+    rng, frame = np.random.default_rng(0), 0.02
+    time = frame * np.arange(1000) + 1e-4 * rng.standard_normal(1000)
+    rows = [f"{t:.7f},{0.3 * np.sin(np.pi * t):.9f}" for t in time]
+    (tmp_path / "run.csv").write_text("t,x\n" + "\n".join(rows) + "\n")
+    mapping = {"time": {"column": "t", "unit": "s"}, "columns": {"x": {"name": "angle_x", "unit": "rad"}}}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": frame}))
+    log = import_log(tmp_path / "run.csv", tmp_path / "map.yaml")
+    angle = log["angle_x"]
+    assert np.isfinite(angle).all() and np.all(np.diff(angle) != 0.0)
+    assert np.sqrt(np.mean((angle - 0.3 * np.sin(np.pi * (log.time + time[0]))) ** 2)) < 1e-4

@@ -38,6 +38,24 @@ def test_limits_and_grasps_of_a_wearer_come_back(tmp_path):
     assert tuned.grasps["narrow-pinch"] == exo.load_robot().grasps["narrow-pinch"]
 
 
+@pytest.mark.parametrize("order", [("tendon.k.AF", "tendon.k"), ("tendon.k", "tendon.k.AF")])
+def test_value_of_one_channel_holds_in_whatever_order_values_come(order, tmp_path):
+    values = {"tendon.k": 2500.0, "tendon.k.AF": 2600.0}
+    robot = exo.load_robot().with_parameters({name: values[name] for name in order})
+    assert [robot[f"tendon.k.{tendon}"] for tendon in ("AF", "MF", "AE")] == [2600.0, 2500.0, 2500.0]
+
+
+def test_limit_of_one_channel_leaves_the_others_of_the_base(tmp_path):
+    (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: 5.0}}\n")
+    limits = exo.load_robot(tmp_path / "robot.yaml").limits["F_max"]
+    assert limits == exo.load_robot().limits["F_max"] | {"AF": 5.0}
+
+
+def test_range_whose_ends_are_swapped_is_refused(tmp_path):
+    text = "base: exo_index\nparameters: {tendon.k: {value: 2500, range: [3000, 2000], unit: N/m}}\n"
+    assert "3000 exceeds 2000" in refusal(tmp_path / "robot.yaml", text)
+
+
 def test_no_folder_is_refused_and_nothing_written(tmp_path):
     with pytest.raises(InputError, match="nowhere"):
         exo.write_robot(exo.load_robot(), tmp_path / "nowhere" / "robot.yaml")

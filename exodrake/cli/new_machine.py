@@ -36,7 +36,7 @@ def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_folder
 
-    names = checked(folder, joints, FRAME if frame is None else frame)
+    names = checked(folder, joints, FRAME if frame is None else frame, code=not urdf)
     if (form or tip) and not urdf:
         raise InputError("--form and --tip are of an arm, which --urdf describes")
     if urdf:
@@ -48,8 +48,9 @@ def command(folder: Path, joints: str, frame: float | None, urdf: str, form: str
     click.echo(f"try it: exodrake simulate chirp --machine {folder}")
 
 
-def checked(folder: Path, joints: str, frame: float) -> tuple[str, ...]:
-    """Names of the joints. InputError for a name that is none, or taken, and for a folder that exists."""
+def checked(folder: Path, joints: str, frame: float, code: bool) -> tuple[str, ...]:
+    """Names of the joints; code: whether the folder gets some. InputError for a name that is none or taken."""
+    from exodrake import machines
     from exodrake.core.errors import InputError
     from exodrake.machines.library import machine_names
 
@@ -58,6 +59,8 @@ def checked(folder: Path, joints: str, frame: float) -> tuple[str, ...]:
         raise InputError(f"{folder}: the folder's name is the machine's: small letters, digits and _, like my_arm")
     if name in machine_names():
         raise InputError(f"{folder}: there is a machine {name} already; name the folder otherwise")
+    if code and Path(machines.__path__[0], f"{name}.py").is_file():
+        raise InputError(f"{folder}: exodrake.machines has a module {name}; name the folder otherwise")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder}: is there already, and not empty")
     found = tuple(joint.strip() for joint in joints.split(","))

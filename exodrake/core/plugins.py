@@ -92,7 +92,7 @@ def extend(search_path: MutableSequence[str], part: str) -> None:
         if place not in search_path and os.path.isdir(place):
             search_path.append(place)
     for name, folder in single_machines().items() if part == "machines" else ():
-        if not any(Path(place, name, MACHINE).is_file() for place in search_path):
+        if (folder / MACHINE).is_file() and not any(Path(place, name, MACHINE).is_file() for place in search_path):
             package = sys.modules.setdefault(f"exodrake.machines.{name}", ModuleType(f"exodrake.machines.{name}"))
             package.__path__ = [str(folder)]
 

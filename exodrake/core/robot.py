@@ -78,11 +78,12 @@ class Robot:
 
         Args:
             parameters: values by dotted or nested names, numbers [SI] or text with a unit such as "2.5 N/mm"; a name
-                without channel sets all channels.
+                without channel sets all channels that have no value of their own, in whatever order they come.
             source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
-        for name, value, unit in flatten(parameters):
+        given = sorted(flatten(parameters), key=lambda item: -len(self.indices(item[0])))
+        for name, value, unit in given:
             for i in self.indices(name):
                 info = self.machine.parameters[i]
                 values[i] = quantity(value, info.unit, f"{source or 'parameters'}: {name}", unit)

@@ -205,8 +205,9 @@ def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.nda
         own = np.maximum(np.diag(normal), 0.0)
         size = np.sqrt(np.maximum(own, max(1e-6 * own.max(), 1e-12)))
         scaled = (normal + np.diag(own - np.diag(normal))) / np.outer(size, size)
-        scaled = scaled + (1e-6 - min(np.linalg.eigvalsh(scaled)[0], 0.0)) * np.eye(len(size))
-        factor = np.linalg.cholesky(scaled).T
+        values, vectors = np.linalg.eigh(scaled)
+        factor = np.sqrt(np.maximum(values, 1e-6 * max(1.0, values[-1])))[:, None] * vectors.T
+        scaled = factor.T @ factor
     target = np.linalg.solve(factor.T, -slope / size)
     found = np.linalg.solve(factor, target)
     ends = low * size, np.maximum(high * size, low * size + 1e-9)

@@ -140,8 +140,8 @@ def changed_by(content: Mapping[str, Any], robot: Robot) -> Robot:
         channels = {channel for v in given.values() if isinstance(v, Mapping) for channel in v}
         robot = robot.splice(identity, given, [channel for channel in channels if channel])
     unit, there = reference_unit(robot.machine), f"{robot.source}: "
-    limits = {**robot.limits, **table(content.get("limits") or {}, unit, f"{there}limits.")}
-    grasps = {**robot.grasps, **table(content.get("grasps") or {}, unit, f"{there}grasps.")}
+    limits = merged(robot.limits, table(content.get("limits") or {}, unit, f"{there}limits."))
+    grasps = merged(robot.grasps, table(content.get("grasps") or {}, unit, f"{there}grasps."))
     return replace(robot, limits=check_limits(robot.machine, limits, robot.source), grasps=grasps)
 
 
@@ -185,6 +185,8 @@ def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
             if "range" in item:
                 where, unit = f"{robot.source}: range of {parameter.name}", item.get("unit", "")
                 low, high = (quantity(end, parameter.unit, where, unit) for end in item["range"])
+                if low > high:
+                    raise InputError(f"{where}: {low:g} exceeds {high:g}")
                 ranges[parameter.name] = (low, high)
     return {"sources": sources, "ranges": ranges}
 
@@ -205,6 +207,11 @@ def table(values: Mapping[str, Any], unit: str, where: str) -> dict[str, dict[st
         }
         for name, item in values.items()
     }
+
+
+def merged(base: Mapping[str, dict[str, float]], new: Mapping[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """Limits or grasps of a base with new ones, channel by channel."""
+    return {**base, **{name: {**base.get(name, {}), **item} for name, item in new.items()}}
 
 
 def reference_unit(machine: Machine) -> str:

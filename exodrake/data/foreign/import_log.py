@@ -27,6 +27,7 @@ from exodrake.data.log_file import read_log
 
 PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
+ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +168,8 @@ def _on_frames(
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Frames from the first sample to the last; a frame carries the newest sample taken before its end.
 
-    A sample older than `hold` frames before the frame's start is stale, and the frame is left empty.
+    A sample older than `hold` frames before the frame's start is stale, and the frame is left empty. Where a clock has
+    about one sample a frame, frames lie about their samples, so that jitter of the clock neither loses nor repeats one.
     """
     ordered = {name: np.argsort(track.time, kind="stable") for name, track in tracks.items()}
     start = min(track.time.min() for track in tracks.values())
@@ -178,10 +180,12 @@ def _on_frames(
         )
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
     time = start + period * np.arange(count)
+    step = np.median(np.diff(np.unique(np.concatenate([track.time for track in tracks.values()]))))
+    begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
     values = {}
     for name, track in tracks.items():
         stamps, samples = track.time[ordered[name]], track.values[ordered[name]]
-        newest = np.searchsorted(stamps, time + period * (1 - ROUNDED), side="left") - 1
-        fresh = (newest >= 0) & (stamps[newest] >= time - period * (hold + ROUNDED))
+        newest = np.searchsorted(stamps, begin + period * (1 - ROUNDED), side="left") - 1
+        fresh = (newest >= 0) & (stamps[newest] >= begin - period * (hold + ROUNDED))
         values[name] = np.where(fresh, samples[newest], np.nan)
     return time, values

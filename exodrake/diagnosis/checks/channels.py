@@ -14,18 +14,20 @@ USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst 
 
 
 def gaps(comparison: Comparison) -> list[str]:
-    """A column lacks samples for many frames in a row in which the log has others."""
-    found = []
+    """A column or a reference lacks samples for many frames in a row in which the log has others."""
+    found, machine = [], comparison.machine
     for pair in comparison.pairs:
         log = pair.item.log
-        missing = np.column_stack([np.isnan(log[c]) for c in comparison.columns])
+        references = [c for c in machine.log_names(machine.references) if log.has(c)]
+        columns = [*comparison.columns, *references]
+        missing = np.column_stack([np.isnan(log[c]) for c in columns])
         missing &= ~missing.all(axis=1, keepdims=True)  # frames that are absent whole are noted on reading
-        for i, column in enumerate(comparison.columns):
-            start, length = longest_run(missing[:, i], of=True)
+        for column, absent in zip(columns, missing.T, strict=True):
+            start, length = longest_run(absent, of=True)
             if length >= LONG:
-                found.append(
-                    f"{column} of {pair.item.file} has no samples for {length} frames from {log.time[start]:.6g} s on"
-                )
+                held = "; the simulated robots hold the last one" if column in references else ""
+                where = f"for {length} frames from {log.time[start]:.6g} s on"
+                found.append(f"{column} of {pair.item.file} has no samples {where}{held}")
     return found
 
 
