@@ -81,7 +81,7 @@ def test_counts_and_margins_of_a_table_of_cases(case):
 
 def test_a_conditionally_stable_loop_is_reported():
     whole, model, _ = from_control(*CASES["conditionally stable"][:3])
-    (note,) = margin_remarks(model, (margins(whole, 0),))
+    (note,) = margin_remarks((margins(whole, 0),))
     assert "conditionally stable" in note
 
 
@@ -110,7 +110,7 @@ def test_a_dead_zone_rests_without_warnings(recwarn):
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.marginal and returns(loop, point)
-    notes = (*remarks(loop, point, model, ()), *margin_remarks(model, (margins(opened(loop, model), 0),)))
+    notes = (*remarks(loop, point, model, ()), *margin_remarks((margins(opened(loop, model), 0),)))
     assert any("unit circle" in note for note in notes) and any("does not act" in note for note in notes)
     assert not any("growing" in note for note in notes)
     assert not recwarn.list

@@ -1,5 +1,6 @@
 """Serial arms from URDF files: their dynamics against Drake's parser and MultibodyPlant, and against a two-link arm."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -291,11 +292,15 @@ def test_a_wrong_section_is_refused(section, reason, tmp_path):
 
 def test_arm_that_is_called_like_a_module_of_the_machines_loads_in_a_process_of_its_own(tmp_path):
     """Its folder holds no code, and hides none: `exodrake.machines.cable_arm` is what makes cable arms."""
-    command = [sys.executable, "-m", "exodrake"]
-    new = subprocess.run([*command, "new-machine", "cable_arm", "--urdf", "cable_arm"], cwd=tmp_path, check=False)
-    words = [*command, "robot", "--machine", "cable_arm"]
-    found = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, check=False)
-    assert new.returncode == 0 and found.returncode == 0 and "arm." in found.stdout, found.stderr
+
+    def exodrake(*words):
+        plain = {name: value for name, value in os.environ.items() if name != plugins.VARIABLE}
+        command = [sys.executable, "-m", "exodrake", *words]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=plain, check=False)
+
+    new = exodrake("new-machine", "cable_arm", "--urdf", "cable_arm")
+    found = exodrake("robot", "--machine", "cable_arm")
+    assert new.returncode == 0 and found.returncode == 0 and "arm." in found.stdout, new.stderr + found.stderr
 
 
 def test_machine_with_code_may_not_be_called_like_a_module_of_the_machines(tmp_path):
