@@ -80,7 +80,7 @@ def test_counts_and_margins_of_a_table_of_cases(case):
 
 
 def test_a_conditionally_stable_loop_is_reported():
-    whole, model, _ = from_control(*CASES["conditionally stable"][:3])
+    whole, _, _ = from_control(*CASES["conditionally stable"][:3])
     (note,) = margin_remarks((margins(whole, 0),))
     assert "conditionally stable" in note
 
