@@ -326,3 +326,10 @@ def test_jitter_of_a_clock_with_a_sample_a_frame_neither_loses_nor_repeats_sampl
     angle = log["angle_x"]
     assert np.isfinite(angle).all() and np.all(np.diff(angle) != 0.0)
     assert np.sqrt(np.mean((angle - 0.3 * np.sin(np.pi * (log.time + time[0]))) ** 2)) < 1e-4
+
+
+def test_recording_of_a_single_row_is_one_frame_without_a_warning(tmp_path, recwarn):
+    (tmp_path / "run.csv").write_text("t,x\n0.1,0.5\n")
+    mapping = {"time": {"column": "t", "unit": "s"}, "columns": {"x": {"name": "angle_x", "unit": "rad"}}}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": 0.02}))
+    assert import_log(tmp_path / "run.csv", tmp_path / "map.yaml")["angle_x"].tolist() == [0.5] and not recwarn.list

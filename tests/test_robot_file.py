@@ -45,6 +45,15 @@ def test_value_of_one_channel_holds_in_whatever_order_values_come(order, tmp_pat
     assert [robot[f"tendon.k.{tendon}"] for tendon in ("AF", "MF", "AE")] == [2600.0, 2500.0, 2500.0]
 
 
+def test_source_of_one_channel_holds_wherever_it_stands(tmp_path):
+    own = "tendon.k.AF: {value: 2600, source: pulled}"
+    (tmp_path / "robot.yaml").write_text(
+        f"base: exo_index\nparameters: {{{own}, tendon.k: {{value: 2500, source: guess}}}}\n"
+    )
+    sources = exo.load_robot(tmp_path / "robot.yaml").sources
+    assert [sources[f"tendon.k.{tendon}"] for tendon in ("AF", "MF", "AE")] == ["pulled", "guess", "guess"]
+
+
 def test_limit_of_one_channel_leaves_the_others_of_the_base(tmp_path):
     (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: 5.0}}\n")
     limits = exo.load_robot(tmp_path / "robot.yaml").limits["F_max"]

@@ -66,6 +66,11 @@ class Robot:
             raise InputError(f"{where}: unknown parameter {name!r}{nearest(name, list(self.machine.index))}")
         return found
 
+    def general_first[*T](self, items: Iterable[tuple[str, *T]]) -> list[tuple[list[int], tuple[str, *T]]]:
+        """Items that begin with a parameter's name, each with its indices; those of one channel come last, and hold."""
+        found = [(self.indices(item[0]), item) for item in items]
+        return sorted(found, key=lambda one: -len(one[0]))
+
     def to_json(self) -> dict[str, Any]:
         """Machine, variants, and each parameter with value, unit, range, tolerance and source."""
         return {
@@ -82,9 +87,8 @@ class Robot:
             source: where the values come from, for `sources` and messages.
         """
         values, sources = self.values.copy(), dict(self.sources)
-        given = sorted(flatten(parameters), key=lambda item: -len(self.indices(item[0])))
-        for name, value, unit in given:
-            for i in self.indices(name):
+        for indices, (name, value, unit) in self.general_first(flatten(parameters)):
+            for i in indices:
                 info = self.machine.parameters[i]
                 values[i] = quantity(value, info.unit, f"{source or 'parameters'}: {name}", unit)
                 if source:

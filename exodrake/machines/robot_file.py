@@ -178,8 +178,8 @@ def tolerances_of(parameters: Iterable[Mapping[str, Any]]) -> tuple[Tolerance, .
 def stated(parameters: Mapping[str, Any], robot: Robot) -> dict[str, dict]:
     """Sources and ranges that a file states beside its values."""
     sources, ranges = dict(robot.sources), dict(robot.ranges)
-    for name, item in statements(parameters):
-        for i in robot.indices(name):
+    for indices, (_, item) in robot.general_first(statements(parameters)):
+        for i in indices:
             parameter = robot.machine.parameters[i]
             sources[parameter.name] = str(item.get("source", ""))
             if "range" in item:

@@ -9,7 +9,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.units import si_unit
 from exodrake.data.foreign.mapping import Column, Derived, Sync
-from exodrake.data.foreign.track import Track
+from exodrake.data.foreign.track import Track, median_step
 
 ORDER = 4  # of the Butterworth filter, run forwards and backwards
 LEAST = 0.3  # correlation below which two signals tell no delay: assumed
@@ -97,7 +97,7 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
     from scipy.signal import correlate
 
     a, b = known(moved), known(fixed)
-    step = min(float(np.median(np.diff(t.time))) if len(t.time) > 1 else np.inf for t in (a, b))
+    step = min(median_step(t.time) for t in (a, b))
     start = max(a.time[0] + within, b.time[0]) if len(a.time) and len(b.time) else np.inf
     end = min(a.time[-1] - within, b.time[-1]) if start < np.inf else -np.inf
     if not (step < np.inf and end - start > 2.0 * within):

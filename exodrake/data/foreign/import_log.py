@@ -19,7 +19,7 @@ from exodrake.data.foreign.derive import derived, low_passed, note_of, scaled, s
 from exodrake.data.foreign.mapping import Mapped, read_mapping
 from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
 from exodrake.data.foreign.tables import read_columns, slashed
-from exodrake.data.foreign.track import Track
+from exodrake.data.foreign.track import Track, median_step
 from exodrake.data.formats import ending, stem
 from exodrake.data.headings import heading
 from exodrake.data.log import Log, check_clock
@@ -180,7 +180,7 @@ def _on_frames(
         )
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
     time = start + period * np.arange(count)
-    step = np.median(np.diff(np.unique(np.concatenate([track.time for track in tracks.values()]))))
+    step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
     begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
     values = {}
     for name, track in tracks.items():

@@ -13,3 +13,8 @@ class Track:
 
     time: np.ndarray
     values: np.ndarray
+
+
+def median_step(time: np.ndarray) -> float:
+    """Median step of a clock (n,) [s]; infinite with a single sample."""
+    return float(np.median(np.diff(time))) if len(time) > 1 else float("inf")
