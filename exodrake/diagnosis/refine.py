@@ -118,7 +118,8 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
         for _ in range(TRIES):
             trial, gain = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)))
             promised = max(promised, gain)
-            found = corrected(found, trial, found.residual + (trial.x - found.x) @ columns)
+            known = np.concatenate([found.jacobian, columns[found.nominal :]])
+            found = corrected(found, trial, found.residual + (trial.x - found.x) @ known)
             if trial.cost(likelihood) < before:
                 break
             damping = max(LARGER * damping, 1e-3)
