@@ -35,7 +35,7 @@ FIRST_STEPS = 2  # of all fits; those that are not far behind go on
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
 CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian, if it is not astray
 RENEWED = 24  # effects whose directions are taken anew beside an explanation, the most promising by the known ones
-FRESH = 2  # fits with a new nominal Jacobian
+FRESH = 2  # fits with a new nominal Jacobian, beside that of the effect that was predicted best
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
 
@@ -163,12 +163,14 @@ class Isolator:
         done = [*further, *(e for e, ok in zip(first, near, strict=True) if not ok)]
         done.sort(key=lambda e: likelihood.mean_log(e.residual))
         closer = likelihood.scaled_to(done[0].residual) if done else likelihood
-        for k, e in enumerate(done[:FRESH]):
-            left, least = likelihood.mean_log(e.residual), min(least, likelihood.mean_log(done[0].residual))
-            if left < least + NEAR and taken_up(likelihood, known, e)[1] > PROMISING:
-                done[k] = self.refreshed(closer, e) if left > CONVERGED or astray(closer, e) else e
-            if done[k].rough and left > CONVERGED:
-                done[k] = searched(likelihood.scaled_to(done[k].residual), done[k])
+        for k, e in enumerate(done):
+            promised = k >= FRESH and e.effects[-1] == found[0].probes[0].effect
+            if k < FRESH or promised:
+                least = min(least, likelihood.mean_log(done[0].residual))
+                if likelihood.mean_log(e.residual) < least + NEAR:
+                    done[k] = self.continued(likelihood, closer, known, e, promised)
+                if done[k].rough and likelihood.mean_log(e.residual) > CONVERGED:
+                    done[k] = searched(likelihood.scaled_to(done[k].residual), done[k])
         done = side_by_side([partial(from_another_law, likelihood, e, done, BEHIND) for e in done])
         return sorted(done, key=lambda e: likelihood.mean_log(e.residual))
 
@@ -188,6 +190,26 @@ class Isolator:
             joined = Explanation((*e.effects, effect), parameters, e.x, values, e.residual, e.jacobian)
             more.append(self.refined(likelihood, joined.at(likelihood, np.r_[e.x, found[0].x[own]]), STEPS))
         return sorted(more, key=lambda e: likelihood.mean_log(e.residual))
+
+    def continued(
+        self, likelihood: Likelihood, closer: Likelihood, known: Explanation, e: Explanation, promised: bool
+    ) -> Explanation:
+        """A fit that is as good as the best, fitted on with a new nominal Jacobian if it may gain.
+
+        Args:
+            likelihood: views of the case.
+            closer: the same in units of what the best fit leaves.
+            known: explanation beside which its last effect was added.
+            e: the fit.
+            promised: whether its last effect was predicted best and takes up less: it is far from its minimum, so that
+                the Jacobian is renewed twice.
+        """
+        if promised:
+            return self.refreshed(closer, self.refreshed(closer, e))
+        if taken_up(likelihood, known, e)[1] <= PROMISING:
+            return e
+        converged = likelihood.mean_log(e.residual) <= CONVERGED
+        return e if converged and not astray(closer, e) else self.refreshed(closer, e)
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""
