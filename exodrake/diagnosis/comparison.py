@@ -31,25 +31,34 @@ def power(rows: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", rows, rows, dtype=float)
 
 
-def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation) -> tuple[float, float]:
+def taken_up(
+    likelihood: Likelihood, e: Explanation, rival: Explanation, levels: np.ndarray | float = 1.0
+) -> tuple[float, float]:
     """Reduction of the cost when a rival replaces an explanation.
+
+    Args:
+        likelihood: views of the case.
+        e: explanation.
+        rival: in its place.
+        levels: reduced chi-squares (views,) of noise alone.
 
     Returns:
         Weighted sum of squares of the residual, and the share of the excess over noise, the use of the priors included.
     """
     likelihood = likelihood.scaled_to(e.residual)
-    less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e)
+    less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e, levels)
     residual = power(e.residual * likelihood.weights) - power(rival.residual * likelihood.weights)
     return float(residual), less / whole if whole > 0.0 else 0.0
 
 
-def excess(likelihood: Likelihood, e: Explanation) -> float:
+def excess(likelihood: Likelihood, e: Explanation, levels: np.ndarray | float = 1.0) -> float:
     """Weighted sum of squares that an explanation leaves, the use of its priors included, above that of noise.
 
     Where many samples count as one, a true explanation uses its priors for more than noise does: its excess is then
-    about as large as the number of parameters that the logs determine.
+    about as large as the number of parameters that the logs determine. `levels` as in `taken_up`.
     """
-    return 2.0 * e.cost(likelihood) - float(power(likelihood.weights))
+    noise = np.array([power(part) for part in likelihood.split(likelihood.weights)])
+    return 2.0 * e.cost(likelihood) - float(np.sum(noise * levels))
 
 
 def removed(before: np.ndarray, after: np.ndarray) -> float:

@@ -1,20 +1,67 @@
-"""Model discrepancy: random smooth functions of the measured state as the error of an effect's law.
+"""Model discrepancy: errors of the laws of an explanation (Kennedy & O'Hagan 2001).
 
+    error = rho c(t) h(state(t))
     h(state) = sum of cosines of the standardised, smoothed columns and their rates
 
-scaled to zero mean and unit variance over the logs of a case.
+c is the part of an effect's contribution that no other parameter imitates, h a random smooth function of the measured
+state, scaled to zero mean and unit variance over the logs of a case.
 """
 
 from __future__ import annotations
 
+from functools import cache, partial
+
 import numpy as np
 
+from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.comparison import residual_contributions
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.projection import Projection
 
 FEATURES = 3  # cosines in a function: assumed
 STILL = 1e-3  # standard deviation of a function of columns that stand still, which is none: above rounding
 SMOOTH = 9  # frames over which the state is averaged: an encoder's step has no rate
+
+
+class LawErrors:
+    """Draws of the errors of the laws of explanations.
+
+    Args:
+        likelihood: views of the case.
+        moved: (samples,) change of the residual from the nominal to the retuned robot.
+        draws: their number.
+    """
+
+    def __init__(self, likelihood: Likelihood, moved: np.ndarray, draws: int) -> None:
+        self.moved, self.draws = moved, draws
+        self.calibration = calibration_of(likelihood.robot.machine)
+        self.functions = cache(partial(random_functions, likelihood, draws))
+
+    def __call__(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
+        """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
+        law, model = np.zeros((2, self.draws, len(self.moved)), dtype=np.float32)
+        for k, (contribution, rho) in enumerate(self.contributions(project)):
+            for h, own, other in zip(self.functions(k), law, model, strict=True):  # rows stay in the cache
+                error = np.multiply(h, contribution, dtype=np.float32)
+                own += np.float32(rho) * error
+                other += np.float32(self.calibration.same_meaning) * error
+        return law, model
+
+    def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
+        """Contribution of each channel of each effect, and of the change of the nominal parameters.
+
+        Returns:
+            (samples,) the part of it that no other parameter imitates [noise_std], and rho, the relative standard
+            deviation of its law.
+        """
+        e, likelihood, limits = project.explanation, project.likelihood, self.calibration
+        machine, decoded = likelihood.robot.machine, likelihood.views[0].problem.counted
+        found = [(self.moved, limits.same_meaning)]
+        for identity, rows in residual_contributions(likelihood, e).items():
+            rho = limits.rho(machine.effect(identity), decoded)
+            found += [(project.own(row, identity), rho) for row in rows]
+        return found
 
 
 def random_functions(likelihood: Likelihood, draws: int, seed: int) -> np.ndarray:

@@ -25,7 +25,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cache, partial
 
 import numpy as np
 
@@ -37,12 +36,12 @@ from exodrake.diagnosis.comparison import (
     exceeding,
     excess,
     power,
-    residual_contributions,
     richer_law,
     taken_up,
     tolerance_use,
 )
-from exodrake.diagnosis.discrepancy import random_functions
+from exodrake.diagnosis.discrepancy import LawErrors
+from exodrake.diagnosis.hunting import REJECTED, Noise
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.projection import Projection
@@ -50,10 +49,9 @@ from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import local_levels, scan
 
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
-PROMISING = 0.1  # share of the excess over noise from which a further effect is tried; it steers the cost alone
+PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone
 DRAWS = 99
 TYPICAL = 0.5  # error of a law in units of rho: rho is the upper quantile of a normal law at 95 %
-REJECTED = 1e-4  # p-value of a fit below which no further effect is sought by the linearisation
 
 
 @dataclass(frozen=True)
@@ -63,6 +61,7 @@ class Levels:
     Attributes:
         fit: of what it leaves.
         views: the same for each view alone.
+        hunting: reduced chi-square that noise alone leaves in closed loop, where it makes the loop hunt; 1 elsewhere.
         local: of what it leaves in single windows of time; 1 for one with effects.
         complete: of what one more effect takes up, by the linearisation; `next_effect` is that effect.
         promise: share of the excess over noise that it takes up.
@@ -77,6 +76,7 @@ class Levels:
 
     fit: float
     views: tuple[float, ...]
+    hunting: float
     local: float
     complete: float
     promise: float
@@ -95,9 +95,8 @@ class Levels:
 
     @property
     def consistent(self) -> bool:
-        """Whether it leaves no more than it may: in every view, or as prediction error alone where the loop hunts."""
-        hunts = len(self.views) > 1 and self.views[0] <= ALPHA < self.views[-1]
-        return self.local > LOCAL and (hunts or min(self.fit, *self.views) > ALPHA)
+        """Whether it leaves no more than it may, in every view."""
+        return self.local > LOCAL and min(self.fit, *self.views) > ALPHA
 
     @property
     def burst(self) -> bool:
@@ -107,7 +106,7 @@ class Levels:
     @property
     def sufficient(self) -> bool:
         """Whether it is kept and no further effect is promising."""
-        return self.kept and (self.complete > ALPHA or self.promise < PROMISING)
+        return self.kept and (self.complete > PROMISING or self.promise < PROMISING)
 
 
 class Tests:
@@ -120,10 +119,11 @@ class Tests:
     """
 
     def __init__(self, likelihood: Likelihood, lin: Linearisation, moved: np.ndarray) -> None:
-        self.likelihood, self.lin, self.moved = likelihood, lin, moved
+        self.likelihood, self.lin = likelihood, lin
         self.calibration = calibration_of(likelihood.robot.machine)
-        self.noise = likelihood.noise_draws(DRAWS, np.random.default_rng(1))
-        self.functions = cache(partial(random_functions, likelihood, DRAWS))
+        self.draws = Noise(likelihood, DRAWS)
+        self.noise = self.draws.retuned
+        self.laws = LawErrors(likelihood, moved, DRAWS)
         self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
     def beside(self, likelihood: Likelihood, lin: Linearisation) -> Tests:
@@ -134,17 +134,16 @@ class Tests:
 
     def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
         """The levels of an explanation; rivals: others that were fitted."""
-        likelihood = self.likelihood.scaled_to(e.residual)
-        project = Projection(likelihood, e, self.lin)
-        law, model = self.laws(project)
-        left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], self.noise, law))
+        project, noise, law, model = self.null(e)
+        likelihood = project.likelihood
+        left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], noise, law))
         needed = amplitude(left[0], noise_left, law_left)
-        draws = zip(likelihood.split(self.noise), likelihood.split(law), likelihood.split(e.residual), strict=True)
+        draws = zip(likelihood.split(noise), likelihood.split(law), likelihood.split(e.residual), strict=True)
         fit = exceeding(noise_left + law_left, float(left[0]))
-        views = tuple(exceeding(power(noise) + power(error), float(power(own))) for noise, error, own in draws)
+        views = tuple(exceeding(power(w) + power(error), float(power(own))) for w, error, own in draws)
         local = [1.0]
         if not e.effects:
-            local = local_levels(scan(likelihood, self.noise + law), scan(likelihood, e.residual[None]))
+            local = local_levels(scan(likelihood, noise + law), scan(likelihood, e.residual[None]))
         true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= 1.0
         parts = [self.compared(project, model, rivals, max(fit, *views) < REJECTED, true_law)]
         for at in self.joints:
@@ -156,6 +155,7 @@ class Tests:
         return Levels(
             fit=fit,
             views=views,
+            hunting=float(self.draws.levels(likelihood, e)[0]),
             local=min(1.0, len(local) * min(local)),
             complete=most.complete,
             promise=most.promise,
@@ -182,43 +182,25 @@ class Tests:
         """
         e, likelihood, beaten_by = project.explanation, project.likelihood, ""
         gain, effect = project.gains(e.residual[None])
-        null = np.zeros(2) if rejected else project.gains(self.noise + model)[0]
+        null = np.zeros(2) if rejected else project.gains(self.draws.of(e) + model)[0]
+        levels = self.draws.levels(likelihood, e)
         share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
-            taken, total = taken_up(likelihood, e, rival)
+            taken, total = taken_up(likelihood, e, rival, levels)
             share = max(share, total)
             if exceeding(null, taken) >= ALPHA:
                 no_better.append(rival.name)
             elif total > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         complete = 0.0 if rejected else exceeding(null, float(gain[0]))
-        promise = float(gain[0]) / max(excess(likelihood, e), 1e-9)
+        promise = float(gain[0]) / max(excess(likelihood, e, levels), 1e-9)
         return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
 
-    def laws(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
-        """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
-        law, model = np.zeros_like(self.noise), np.zeros_like(self.noise)
-        for k, (contribution, rho) in enumerate(self.contributions(project)):
-            for h, own, other in zip(self.functions(k), law, model, strict=True):  # rows stay in the cache
-                error = np.multiply(h, contribution, dtype=np.float32)
-                own += np.float32(rho) * error
-                other += np.float32(self.calibration.same_meaning) * error
-        return law, model
-
-    def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
-        """Contribution of each channel of each effect, and of the change of the nominal parameters.
-
-        Returns:
-            (samples,) the part of it that no other parameter imitates [noise_std], and rho, the relative standard
-            deviation of its law.
-        """
-        e, machine, limits = project.explanation, self.likelihood.robot.machine, self.calibration
-        decoded = self.likelihood.views[0].problem.counted
-        found = [(self.moved, limits.same_meaning)]
-        for identity, rows in residual_contributions(self.likelihood, e).items():
-            rho = limits.rho(machine.effect(identity), decoded)
-            found += [(project.own(row, identity), rho) for row in rows]
-        return found
+    def null(self, e: Explanation) -> tuple[Projection, np.ndarray, np.ndarray, np.ndarray]:
+        """Projection of an explanation in units of what it leaves, and draws of its noise and errors (`LawErrors`)."""
+        project = Projection(self.likelihood.scaled_to(e.residual), e, self.lin)
+        law, model = self.laws(project)
+        return project, self.draws.measured(project, law), law, model
 
     def most_moved(self, project: Projection, law: np.ndarray) -> float:
         """Largest plausible mean square change of the nominal parameters, in tolerances.
@@ -240,10 +222,8 @@ class Tests:
 
         These are as large as what is left shows, and `TYPICAL` at least: noise and other parameters hide smaller ones.
         """
-        likelihood = self.likelihood.scaled_to(e.residual)
-        project = Projection(likelihood, e, self.lin)
-        law, _ = self.laws(project)
-        needed = amplitude(*(project.left(rows) for rows in (e.residual[None], self.noise, law)))
+        project, noise, law, _ = self.null(e)
+        needed = amplitude(*(project.left(rows) for rows in (e.residual[None], noise, law)))
         errors = np.maximum(needed, np.float32(TYPICAL))[:, None] * law
-        moves = project.moves(self.noise + errors, np.random.default_rng(2))
+        moves = project.moves(noise + errors, np.random.default_rng(2))
         return np.atleast_2d(np.cov(moves[e.nominal :]))

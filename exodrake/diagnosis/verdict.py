@@ -16,6 +16,8 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import spurious
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 
+HUNTS = 2.0  # reduced chi-square of noise alone in closed loop from which the reason says so: as much again as noise
+
 
 @dataclass(frozen=True, eq=False)
 class Decision:
@@ -64,14 +66,15 @@ def decide(problem: Problem, found: Isolation) -> Decision:
 
 def kept(t: Tested) -> str:
     """Reason why an explanation is kept, in one sentence."""
-    p, views = t.levels, t.levels.views
+    p = t.levels
     if not t.explanation.effects:
         robot, law = "without an effect", "noise"
     else:
         robot, law = f"with {t.explanation.name}", "noise and the error of its law"
-    if min(p.fit, *views) > ALPHA:
-        return f"{robot} the logs differ from the robot by no more than {law} (p = {min(p.fit, *views):.2g})"
-    return f"{robot} the prediction errors are no larger than {law} (p = {views[-1]:.2g}); the closed loop hunts"
+    hunts = (
+        f"; its loop hunts, noise alone leaves a reduced chi-square of {p.hunting:.2g}" if p.hunting >= HUNTS else ""
+    )
+    return f"{robot} the logs differ from the robot by no more than {law} (p = {min(p.fit, *p.views):.2g}){hunts}"
 
 
 def rejected(t: Tested) -> str:
