@@ -11,6 +11,7 @@ from command_line import run
 from scipy.io import savemat
 
 from exodrake.core.errors import InputError
+from exodrake.core.units import default_unit
 from exodrake.data.case_folder import read_case
 from exodrake.data.foreign.derive import lag_of, low_passed
 from exodrake.data.foreign.import_log import import_all, import_log, import_recording
@@ -18,6 +19,8 @@ from exodrake.data.foreign.mapping import read_mapping
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.foreign.track import Track
 from exodrake.data.log_file import read_log
+from exodrake.diagnosis.checks import check_case
+from exodrake.machines.robot_file import load_robot
 
 MAP = {
     "time": {"column": "run.t", "unit": "s"},
@@ -333,3 +336,30 @@ def test_recording_of_a_single_row_is_one_frame_without_a_warning(tmp_path, recw
     mapping = {"time": {"column": "t", "unit": "s"}, "columns": {"x": {"name": "angle_x", "unit": "rad"}}}
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping | {"period": 0.02}))
     assert import_log(tmp_path / "run.csv", tmp_path / "map.yaml")["angle_x"].tolist() == [0.5] and not recwarn.list
+
+
+def recorded_case(folder, step: float, machine, **stated):
+    """The case that `import` makes of a recording of a machine whose clock errs by 0.5 ms (RMS)."""
+    rng = np.random.default_rng(4)
+    columns = machine.log_names(column for column in machine.columns if column.required)
+    time = step * np.arange(300) + 5e-4 * rng.standard_normal(300)
+    table = np.column_stack([time, rng.standard_normal((300, len(columns)))])
+    np.savetxt(folder / "run.csv", table, "%.9f", ",", header=",".join(("t", *columns)), comments="")
+    named = {name: {"name": name, "unit": default_unit(name)} for name in columns}
+    (folder / "map.yaml").write_text(yaml.safe_dump({"time": {"column": "t"}, "columns": named, **stated}))
+    made = run("import", folder / "run.csv", "--map", folder / "map.yaml", "--out", folder / "case")
+    assert made.exit_code == 0, made.output
+    return read_case(folder / "case")
+
+
+def test_a_case_on_about_the_clock_of_the_machine_has_its_frames(tmp_path):
+    machine = load_robot().machine
+    case = recorded_case(tmp_path, 0.0200033, machine)
+    assert case.period == machine.frame == 0.02
+    check_case(case, machine)
+
+
+@pytest.mark.parametrize(("step", "stated", "period"), [(0.05, {}, 0.05), (0.02, {"period": 0.021}, 0.021)])
+def test_a_case_on_another_clock_keeps_its_own_period_and_a_stated_one_holds(tmp_path, step, stated, period):
+    case = recorded_case(tmp_path, step, load_robot().machine, **stated)
+    assert case.period == pytest.approx(period, rel=0.01) and (not stated or case.period == period)

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import MACHINE, machine_added
+from exodrake.cli.options import DEFAULT, MACHINE, machine_added
 from exodrake.core.errors import InputError
-from exodrake.machines.library import machine_folders, recorded_machines
+from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
 if TYPE_CHECKING:
     from exodrake.data.foreign.import_log import Imported
+    from exodrake.data.foreign.mapping import Mapped
 
 FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -58,8 +59,9 @@ def command(
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
         return import_known(next(iter(recordings)), known, out)
-    mapping = map_file or own_mapping(context.meta.get(MACHINE))
-    write_logs(imported_logs(recordings, mapping, unit, episodes), out)
+    machine = context.meta.get(MACHINE)
+    mapped = mapping_of(map_file or own_mapping(machine))
+    write_logs(imported_logs(recordings, mapped, unit, episodes), out, mapped, machine or DEFAULT)
 
 
 def own_mapping(machine: str | None) -> Path | None:
@@ -68,16 +70,21 @@ def own_mapping(machine: str | None) -> Path | None:
     return file if file is not None and file.is_file() else None
 
 
-def imported_logs(recordings: tuple[Path, ...], mapping: Path | None, unit: str, episodes: str) -> dict[str, Imported]:
+def mapping_of(file: Path | None) -> Mapped | None:
+    """The content of a mapping file, if there is one."""
+    from exodrake.data.foreign.mapping import read_mapping
+
+    return None if file is None else read_mapping(file)
+
+
+def imported_logs(recordings: tuple[Path, ...], mapped: Mapped | None, unit: str, episodes: str) -> dict[str, Imported]:
     """All logs of the recordings by name. InputError for two of one name."""
     from exodrake.data.foreign.import_log import import_all
-    from exodrake.data.foreign.mapping import read_mapping
 
     try:
         chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
     except ValueError:
         raise InputError(f"--episodes: {episodes!r}, wanted numbers, like 0,2") from None
-    mapped = read_mapping(mapping) if mapping else None
     found: dict[str, Imported] = {}
     for recording in recordings:
         for name, item in import_all(recording, mapped, unit, chosen).items():
@@ -87,11 +94,12 @@ def imported_logs(recordings: tuple[Path, ...], mapping: Path | None, unit: str,
     return found
 
 
-def write_logs(logs: dict[str, Imported], out: Path) -> None:
-    """Writes one log, or a case whose last log is held out, with their notes."""
+def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
+    """Writes one log, or a case for a machine whose last log is held out, with their notes."""
     from exodrake.core.files import make_folder, write_bytes, write_folder
     from exodrake.data.case import FILE as CASE, Case, CaseLog
     from exodrake.data.case_file import case_text
+    from exodrake.data.foreign.import_log import frame_period
     from exodrake.data.formats import ending, format_of
     from exodrake.data.log_file import log_bytes
     from exodrake.data.notes import notes_name, notes_text
@@ -111,10 +119,10 @@ def write_logs(logs: dict[str, Imported], out: Path) -> None:
         roles = ["holdout" if name == names[-1] and len(names) > 1 else "fit" for name in names]
         files = {name: f"{name}.csv.gz" for name in names}
         items = [CaseLog(logs[n].log, n, role, None, files[n]) for n, role in zip(names, roles, strict=True)]
-        period = next(iter(logs.values())).log.dt
+        period = frame_period([item.log for item in items], mapped, machine_named(machine).frame)
         contents = {files[name]: log_bytes(logs[name].log, out / files[name]) for name in names}
         contents |= {notes_name(files[name]): notes_text(logs[name].notes) for name in names if logs[name].notes}
-        contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), round(period, 9))).encode()
+        contents[CASE] = case_text(Case(out.resolve().name, {}, tuple(items), period)).encode()
         write_folder(out, contents)
     first = next(iter(logs.values())).log
     size = f"{sum(len(item.log) for item in logs.values())} rows, {len(first.columns)} columns"

@@ -5,6 +5,7 @@ Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite) and LeRobo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from exodrake.data.foreign.derive import derived, low_passed, note_of, scaled, s
 from exodrake.data.foreign.mapping import Mapped, read_mapping
 from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
 from exodrake.data.foreign.tables import read_columns, slashed
-from exodrake.data.foreign.track import Track, median_step
+from exodrake.data.foreign.track import Track, has_one_sample_a_frame, median_step
 from exodrake.data.formats import ending, stem
 from exodrake.data.headings import heading
 from exodrake.data.log import Log, check_clock
@@ -27,7 +28,6 @@ from exodrake.data.log_file import read_log
 
 PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
-ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +90,24 @@ def import_all(
     if mapped is None and not is_bag(path):
         raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
     return {stem(path): import_recording(path, mapped or default_mapping(path))}
+
+
+def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
+    """Frame period [s] of a case of imported logs.
+
+    Args:
+        logs: the logs of the case.
+        mapped: mapping; the period that it states holds.
+        frame: frame of the machine [s], taken if every log has about one row in each; else the first one's median step.
+
+    Raises:
+        InputError: for a first log of a single row, unless the mapping states a period.
+    """
+    if mapped is not None and mapped.period is not None:
+        return mapped.period
+    measured = logs[0].dt
+    steps = [median_step(log.time) for log in logs if len(log) > 1]
+    return frame if all(has_one_sample_a_frame(step, frame) for step in steps) else round(measured, 9)
 
 
 def refuse_folder(path: Path) -> None:
@@ -181,7 +199,7 @@ def _on_frames(
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
-    begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
+    begin = time - 0.5 * period if has_one_sample_a_frame(step, period) else time
     values = {}
     for name, track in tracks.items():
         stamps, samples = track.time[ordered[name]], track.values[ordered[name]]
