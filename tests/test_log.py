@@ -203,6 +203,19 @@ def test_clock_faults_are_refused_by_name(times, part):
         regularise(Log(np.array(times), {"tension_AF": np.arange(float(len(times)))}, source="drive.csv"))
 
 
+@pytest.mark.parametrize(("unit", "name", "a_second"), [("ms", "milliseconds", 1e3), ("us", "microseconds", 1e6)])
+@pytest.mark.parametrize("rows", [3, 500])
+def test_a_clock_in_another_unit_is_named_and_read_with_its_unit(tmp_path, unit, name, a_second, rows):
+    """Frames of 20 ms that err by 1 ms (RMS), and 37 of which are missing, headed as seconds and as what they are."""
+    draw = np.random.default_rng(5)
+    times = 0.02 * np.delete(np.arange(rows + 37), np.arange(2, 39)) + 1e-3 * draw.standard_normal(rows)
+    text = "".join(f"{a_second * time:.0f},{n}\n" for n, time in enumerate(times))
+    with pytest.raises(InputError, match=rf"log\.csv: column 'time' looks like {name}.*'time \[{unit}\]'"):
+        regularise(read_log(save(tmp_path, f"time [s],force_x [N]\n{text}")))
+    mended, _ = regularise(read_log(save(tmp_path, f"time [{unit}],force_x [N]\n{text}")))
+    assert len(mended) == rows + 37
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), ending=st.sampled_from(ENDINGS))
 def test_damaged_files_are_refused_or_read(log, tmp_path, data, ending):

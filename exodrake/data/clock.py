@@ -6,6 +6,7 @@ from exodrake.core.errors import InputError
 from exodrake.data.log import Log
 
 LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
+UNITS = {"milliseconds": ("ms", 1e3), "microseconds": ("us", 1e6), "nanoseconds": ("ns", 1e9)}  # and how many a second
 EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
@@ -14,13 +15,14 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
     Rows that repeat the one before, time included, are dropped. Frames that are absent become rows of NaN. Times off
     the grid are set on it, since row n is frame n. InputError, naming the row, for a clock that steps backwards, the
-    same time with other values, and rows that come faster than the frame.
+    same time with other values, and rows that come faster than the frame; naming the unit that a clock seems to have.
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")
     repeated = _repeated(log)
     _refuse_backward_steps(log, repeated)
     single = log.rows(~repeated) if repeated.any() else log
+    _refuse_other_unit(single, period)
     frames = _frame_numbers(single, period)
     notes = [_repeats_note(log, repeated)] if repeated.any() else []
     grid = single.time[0] + period * np.arange(frames[-1] + 1) if len(single) else single.time
@@ -59,6 +61,22 @@ def _refuse_backward_steps(log: Log, repeated: np.ndarray) -> None:
     here, after = log.time[row], log.time[row + 1]
     fault = "the same time with other values" if here == after else f"the clock steps backwards by {here - after:.6g} s"
     raise InputError(f"{log.label}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+
+
+def _refuse_other_unit(log: Log, period: float) -> None:
+    """InputError for a clock most steps of which are so long that its unit is a smaller one than the second.
+
+    The unit is the one in which the median step is nearest to `period` [s], by ratio.
+    """
+    if len(log) < 2:
+        return
+    step = float(np.quantile(np.diff(log.time), 0.5, method="lower"))
+    if step > LONGEST * period:
+        name, (unit, _) = min(UNITS.items(), key=lambda item: abs(np.log(step / item[1][1] / period)))
+        raise InputError(
+            f"{log.label}: column 'time' looks like {name}, not seconds: its rows are {step:g} apart, a frame is "
+            f"{period:g} s; say 'time [{unit}]'"
+        )
 
 
 def _frame_numbers(log: Log, period: float) -> np.ndarray:
