@@ -148,6 +148,49 @@ def test_a_case_without_held_out_log_says_so():
     assert fired(replace(case, logs=case.logs[:HELD])) == {"nothing_held_out"}
 
 
+def case_on(robot, *references):
+    """Logs of a robot on references (frames, tendons) [N], the last held out."""
+    logs = [exo.simulate(robot, exo.Reference(one, "hold"), seed=20 + k) for k, one in enumerate(references)]
+    names = [f"{k}.csv" for k in range(len(logs))]
+    roles = ["fit"] * (len(logs) - 1) + ["holdout"]
+    items = (exo.CaseLog(*one) for one in zip(logs, names, roles, [None] * len(logs), names, strict=True))
+    return exo.Case("held", {}, tuple(items))
+
+
+def held(*levels):
+    """Constant references (500, tendons) [N]."""
+    return [np.full((500, 3), level) for level in levels]
+
+
+@pytest.mark.parametrize("effect", ["", "sensor.gain", "encoder.homing_offset"])
+def test_a_case_in_which_nothing_moves_says_so(effect):
+    """Eight seconds at 0.3 N after two in which the loop settles; the reference is recorded with noise or without."""
+    case = case_on(ROBOT.splice(effect) if effect else ROBOT, *held(0.3, 0.3))
+    settled = replace(case, logs=tuple(replace(one, log=one.log.rows(slice(100, None))) for one in case.logs))
+    rng = np.random.default_rng(6)
+    recorded = changed(settled, lambda v: v + 1e-3 * rng.standard_normal(len(v)), ["tension_ref_AF"], range(2))
+    assert "nothing_moves" in fired(settled) and "nothing_moves" in fired(recorded)
+    assert any("hardly any effect can show" in sentence for sentence in suspicions(settled, ROBOT))
+
+
+@pytest.mark.parametrize(
+    ("effect", "references"),
+    [
+        ("", held(0.3, 2.0, 0.3)),  # another level in the second log to fit
+        ("", [np.vstack(held(0.3, 2.0)), *held(0.3)]),  # one step
+        ("finger.tremor", held(0.3, 0.3)),  # the finger moves itself
+    ],
+)
+def test_a_case_in_which_something_moves_does_not_say_that_nothing_does(effect, references):
+    assert "nothing_moves" not in fired(case_on(ROBOT.splice(effect) if effect else ROBOT, *references))
+
+
+def test_a_step_of_the_reference_that_no_channel_follows_is_a_motion():
+    case = case_on(ROBOT, np.vstack(held(0.3, 2.0)), *held(0.3))
+    columns = [column for column in case.logs[0].log.columns if "_ref_" not in column]
+    assert "nothing_moves" not in fired(changed(case, noisy, columns, [0]))
+
+
 def test_a_repeat_with_another_reference_is_refused_by_file_column_and_row():
     case = case_of()
     items = list(case.logs)

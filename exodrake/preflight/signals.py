@@ -14,7 +14,7 @@ from exodrake.data.log import Log
 from exodrake.data.log_file import read_table
 from exodrake.diagnosis.checks.channels import longest_run
 from exodrake.diagnosis.checks.compare import Comparison
-from exodrake.diagnosis.checks.noise import fast_noise
+from exodrake.diagnosis.checks.noise import LEAST_MOTION, fast_noise
 
 JITTER = 0.1  # of a frame by which rows may be off without a word: assumed
 DRIFT = 1e-4  # relative error of a clock: crystals keep 100 ppm
@@ -22,7 +22,6 @@ HELD = 3  # samples in a row at the end of a range that count as saturated
 SATURATED, BEYOND = 0.05, 3.0  # share of samples, and times the nominal robot's: assumed
 POWER = 0.95  # of the motion's variance, below the frequency that is stated
 SMALL = 0.1  # of the span between the limits: less motion shows little
-LEAST_MOTION = 5.0  # motion over noise below which a channel says little: assumed
 
 
 @dataclass(frozen=True)

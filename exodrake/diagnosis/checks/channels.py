@@ -1,11 +1,11 @@
-"""Channels with gaps, frozen samples or bursts."""
+"""Channels with gaps, frozen samples or bursts, and cases in which no channel moves."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from exodrake.diagnosis.checks.compare import LONG, Channel, Comparison, places
-from exodrake.diagnosis.checks.noise import ORDER, carries_noise
+from exodrake.diagnosis.checks.noise import LEAST_MOTION, ORDER, carries_noise, moves, rounding_step
 from exodrake.diagnosis.checks.scale import unit_factor
 
 BEYOND = 3.0  # times the nominal robot's longest run, largest step or loudest window (assumed)
@@ -60,6 +60,18 @@ def longest_run(values: np.ndarray, of: object = None) -> tuple[int, int]:
         lengths = np.where(values[starts] == of, lengths, 0)
     k = int(lengths.argmax())
     return int(starts[k]), int(lengths[k])
+
+
+def nothing_moves(comparison: Comparison) -> list[str]:
+    """Over the logs to fit, neither a reference nor a compared channel moves by more than noise."""
+    pairs = [pair for pair in comparison.pairs if pair.item.role == "fit"]
+    references, channels = (np.concatenate([getattr(p, x) for p in pairs]).T for x in ("reference", "measured"))
+    if any(map(moves, references)) or any(moves(values, rounding_step(values)) for values in channels):
+        return []
+    return [
+        "nothing moves in the logs to fit: the references are constant and no channel varies by more than "
+        f"{LEAST_MOTION:g} times its noise, so hardly any effect can show; record a motion"
+    ]
 
 
 def bursts(comparison: Comparison) -> list[str]:

@@ -12,6 +12,7 @@ HALF = 0.5  # of the variance: more noise than motion, a signal-to-noise ratio o
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
 EXACT = 1e-9  # of a signal's range: smaller steps are rounding of the computer
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
+LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 GAIN = 70.0  # of differences of that order on white noise: the sum of squared binomial coefficients
 
 
@@ -80,3 +81,14 @@ def fast_noise(values: np.ndarray) -> float:
     """Standard deviation of white noise in a signal (n,) that moves slowly, by fourth differences; 0 if rounding."""
     found = mad_std(np.diff(values, ORDER)) / np.sqrt(GAIN)
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
+
+
+def moves(values: np.ndarray, rounding: float = 0.0) -> bool:
+    """Whether a signal (n,) varies by more than its fast noise and a rounding step [unit of the signal]."""
+    return bool(np.ptp(values) > 0.0 and np.std(values) > LEAST_MOTION * max(fast_noise(values), rounding))
+
+
+def rounding_step(values: np.ndarray) -> float:
+    """Smallest change of a rounded signal (n,), whose samples mostly repeat; 0 for another one and for a constant."""
+    steps = np.abs(np.diff(values))
+    return float(np.min(steps, initial=np.inf, where=steps > 0.0)) if steps.any() and np.median(steps) == 0.0 else 0.0

@@ -17,6 +17,7 @@ CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
     scale.exchanged_columns,
     channels.gaps,
     channels.frozen_channels,
+    channels.nothing_moves,
     channels.bursts,
     noise.noise_as_large_as_motion,
     noise.noise_far_below_sensor,
