@@ -77,6 +77,11 @@ def test_cost_of_a_constant_error_and_of_a_chattering_command():
     assert cost(exact | still | {"tension_AF": np.full(101, np.nan)}, reference) == np.inf
 
 
+def test_gains_with_which_the_model_diverges_cost_infinitely_much_and_are_not_refused():
+    task = Protocol("task", motion(0, 0).reference[:100])
+    assert predicted(exo.load_robot(), {"controller.compliance_1": np.inf}, task, 0) == np.inf
+
+
 def test_tuned_and_judged_on_different_motions():
     assert len(motion(3, 0).reference) == len(clock(8.0))
     assert np.array_equal(motion(3, 0).reference, motion(3, 0).reference)

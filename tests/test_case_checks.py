@@ -148,6 +148,12 @@ def test_a_case_without_held_out_log_says_so():
     assert fired(replace(case, logs=case.logs[:HELD])) == {"nothing_held_out"}
 
 
+def test_a_nominal_robot_that_diverges_is_compared_as_far_as_it_is_finite():
+    """A diagnosis tries parameters that diverge, so that it refuses none of them."""
+    compared = compare(case_of(), ROBOT.with_parameters({"finger.kappa": np.inf}))
+    assert {channel.column for channel in compared.channels} == {*compared.columns} - {*ANGLES}
+
+
 def case_on(robot, *references):
     """Logs of a robot on references (frames, tendons) [N], the last held out."""
     logs = [exo.simulate(robot, exo.Reference(one, "hold"), seed=20 + k) for k, one in enumerate(references)]

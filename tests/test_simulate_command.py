@@ -111,6 +111,25 @@ def test_wrong_input_ends_in_a_line_and_leaves_nothing(arguments, word, tmp_path
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("engine", ["compiled", "drake"])
+@pytest.mark.parametrize("parameters", [{"tendon.k": "inf"}, {"tendon.k": "1e300 N/m"}, {"motor.Kp": "inf"}])
+def test_python_refuses_a_run_that_diverges_in_the_words_of_the_command(parameters, engine, tmp_path):
+    robot = exo.load_robot().with_parameters(parameters)
+    options = [word for name, value in parameters.items() for word in ("--set", f"{name}={value}")]
+    said = run("simulate", SHORT, *options, "--engine", engine, "--out", tmp_path / "out").stderr
+    for function in (exo.simulate, exo.record):
+        with pytest.raises(exo.InputError, match=r"the simulation diverges: [a-z]+_[A-Z]+ is not finite") as refused:
+            function(robot, SHORT, engine=engine)
+        assert " ".join(said.split()) == f"error: {refused.value}"
+
+
+def test_a_clock_that_runs_infinitely_fast_is_refused_and_a_limit_at_infinity_is_none(tmp_path):
+    result = run("simulate", SHORT, "--effect", "timing.mocap_clock_skew:skew=inf", "--out", tmp_path / "out")
+    assert result.exit_code == 2 and "diverges" in result.stderr
+    unlimited = exo.load_robot().splice("motor.current_limit", {"limit": "inf"})
+    assert exo.simulate(unlimited, SHORT).equals(exo.simulate(exo.load_robot(), SHORT))
+
+
 def test_negative_limits_are_refused(tmp_path):
     (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: -1, MF: 8, AE: 8}}\n")
     result = run("simulate", SHORT, "--robot", tmp_path / "robot.yaml", "--out", tmp_path / "out")

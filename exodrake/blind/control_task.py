@@ -22,7 +22,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import log_of, run
 
 WEIGHT = 1.0  # of the commands' changes beside the error [assumed]
 SHARES = 0.5, 0.6  # of the usual durations of grasps and holds: 20 s and 24 s [assumed]
@@ -55,7 +55,7 @@ def cost(columns: Mapping[str, np.ndarray], reference: np.ndarray) -> float:
 
 def predicted(robot: Robot, gains: Mapping[str, float], task: Protocol, seed: int) -> float:
     """Cost of a task on a robot of the model with these gains."""
-    log = simulate(robot.with_parameters(gains), Reference(task.reference, task.name), seed)
+    log = log_of(run(robot.with_parameters(gains), Reference(task.reference, task.name), seed))
     return cost(log.signals, task.reference)
 
 

@@ -18,7 +18,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import reference_rows
 from exodrake.simulation import protocols
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import log_of, run
 
 SEEDS = 2**31  # of noise and motion
 
@@ -38,7 +38,7 @@ def healthy_case(nominal: Robot, seed: int) -> Case:
         ("random", "holdout", protocols.random_motion(nominal, seed=seed)),
     )
     logs = [
-        CaseLog(simulate(robot, reference, seed=1000 * seed + k), name, role, None, f"{name}.csv")
+        CaseLog(log_of(run(robot, reference, seed=1000 * seed + k)), name, role, None, f"{name}.csv")
         for k, (name, role, reference) in enumerate(plan)
     ]
     return Case(f"healthy {seed}", {}, tuple(logs))
@@ -69,7 +69,7 @@ def followed(case: Case, robot: Robot, rng: np.random.Generator) -> Case:
     logs = []
     for item in case.logs:
         reference = Reference(filled_columns(reference_rows(robot.machine, item.log)), item.file)
-        log = simulate(robot, reference, seed=int(rng.integers(SEEDS)))
+        log = log_of(run(robot, reference, seed=int(rng.integers(SEEDS))))
         seen = [name for name in log.columns if item.log.has(name)]
         gaps = {name: np.where(np.isfinite(item.log[name]), log[name], np.nan) for name in seen}
         logs.append(replace(item, log=log.only(seen).with_signals(gaps)))

@@ -19,7 +19,7 @@ from exodrake.core.robot import Robot
 from exodrake.data.case import Case
 from exodrake.diagnosis.filters import Bands, filled, without
 from exodrake.simulation.references import reference_rows
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import log_of, run
 
 ROBUST = 1.4826  # standard deviation of a normal law over its median absolute deviation
 EFFICIENCY = 0.37  # of the median absolute deviation against the standard deviation (Rousseeuw & Croux 1993)
@@ -46,7 +46,7 @@ def repeat_noise_std(case: Case, column: str, notched: Bands, period: float) -> 
 def simulated_noise_std(case: Case, robot: Robot, columns: tuple[str, ...]) -> dict[str, float]:
     """Standard deviation of a run about its repeat [unit of the column], by simulating the first fitted reference."""
     reference = Reference(np.nan_to_num(reference_rows(robot.machine, case.fit_logs[0].log)), "noise")
-    a, b = (simulate(robot, reference, seed=seed, quantisation=False) for seed in (0, 1))
+    a, b = (log_of(run(robot, reference, seed=seed, quantisation=False)) for seed in (0, 1))
     return {c: float(np.std(a[c] - b[c]) / np.sqrt(2.0)) for c in columns}
 
 

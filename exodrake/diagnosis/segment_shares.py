@@ -21,7 +21,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.segment import Segment
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.simulation.simulate import record
+from exodrake.simulation.simulate import run
 
 WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
 # a segment that makes the error this many times larger when fed with measurements integrates them, as a free mass does
@@ -97,8 +97,8 @@ def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
     machine, whole = problem.robot.machine, values.copy()
     silenced = [machine.index[name] for name in (*machine.noise, *machine.resolution)]
     whole[silenced] = problem.robot.values[silenced]
-    run = record(replace(problem.robot, values=whole), Reference(trial.reference, trial.name), seed=0)
-    flat = np.concatenate([run.signals[s.name] for s in machine.signals], axis=1)
+    recording = run(replace(problem.robot, values=whole), Reference(trial.reference, trial.name), seed=0)
+    flat = np.concatenate([recording.signals[s.name] for s in machine.signals], axis=1)
     return replace(trial, measured=flat[:, problem.signal_indices])
 
 

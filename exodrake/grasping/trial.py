@@ -11,7 +11,7 @@ import numpy as np
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.simulation.protocols import grasp
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import log_of, run
 
 REST, APPROACH, HOLD = 0.5, 1.0, 2.5  # s
 LAST = 0.5  # s at the end of the hold, over which a posture is read
@@ -28,5 +28,5 @@ def confirmed(robot: Robot, tension: np.ndarray, angles: np.ndarray) -> bool:
     """Whether references of these tensions (tendons,) [N] bring a robot to these angles (joints,) [rad]."""
     axes = robot.machine.axes
     targets = dict(zip(axes.tendons, np.asarray(tension, dtype=float).tolist()))
-    log = simulate(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None)
+    log = log_of(run(robot, grasp("trial", robot, targets, rest=REST, approach=APPROACH, hold=HOLD), seed=None))
     return bool(np.abs(at_hold(log, "angle", axes.joints) - angles).max() <= CLOSE)

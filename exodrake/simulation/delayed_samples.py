@@ -10,10 +10,10 @@ from exodrake.core.machine import Machine
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Catmull-Rom interpolation of rows `values` (n, k) at the fractional rows `at` (n,), the ends held."""
+    """Catmull-Rom interpolation of rows `values` (n, k) at the fractional rows `at` (n,), the ends held; NaN at NaN."""
     last = len(values) - 1
     at = np.clip(at, 0.0, float(last))
-    i = np.minimum(at.astype(int), max(last - 1, 0))
+    i = np.minimum(np.nan_to_num(at).astype(int), max(last - 1, 0))
     f = (at - i)[:, None]
     p0, p1 = values[np.maximum(i - 1, 0)], values[i]
     p2, p3 = values[np.minimum(i + 1, last)], values[np.minimum(i + 2, last)]

@@ -58,8 +58,42 @@ def record(
         The signals at each frame's end.
 
     Raises:
-        InputError: the reference has another width than the machine, or a parameter divides by zero.
+        InputError: the reference has another width than the machine, a parameter divides by zero, or the run diverges.
     """
+    recording = run(robot, reference, seed, quantisation, engine, substeps)
+    refuse_divergence(recording)
+    return recording
+
+
+def refuse_divergence(recording: Recording) -> None:
+    """InputError naming the log column, or else the signal, and the time of a sample that is not finite.
+
+    Signals count that no column shows, too, since rounding makes a finite reading of what is not a number.
+    """
+    machine = recording.robot.machine
+    columns = log_of(recording).signals
+    signals = {
+        f"{name}_{channel}".rstrip("_"): values
+        for name, rows in recording.signals.items()
+        for channel, values in zip(machine.channels(name), rows.T, strict=True)
+    }
+    for name, values in {**columns, **signals}.items():
+        if not np.isfinite(values).all():
+            moment = recording.time[int(np.argmin(np.isfinite(values)))]
+            raise InputError(
+                f"the simulation diverges: {name} is not finite from {moment:g} s on; check the numbers set"
+            )
+
+
+def run(
+    robot: Robot,
+    reference: Reference | str,
+    seed: int | None = 0,
+    quantisation: bool = True,
+    engine: str = "compiled",
+    substeps: int = 1,
+) -> Recording:
+    """All signals of a robot that follows a reference, whether they are finite or not; arguments as in `record`."""
     reference = protocol(reference, robot) if isinstance(reference, str) else reference
     machine, frames = robot.machine, len(reference.values)
     if reference.values.shape[1] != (width := reference_width(machine)):

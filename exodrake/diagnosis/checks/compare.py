@@ -18,7 +18,7 @@ from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import reference_rows
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import log_of, run
 
 LONG = 25  # frames: what lasts shorter is neither a gap nor frozen (assumed: longer than packets are lost in a row)
 FEWEST = 100  # samples of a channel below which it is not judged; the shortest log that is not refused
@@ -91,7 +91,7 @@ def compare(case: Case, robot: Robot) -> Comparison:
     pairs, channels = [], []
     for seed, item in enumerate(case.logs):
         reference = filled_columns(reference_rows(machine, item.log))
-        simulated = simulate(robot, Reference(reference, item.file), seed=seed)
+        simulated = log_of(run(robot, Reference(reference, item.file), seed=seed))
         measured, nominal = (np.column_stack([log[c] for c in columns]) for log in (item.log, simulated))
         known = np.isfinite(measured) & np.isfinite(nominal)
         pairs.append(
