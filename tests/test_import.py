@@ -8,6 +8,8 @@ import pytest
 import yaml
 from bags import BAG, TIME, N, Q, sqlite_bag
 from command_line import run
+from mcap.writer import Writer
+from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
 from exodrake.core.errors import InputError
@@ -18,7 +20,8 @@ from exodrake.data.foreign.import_log import import_all, import_log, import_reco
 from exodrake.data.foreign.mapping import read_mapping
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.foreign.track import Track
-from exodrake.data.log_file import read_log
+from exodrake.data.log import Log
+from exodrake.data.log_file import read_log, write_log
 from exodrake.diagnosis.checks import check_case
 from exodrake.machines.robot_file import load_robot
 
@@ -26,6 +29,9 @@ MAP = {
     "time": {"column": "run.t", "unit": "s"},
     "columns": {"run.q[1]": {"name": "angle_elbow", "unit": "rad"}, "run.q[0]": {"name": "angle_wrist", "unit": "rad"}},
 }
+
+
+NAMES = ("angle_wrist", "angle_elbow")
 
 
 def imported(folder, content: bytes, name: str, mapping=MAP):
@@ -126,6 +132,52 @@ def test_joint_states_need_no_mapping(tmp_path):
     np.testing.assert_array_equal(hand["angle_MCP"], 2.0 * np.arange(100))
     listed = run("import", tmp_path / "hand.mcap")
     assert "/joint_states" in listed.output and "position[MCP]" in listed.output and "wrench.force.z" in listed.output
+
+
+def test_a_log_of_ours_in_mcap_is_listed_and_imported_by_its_headings(tmp_path):
+    log = Log(TIME, {"angle_wrist": Q[:, 0], "tension_AF": np.where(TIME < 0.1, np.nan, 3.0)})
+    write_log(log, tmp_path / "log.mcap")
+    listed = run("import", tmp_path / "log.mcap")
+    assert listed.exit_code == 0 and "angle_wrist [rad]" in listed.output and "tension_AF [N]" in listed.output
+    made = run("import", tmp_path / "log.mcap", "--out", tmp_path / "log.csv")
+    assert made.exit_code == 0 and read_log(tmp_path / "log.csv").equals(log)
+    columns = {"tension_AF [N]": {"name": "force_x", "unit": "N"}}
+    mapping = {"time": {"column": "time [s]"}, "columns": columns}
+    mapped = imported(tmp_path, (tmp_path / "log.mcap").read_bytes(), "log.mcap", mapping)
+    np.testing.assert_array_equal(mapped["force_x"], log["tension_AF"])
+
+
+def test_topics_of_another_program_that_cannot_be_decoded_are_listed_as_such(tmp_path):
+    stream = io.BytesIO()
+    writer = Writer(stream)
+    writer.start(library="another program")
+    schema = writer.register_schema(name="Pose", encoding="jsonschema", data=b"{}")
+    channel = writer.register_channel(topic="/pose", message_encoding="json", schema_id=schema)
+    for n in range(7):
+        writer.add_message(channel, log_time=n, publish_time=n, data=b'{"x": 1.0}')
+    writer.finish()
+    (tmp_path / "run.mcap").write_bytes(stream.getvalue())
+    words = run("import", tmp_path / "run.mcap").output.split()
+    assert words[words.index("/pose") :][:6] == ["/pose", "Pose", "7", "cannot", "be", "decoded:"]
+    assert run("import", tmp_path / "run.mcap", "--out", tmp_path / "run.csv").exit_code == 2
+
+
+def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):
+    stream = io.BytesIO()
+    writer = RosWriter(stream)
+    text = f"my_msgs/Motor[] motors\n{'=' * 80}\nMSG: my_msgs/Motor\nfloat64 turns\nstring label\n"
+    kind = writer.register_msgdef("my_msgs/msg/Motors", text)
+    for n, time in enumerate(TIME):
+        stamp = round(1e9 * time)
+        motors = [{"turns": Q[n, k], "label": "m"} for k in range(2)]
+        writer.write_message("/motors", kind, {"motors": motors}, log_time=stamp, publish_time=stamp)
+    writer.finish()
+    columns = {f"/motors:motors[{k}].turns": {"name": name, "unit": "rad"} for k, name in enumerate(NAMES)}
+    mapping = {"time": {"start": 0}, "columns": columns, "period": 0.02}
+    log = imported(tmp_path, stream.getvalue(), "run.mcap", mapping)
+    check(log)
+    listed = run("import", tmp_path / "run.mcap").output
+    assert "motors[0].turns" in listed and "motors[1].turns" in listed and "label" not in listed
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -159,7 +159,8 @@ def list_contents(recording: Path) -> None:
     if is_bag(recording):
         rows = []
         for topic, (kind, count, fields) in topics_of(recording).items():
-            rows.append((escape(topic), kind, str(count), escape(", ".join(fields))))
+            named = "cannot be decoded: no ROS 2 message with its definition" if fields is None else ", ".join(fields)
+            rows.append((escape(topic), kind, str(count), escape(named)))
         console.print(table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3))
         return
     if lerobot.is_dataset(recording):

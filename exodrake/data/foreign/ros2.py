@@ -22,24 +22,25 @@ from exodrake.data.foreign.definitions import DEFINITIONS
 from exodrake.data.foreign.lerobot import joint_name
 from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.foreign.track import Track
+from exodrake.data.formats.mcap import is_log
 
 MCAP, SQLITE = ".mcap", ".db3"
 STATE = "sensor_msgs/msg/JointState"
 COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
 KINDS = {"position": "angle", "velocity": "angle_speed", "effort": "effort"}
+Topic = tuple[str, int, list[str] | None]  # type, number of messages, fields; None: they cannot be decoded
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a sliding joint is another matter
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path is a bag: a file of its storage, or a folder that holds such."""
-    return Path(path).name.lower().endswith((MCAP, SQLITE)) or bool(bag_files(path))
+    """Whether a path is a bag: a file of its storage, or a folder that holds such; a log of ours in MCAP is none."""
+    return bool(bag_files(path))
 
 
 def bag_files(path: str | Path) -> list[Path]:
     """Files of a bag, in order."""
-    if not is_folder(path):
-        return [Path(path)] if Path(path).name.lower().endswith((MCAP, SQLITE)) else []
-    return sorted(item for item in Path(path).iterdir() if item.name.lower().endswith((MCAP, SQLITE)))
+    files = sorted(Path(path).iterdir()) if is_folder(path) else [Path(path)]
+    return [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
 
 
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
@@ -54,9 +55,12 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
     }
 
 
-def topics_of(path: str | Path) -> dict[str, tuple[str, int, list[str]]]:
-    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them."""
-    found: dict[str, tuple[str, int, list[str]]] = {}
+def topics_of(path: str | Path) -> dict[str, Topic]:
+    """Topic -> type, number of messages, and numeric fields of its first message, as columns name them.
+
+    The fields are None where the messages cannot be decoded.
+    """
+    found: dict[str, Topic] = {}
     for file in bag_files(path):
         for topic, (kind, count, fields) in called(list_topics, file).items():
             before = found.get(topic, (kind, 0, fields))
@@ -75,7 +79,7 @@ def default_mapping(path: str | Path) -> Mapped:
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
             continue
         commanded = any(word in topic.lower() for word in COMMANDS)
-        for field in fields:
+        for field in fields or ():
             what, _, joint = field.rstrip("]").partition("[")
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
             columns.setdefault(ours, Column(f"{topic}:{field}", ours, UNITS[what]))
@@ -121,12 +125,12 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
     return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
 
 
-def list_topics(data: bytes, source: str) -> dict[str, tuple[str, int, list[str]]]:
+def list_topics(data: bytes, source: str) -> dict[str, Topic]:
     """`topics_of` of one file, in this process."""
-    found: dict[str, tuple[str, int, list[str]]] = {}
+    found: dict[str, Topic] = {}
     for topic, kind, message, _ in messages(data, source, None):
         _, count, fields = found.get(topic, (kind, 0, None))
-        found[topic] = kind, count + 1, fields_of(message) if fields is None else fields
+        found[topic] = kind, count + 1, fields_of(message) if fields is None and message is not None else fields
     return found
 
 
@@ -140,15 +144,24 @@ def fields_of(message: Any, path: str = "") -> list[str]:
             found.append(here)
         elif hasattr(value, "__len__") and not isinstance(value, str | bytes):
             names = list(getattr(message, "name", [])) or list(getattr(message, "joint_names", []))
-            count = len(value) if all(isinstance(one, int | float) for one in value) else 0
-            found += [f"{here}[{names[k] if len(names) == count else k}]" for k in range(count)]
+            labels = [f"{here}[{names[k] if len(names) == len(value) else k}]" for k in range(len(value))]
+            for label, one in zip(labels, value, strict=True):
+                found += [label] if isinstance(one, int | float) else fields_of(one, label) if has_fields(one) else []
         elif not isinstance(value, str | bytes) and name != "header":
             found += fields_of(value, here)
     return found
 
 
+def has_fields(value: Any) -> bool:
+    """Whether a value is a message."""
+    return hasattr(value, "__slots__") or hasattr(value, "__dict__")
+
+
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """(topic, type, message, log time [ns]) of every message on some topics; on all that can be decoded for None."""
+    """(topic, type, message, log time [ns]) of every message on some topics; on all for None.
+
+    Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
+    """
     try:
         if source.lower().endswith(SQLITE):
             yield from sqlite_messages(data, source, topics)
@@ -171,10 +184,9 @@ def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator
     factory = DecoderFactory()
     for schema, channel, raw in make_reader(io.BytesIO(data)).iter_messages(topics=list(topics) if topics else None):
         decode = factory.decoder_for(channel.message_encoding, schema)
-        if decode is not None:
-            yield channel.topic, schema.name if schema else "", decode(raw.data), raw.log_time
-        elif topics:
+        if decode is None and topics:
             raise InputError(f"{source}: topic {channel.topic!r} is no ROS 2 message that can be decoded")
+        yield channel.topic, schema.name if schema else "", decode(raw.data) if decode else None, raw.log_time
 
 
 def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
@@ -194,8 +206,8 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
         elif topics is not None and topic in topics:
             raise InputError(f"{source}: topic {topic!r}: the bag holds no definition of {kind}; convert it to MCAP")
     for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
-        if number in decoders and isinstance(time, int):
-            yield *listed[number], decoders[number](raw), time
+        if number in listed and (topics is None or number in decoders) and isinstance(time, int):
+            yield *listed[number], decoders[number](raw) if number in decoders else None, time
 
 
 def _field(message: Any, path: str, where: str) -> float:

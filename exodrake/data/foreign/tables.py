@@ -1,4 +1,4 @@
-"""Columns of foreign tables by name: text, MAT, HDF5, JSON, NPY, NPZ, Parquet.
+"""Columns of foreign tables by name: text, MAT, HDF5, JSON, NPY, NPZ, Parquet, and MCAP that is a log of ours.
 
 A cell `[1, 2, 3]`, and a matrix, make columns `name[0]`, `name[1]` ...; a field of a struct or group is `outer.inner`.
 """
@@ -33,6 +33,10 @@ def tree_reader(name: str) -> Callable[[bytes, str], Any] | None:
         from exodrake.data.formats.parquet import read_columns as read_parquet
 
         return read_parquet
+    if name.endswith(".mcap"):
+        from exodrake.data.formats.mcap import read_columns as read_mcap
+
+        return read_mcap
     if name.endswith(JSON):
         from exodrake.data.foreign.json_file import read_records
 

@@ -6,13 +6,16 @@ MCAP's own are whole nanoseconds. A metadata record says which field is which co
 
 import io
 import json
+import struct
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
+from exodrake.core.files import first_bytes
 from exodrake.core.units import kind_of
 from exodrake.data.columns import log_from_columns
 from exodrake.data.headings import heading
@@ -20,13 +23,26 @@ from exodrake.data.log import Log
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"
+LIBRARY = "exodrake"  # in the header of the file
+PROFILE_AT = 17  # byte after magic (8), opcode (1) and length (8) of the header, where profile and library begin
 LATEST = 2.0**64  # ns, MCAP's stamps
 BARE = "value"  # field of a column that has no channel in its name
+
+
+def is_log(path: str | Path) -> bool:
+    """Whether an MCAP file is one that `write` made, by the library in its header."""
+    written = struct.pack("<II", 0, len(LIBRARY)) + LIBRARY.encode()  # lengths of profile and library, each a text
+    return first_bytes(path, PROFILE_AT + len(written))[PROFILE_AT:] == written
 
 
 def read(data: bytes, source: str) -> Log:
     """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
     return log_from_columns(in_child(parse, data, source, source=source, size=len(data)), source)
+
+
+def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
+    """Columns (n,) by heading, of a file that `write` made; InputError as `read`."""
+    return dict(in_child(parse, data, source, source=source, size=len(data)))
 
 
 def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
@@ -52,7 +68,7 @@ def write(log: Log) -> bytes:
     _, writer_class = _mcap(log.label)
     stream = io.BytesIO()
     writer = writer_class(stream)
-    writer.start(library="exodrake")
+    writer.start(library=LIBRARY)
     places = _places(log)
     channels = {topic: _channel(writer, topic, fields, log) for topic, fields in places.items()}
     start = min(0.0, float(log.time.min()))  # MCAP has no time before 0
