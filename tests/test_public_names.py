@@ -53,6 +53,48 @@ def test_results_with_arrays_are_among_those_tested():
     assert {"Robot", "Machine", "Log", "Case", "Diagnosis", "Reference", "Recording", "ClosedLoop"} <= set(RESULTS)
 
 
+KINDS = {"Robot", "Reference", "Log", "Case", "Machine", "Diagram", "Context", "Plan", "Requirements"}
+
+
+def doors():
+    """Public functions, each with its parameters that take one of the classes above."""
+    for name in exo.PUBLIC:
+        for parameter in inspect.signature(getattr(exo, name)).parameters.values() if name not in CLASSES else ():
+            kinds = str(getattr(parameter.annotation, "__name__", parameter.annotation)).split(" | ")
+            if KINDS & set(kinds):
+                yield name, parameter.name, kinds
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """An argument of each name that the public functions accept."""
+    robot, reference = exo.load_robot(), exo.sweeps()
+    diagram, log = exo.build_diagram(robot, reference), exo.Log(np.arange(9.0), {"angle_MCP": np.zeros(9)})
+    return {
+        "robot": robot, "reference": reference, "log": log, "first": log, "second": log, "machine": robot.machine,
+        "diagram": diagram, "context": diagram.CreateDefaultContext(), "path": "absent.csv", "folder": "absent",
+        "mode": "caging", "size": 0.05, "text": "caging", "name": "tendon.k.AF", "case": "absent",
+        "plan": exo.plan_grasp("caging", 0.06),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", [17, [1.0]], ids=["int", "list"])
+@pytest.mark.parametrize(("name", "parameter", "kinds"), list(doors()))
+def test_an_argument_of_a_wrong_type_is_named_with_what_is_wanted(whole, name, parameter, kinds, wrong):
+    function = getattr(exo, name)
+    needed = [p.name for p in inspect.signature(function).parameters.values() if p.default is p.empty]
+    given = {key: whole[key] for key in needed if key in whole} | {parameter: wrong}
+    wanted = " or ".join(kinds)
+    with pytest.raises(TypeError, match=rf"^{parameter}: wanted {wanted}, got {type(wrong).__name__} \("):
+        function(**given)
+
+
+def test_the_doors_tested_are_those_of_a_reader():
+    found = {(name, parameter) for name, parameter, _ in doors()}
+    assert {("simulate", "robot"), ("simulate", "reference"), ("diagnose", "case"), ("regularise", "log")} <= found
+    assert {("find_parameter", "diagram"), ("diagram_log", "context"), ("grasp", "robot")} <= found
+
+
 def test_a_type_checker_sees_every_public_name(tmp_path):
     uses = [f"exo.{name}" for name in exo.PUBLIC]
     (tmp_path / "uses.py").write_text("\n".join(["import exodrake as exo", *uses, "exo.nonsense"]) + "\n")

@@ -18,6 +18,7 @@ from exodrake.analysis.operating_point import OperatingPoint, linearised
 from exodrake.analysis.robustness import Band, Robustness, robustness
 from exodrake.analysis.stability_map import LatencySweep, StabilityMap, latency_sweep, stability_map
 from exodrake.analysis.step_response import StepResponse, step_response
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
@@ -94,7 +95,7 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     Raises:
         InputError: no closed loop, unknown channel, reference outside its limits, kp = 0, or no state of rest.
     """
-    loop, point, model = linearised(robot, at)
+    loop, point, model = linearised(argument("robot", robot, Robot), at)
     whole = opened(loop, model)
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)

@@ -20,6 +20,7 @@ from exodrake.analysis.candidate_controller import Performance, Plant, performan
 from exodrake.analysis.closed_loop import remarks
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.populations import within_tolerances
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
@@ -104,7 +105,8 @@ def tune(
     Raises:
         InputError: no closed loop, no state of rest, unknown structure.
     """
-    loop = FrameMap.of(robot).loop
+    loop = FrameMap.of(argument("robot", robot, Robot)).loop
+    requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
     for name in only:
         if name not in known:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, sha256_of, write_folder
 from exodrake.core.schema import refusal, shown
@@ -58,7 +59,7 @@ def read_case(
 
 def write_case(case: Case, folder: str | Path) -> None:
     """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all."""
-    for item in case.logs:
+    for item in argument("case", case, Case).logs:
         check_inside(folder, item.file, case.name)
     contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
     write_folder(folder, contents | {FILE: case_text(case).encode()})

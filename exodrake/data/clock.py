@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.data.log import Log
 
@@ -19,7 +20,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")
-    repeated = _repeated(log)
+    repeated = _repeated(argument("log", log, Log))
     _refuse_backward_steps(log, repeated)
     single = log.rows(~repeated) if repeated.any() else log
     _refuse_other_unit(single, period)

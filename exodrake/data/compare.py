@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.short_repr import short_repr
@@ -70,6 +71,7 @@ def compare(first: Log, second: Log) -> Comparison:
     Raises:
         InputError: if they have no column or no time in common.
     """
+    first, second = argument("first", first, Log), argument("second", second, Log)
     common = [name for name in first.columns if name in second.signals]
     start, end = max(first.time[0], second.time[0]), min(first.time[-1], second.time[-1])
     inside = (first.time >= start - ALIKE) & (first.time <= end + ALIKE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.data.columns import check_columns, check_writable
@@ -41,7 +42,7 @@ def read_table(path: str | Path) -> Log:
 
 def write_log(log: Log, path: str | Path) -> None:
     """Writes a log in SI, whole or not at all; `read_log` gives it back to the last bit. InputError as `log_bytes`."""
-    write_bytes(path, log_bytes(log, path))
+    write_bytes(path, log_bytes(argument("log", log, Log), path))
 
 
 def log_bytes(log: Log, path: str | Path) -> bytes:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS
@@ -39,7 +40,7 @@ from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.rivals import rivals_of
 from exodrake.diagnosis.since import since_of
 from exodrake.diagnosis.verdict import Decision, decide, probabilities
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import robot_or_default
 
 
 def diagnose(
@@ -62,7 +63,8 @@ def diagnose(
         InputError: for a case or a log that cannot be read, naming file, column and row.
     """
     started = time.perf_counter()
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
+    case = argument("case", case, Case, str, Path)
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     progress(Stage.CHECK, "")
     with one_blas_thread():

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from html import escape
 from itertools import permutations
 
+from exodrake.core.argument import argument
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part, Task
 
@@ -63,6 +64,7 @@ def wiring_svg(machine: Machine, shares: Mapping[str, float] | None = None, sche
             The prefix of effects (`tendon`, `timing`) counts for the parts that these sit on.
         schedule: whether the slots of a frame are drawn below.
     """
+    machine = argument("machine", machine, Machine)
     shares = None if shares is None else part_shares(machine, shares)
     order = [OUTSIDE, *stream_order(machine), LOG]
     hue = {name: HUES[i % len(HUES)] for i, name in enumerate(order[1:-1])} | {OUTSIDE: SOFT, LOG: SOFT}

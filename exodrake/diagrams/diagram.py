@@ -23,6 +23,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from exodrake.compiled.events import layout, memory_size, reads_of, start_reads, table_reads, width_of
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
 from exodrake.compiled.leaf_functions import held_signals
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part
@@ -63,11 +64,11 @@ def build_diagram(
     Raises:
         InputError: a system reads what nothing writes, writes what another writes, or does not write what its part did.
     """
-    machine = robot.machine
+    machine = argument("robot", robot, Robot).machine
     names = [n for n in machine.inputs if n not in written_by(systems)]
     drawn = tuple(name for name in names if machine.signal[name].distribution)
     rows: dict[str, np.ndarray] = {}
-    if reference is not None:
+    if (reference := argument("reference", reference, Reference, type(None))) is not None:
         found = input_rows(machine, reference.values, NoiseInputs.draw(1, None, machine))
         rows = {name: found[name] for name in names if name not in drawn}
     robot = replace(robot, values=prepared(robot, quantisation))
@@ -239,9 +240,9 @@ def set_parameters(robot: Robot, diagram: Diagram, context: Context) -> None:
     Raises:
         InputError: the robot lacks a parameter.
     """
-    diagram.SetDefaultContext(context)
+    robot = replace(argument("robot", robot, Robot), values=prepared(robot, host_of(diagram).quantisation))
+    diagram.SetDefaultContext(argument("context", context, Context))
     context.SetTime(0.0)
-    robot = replace(robot, values=prepared(robot, host_of(diagram).quantisation))
     for leaf in diagram.GetSystems():
         if isinstance(leaf, Leaf):
             own = leaf.GetMyMutableContextFromRoot(context)

@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiscreteValues
 from pydrake.systems.primitives import RandomSource
 
+from exodrake.core.argument import argument
 from exodrake.diagrams.binding import note_own, weak_method
 from exodrake.diagrams.exogenous import Exogenous
 from exodrake.diagrams.leaf_spec import InputSpec
@@ -99,7 +100,7 @@ class Host(Logging, RandomSource):
 
 def host_of(diagram: Diagram) -> Host:
     """The host of a Diagram of `build_diagram`."""
-    host = diagram.GetSubsystemByName(HOST)
+    host = argument("diagram", diagram, Diagram).GetSubsystemByName(HOST)
     assert isinstance(host, Host)
     return host
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, LeafSystem
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.parameter import channels_of
 
@@ -64,7 +65,8 @@ def named_parameter(leaf: LeafSystem, name: str, names: tuple[str, ...]) -> Name
 def find_parameter(diagram: Diagram, name: str) -> NamedParameter:
     """A parameter of a Diagram's parts by its full name, whichever leaf holds it. InputError if none does."""
     known: list[str] = []
-    for leaf in (system for system in diagram.GetSystems() if isinstance(system, LeafSystem)):
+    systems = argument("diagram", diagram, Diagram).GetSystems()
+    for leaf in (system for system in systems if isinstance(system, LeafSystem)):
         names = getattr(getattr(leaf, "spec", None), "parameter_names", ())
         if channels_of(name, names):
             return named_parameter(leaf, name, names)

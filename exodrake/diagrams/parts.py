@@ -15,7 +15,7 @@ from exodrake.core.robot import Robot
 from exodrake.diagrams.leaf import Leaf
 from exodrake.diagrams.leaf_spec import InputSpec
 from exodrake.diagrams.part_spec import part_spec
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import robot_or_default
 
 
 class Part(Leaf):
@@ -29,7 +29,7 @@ class Part(Leaf):
     def __init__(
         self, robot: Robot | None = None, substeps: int = 1, inputs: Mapping[str, InputSpec] | None = None
     ) -> None:
-        robot = robot or load_robot()
+        robot = robot_or_default(robot)
         parts = {part.name: part for part in robot.machine.parts}
         if self.part not in parts:
             raise InputError(f"{robot.machine.name} has no part {self.part!r}{nearest(self.part, list(parts))}")

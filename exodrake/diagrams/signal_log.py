@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, Diagram, LeafSystem
 
+from exodrake.core.argument import argument
 from exodrake.core.machine import Machine
 from exodrake.diagrams.binding import declare_inputs, declare_per_context, weak_method
 from exodrake.diagrams.leaf_spec import InputSpec
@@ -115,9 +116,9 @@ def logged_signals(diagram: Diagram, context: Context, log: str = LOG) -> dict[s
         context: root Context that has run.
         log: `LOG`, one row for each frame that has ended, or `FINE_LOG`, one for each slot.
     """
-    system = diagram.GetSubsystemByName(log)
+    system = argument("diagram", diagram, Diagram).GetSubsystemByName(log)
     assert isinstance(system, Logging)
-    return system.table(system.GetMyContextFromRoot(context))
+    return system.table(system.GetMyContextFromRoot(argument("context", context, Context)))
 
 
 def logged(machine: Machine, diagram: Diagram, context: Context, log: str = LOG) -> np.ndarray:

@@ -18,7 +18,7 @@ from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
 from exodrake.grasping.inverse_kinematics import Candidates, bounds, candidates, joints
 from exodrake.grasping.inverse_statics import holdable, project, ramped, reachable
 from exodrake.grasping.trial import confirmed
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation.protocols import grasp
 from exodrake.systems.finger_statics import parameters_of
 from exodrake.systems.tendon_finger import Parameters
@@ -62,7 +62,7 @@ class Plan:
 
     def reference(self, robot: Robot | None = None, **durations: float) -> Reference:
         """Tension references for the Diagram: rest, approach, hold, release; durations as in `exo.grasp` [s]."""
-        return grasp(self.mode, robot or load_robot(), dict(zip(self.tendons, self.tensions)), **durations)
+        return grasp(self.mode, robot_or_default(robot), dict(zip(self.tendons, self.tensions)), **durations)
 
 
 def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | None = None) -> Plan:
@@ -77,7 +77,7 @@ def plan_grasp(mode: str, size: float, robot: Robot | None = None, hand: Hand | 
     Raises:
         InputError: an unknown mode, a size that is not a length, or beyond the span of finger and thumb.
     """
-    robot, hand = robot or load_robot(), hand or Hand()
+    robot, hand = robot_or_default(robot), hand or Hand()
     way, n, (low, high) = mode_of(mode), parameters_of(robot), robot.reference_limits()
     size = check_size(size, hand, n)
     found = candidates(way, size, hand, n)

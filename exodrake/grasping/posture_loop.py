@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.robot import Robot
 from exodrake.grasping.inverse_statics import stiffness
 from exodrake.grasping.plan import Plan
@@ -40,7 +41,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
     """
     from exodrake.diagrams.posture_controller import PostureController, PosturePlan
 
-    reference = plan.reference(robot, **durations)
+    reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]
     low, high = robot.reference_limits()
     gain = damped_inverse(compliance(plan, robot))

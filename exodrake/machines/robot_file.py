@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.machine import Machine
@@ -113,6 +114,11 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
     return build(parse_yaml(data, source), source, above or (str(path),))
+
+
+def robot_or_default(robot: Robot | None) -> Robot:
+    """The robot, or the built-in one for None. TypeError for anything else."""
+    return argument("robot", robot, Robot, type(None)) or load_robot()
 
 
 def build(content: Any, source: str, above: tuple[str, ...] = ()) -> Robot:

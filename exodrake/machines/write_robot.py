@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from exodrake.core.argument import argument
 from exodrake.core.files import write_text
 from exodrake.core.robot import Robot
 from exodrake.core.yaml_file import dump_yaml
@@ -12,7 +13,7 @@ from exodrake.machines.robot_file import load_robot, reference_unit
 
 def write_robot(robot: Robot, path: str | Path, notes: str = "") -> None:
     """Writes `robot_text`. InputError if it cannot be written; the file is whole or not there."""
-    write_text(path, robot_text(robot, notes))
+    write_text(path, robot_text(argument("robot", robot, Robot), notes))
 
 
 def robot_text(robot: Robot, notes: str = "") -> str:

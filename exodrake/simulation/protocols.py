@@ -16,7 +16,7 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation.tensions import above_minimum, check_range, clock, generator, smooth
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
@@ -57,7 +57,7 @@ def grasp(
         hold: duration [s].
         release: duration [s].
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     peak, lowest = targets_of(mode, robot, targets), robot.reference_limits()[0]
     time = clock(robot, rest=rest, approach=approach, hold=hold, release=release, rest_after=rest)
     frame = robot.machine.frame
@@ -96,7 +96,7 @@ def sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Reference:
 
     period: of one sweep up and down [s]; 48 of them take 240 s.
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     wires = len(robot.reference_limits()[1])
     if wires > MOST_CROSSED:
         count = wires * len(LEVELS) ** (wires - 1)
@@ -114,7 +114,7 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
 
     The first wire sweeps against the second, all later ones against the first. period: of one sweep [s].
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     wires = len(robot.reference_limits()[1])
     chosen = []
     for wire, level in product(range(wires), LEVELS):
@@ -138,7 +138,7 @@ def chirp(
 
     Args: low, high: frequencies [Hz], exponential in time; span: duration per wire [s]; base, top: shares of F_max.
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     nyquist = 0.5 / robot.machine.frame
     check_range("low", low, 1e-3, nyquist, "Hz")
     check_range("high", high, low * (1.0 + 1e-6), nyquist, "Hz")
@@ -154,7 +154,7 @@ def chirp(
 
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
     """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     check_range("count", count, 1, 1000, "holds")
     highest = robot.reference_limits()[1]
     levels = generator(seed).uniform(0.1, 0.9, (int(count), len(highest))) * highest
@@ -163,7 +163,7 @@ def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: f
 
 def steps(robot: Robot | None = None, *, base: float = 0.2, top: float = 0.5, dwell: float = 2.0) -> Reference:
     """Each wire in turn steps from `base` to `top` (shares of F_max) and back, `dwell` [s] on each level."""
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     check_range("base", base, 0.0, 1.0, "of F_max")
     check_range("top", top, 0.0, 1.0, "of F_max")
     highest, count = robot.reference_limits()[1], len(clock(robot, dwell=dwell))
@@ -186,7 +186,7 @@ def multisine(
     Args: high: highest frequency [Hz]; period [s] of the lowest harmonic; repeats of it; base: mean [F_max], about
     which 0.2 F_max are swung.
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     time, highest, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
     check_range("high", high, len(highest) / period, 0.5 / robot.machine.frame, "Hz")
     check_range("base", base, 0.0, 0.8, "of F_max")
@@ -207,7 +207,7 @@ def random_motion(
 
     Args: duration [s]; fastest: highest frequency in it [Hz].
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     check_range("fastest", fastest, 0.01, 5.0, "Hz")
     time, rng = clock(robot, duration=duration), generator(seed)
     lowest, highest = robot.reference_limits()

@@ -17,7 +17,7 @@ from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
-from exodrake.machines.robot_file import load_robot
+from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation import protocols
 
 SMOOTH = 0.08  # s, standard deviation of the filter of a motion whose rates are inputs, too: assumed
@@ -63,7 +63,7 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
 
     InputError with the nearest names for an unknown name or option.
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     name, given = split_options(text)
     if name not in PROTOCOLS and name not in robot.grasps:
         there = [*robot.grasps, *PROTOCOLS]
@@ -131,7 +131,7 @@ def from_log(path: str | Path, robot: Robot | None = None) -> Reference:
         InputError: for an unknown channel, a missing sample, a tension below 0, fewer than two rows, and another
             clock than the machine's.
     """
-    robot = robot or load_robot()
+    robot = robot_or_default(robot)
     machine = robot.machine
     log = read_log(path)
     for column in machine.references:

@@ -9,6 +9,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared, reference_width
 from exodrake.compiled.run import run_compiled
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
@@ -60,6 +61,7 @@ def record(
     Raises:
         InputError: the reference has another width than the machine, a parameter divides by zero, or the run diverges.
     """
+    robot, reference = argument("robot", robot, Robot), argument("reference", reference, Reference, str)
     recording = run(robot, reference, seed, quantisation, engine, substeps)
     refuse_divergence(recording)
     return recording
