@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from exodrake.core.machine import Machine
+from exodrake.core.once import once
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import without_effect
 from exodrake.diagnosis.refine import Explanation
@@ -93,14 +93,10 @@ def contributions(
     return {i: simulate(without_effect(machine, e.robot, machine.effect(i))) - whole for i in e.effects}
 
 
-CONTRIBUTIONS: WeakKeyDictionary[Explanation, dict[str, np.ndarray]] = WeakKeyDictionary()
-
-
 def residual_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, np.ndarray]:
     """Contribution (channels, samples) of each effect of an explanation to its residual, simulated once."""
-    if e not in CONTRIBUTIONS:
-        CONTRIBUTIONS[e] = contributions(likelihood.robot.machine, e, likelihood.residual, e.residual)
-    return CONTRIBUTIONS[e]
+    machine = likelihood.robot.machine
+    return once(e, "contributions", lambda: contributions(machine, e, likelihood.residual, e.residual))
 
 
 def tolerance_use(e: Explanation) -> float:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from weakref import WeakKeyDictionary
-
 import numpy as np
 
+from exodrake.core.once import once
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, Probe
 from exodrake.diagnosis.refine import Explanation, whole_jacobian
@@ -19,17 +18,14 @@ def normal_matrix(columns: np.ndarray, precision: np.ndarray) -> np.ndarray:
     return normal + RIDGE * np.diag(np.diag(normal))
 
 
-PRODUCTS: WeakKeyDictionary[Linearisation, list[np.ndarray]] = WeakKeyDictionary()
-
-
 def direction_products(likelihood: Likelihood, lin: Linearisation) -> np.ndarray:
     """Products (directions, directions) of weighted directions; those of a view as a whole are made once."""
     if likelihood.counted is not None:
         weighted = lin.directions * likelihood.weights
         return (weighted @ weighted.T).astype(float)
-    if lin not in PRODUCTS:
-        PRODUCTS[lin] = [(part @ part.T).astype(float) for part in likelihood.split(lin.directions)]
-    return np.sum([p / view.scale**2 for p, view in zip(PRODUCTS[lin], likelihood.views, strict=True)], axis=0)
+    parts = likelihood.split(lin.directions)
+    products = once(lin, "products", lambda: [(part @ part.T).astype(float) for part in parts])
+    return np.sum([p / view.scale**2 for p, view in zip(products, likelihood.views, strict=True)], axis=0)
 
 
 class Projection:
