@@ -111,7 +111,7 @@ def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple
     tested = [t for size in found.tested for t in size]
     true = next((t.explanation for t in tested if sorted(t.explanation.effects) == sorted(truth)), None)
     others = [t.explanation for t in tested if len(t.explanation.effects) == len(truth) and t.explanation is not true]
-    taken = {e.name: taken_up(found.likelihood, e, true)[1] for e in others} if true else {}
+    taken = {e.name: taken_up(found.likelihood, e, true).share for e in others} if true else {}
     levels = {t.explanation.name: {**asdict(t.levels), "chi2": t.chi2.tolist(), "cost": t.cost} for t in tested}
     kept = [t.explanation.name for t in decision.left]
     answer = {"verdict": decision.verdict, "class": kept, "taken": taken, "levels": levels}

@@ -128,7 +128,7 @@ def test_rival_takes_up_its_share_of_the_excess_over_noise():
     likelihood = likelihood_of(lambda row: np.full(FRAMES, np.sqrt(row[0])))
     a, b = (explanation(likelihood, nominal(1, 1.0), np.array([x]), np.zeros((1, FRAMES))) for x in (5.0, 2.0))
     samples = FRAMES * FRAME / CORRELATION / 5.0  # in units of what A leaves
-    less, share = taken_up(likelihood, a, b)
-    assert less == pytest.approx(3.0 * samples)
-    assert share == pytest.approx((3.0 * samples + 21.0) / (4.0 * samples + 25.0))
-    assert taken_up(likelihood, b, a)[1] < 0.0
+    found = taken_up(likelihood, a, b)
+    assert found.power == pytest.approx(3.0 * samples)
+    assert found.share == pytest.approx((3.0 * samples + 21.0) / (4.0 * samples + 25.0))
+    assert taken_up(likelihood, b, a).share < 0.0

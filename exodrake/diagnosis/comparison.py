@@ -26,6 +26,19 @@ class Compared:
     share: float
 
 
+@dataclass(frozen=True)
+class Reduction:
+    """Reduction of the cost when a rival replaces an explanation.
+
+    Attributes:
+        power: weighted sum of squares by which the residual falls [-].
+        share: of the excess over noise, the use of the priors included [-]; 0 where there is no excess.
+    """
+
+    power: float
+    share: float
+
+
 def power(rows: np.ndarray) -> np.ndarray:
     """Sum of squares of rows (..., samples)."""
     return np.einsum("...i,...i->...", rows, rows, dtype=float)
@@ -33,22 +46,15 @@ def power(rows: np.ndarray) -> np.ndarray:
 
 def taken_up(
     likelihood: Likelihood, e: Explanation, rival: Explanation, levels: np.ndarray | float = 1.0
-) -> tuple[float, float]:
-    """Reduction of the cost when a rival replaces an explanation.
+) -> Reduction:
+    """The cost that a rival takes up of what an explanation leaves; negative where it leaves more.
 
-    Args:
-        likelihood: views of the case.
-        e: explanation.
-        rival: in its place.
-        levels: reduced chi-squares (views,) of noise alone.
-
-    Returns:
-        Weighted sum of squares of the residual, and the share of the excess over noise, the use of the priors included.
+    levels: reduced chi-squares (views,) of noise alone.
     """
     likelihood = likelihood.scaled_to(e.residual)
     less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e, levels)
     residual = power(e.residual * likelihood.weights) - power(rival.residual * likelihood.weights)
-    return float(residual), less / whole if whole > 0.0 else 0.0
+    return Reduction(float(residual), less / whole if whole > 0.0 else 0.0)
 
 
 def excess(likelihood: Likelihood, e: Explanation, levels: np.ndarray | float = 1.0) -> float:

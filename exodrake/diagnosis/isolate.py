@@ -85,7 +85,7 @@ class Isolator:
         found = found.with_round(tested(likelihood, tests, singles))
         if not found.left and found.retuned.levels.moved > found.retuned.levels.most_moved:
             found = self.restarted(found, zero)
-        if not found.left and taken_up(likelihood, retuned, found.best.explanation)[1] < PROMISING:
+        if not found.left and taken_up(likelihood, retuned, found.best.explanation).share < PROMISING:
             return found
         return self.enlarged(found, max_effects)
 
@@ -142,7 +142,7 @@ class Isolator:
         likelihood = likelihood.for_stage("refine again")
         tests = found.tests.beside(likelihood, lin)
         more = self.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
-        if more and taken_up(likelihood, best, more[0])[1] >= PROMISING:
+        if more and taken_up(likelihood, best, more[0]).share >= PROMISING:
             more = self.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
@@ -206,7 +206,7 @@ class Isolator:
         """
         if promised:
             return self.refreshed(closer, self.refreshed(closer, e))
-        if taken_up(likelihood, known, e)[1] <= PROMISING:
+        if taken_up(likelihood, known, e).share <= PROMISING:
             return e
         converged = likelihood.mean_log(e.residual) <= CONVERGED
         return e if converged and not astray(closer, e) else self.refreshed(closer, e)

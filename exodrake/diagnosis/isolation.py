@@ -75,7 +75,7 @@ class Isolation:
         kept = [t for t in tested if t.levels.kept]
         if parent is not None and not parent.levels.consistent:
             least = self.tests.calibration.taken
-            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation)[1] > least]
+            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation).share > least]
         left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
         return replace(self, tested=(*self.tested, tuple(tested)), left=left)
 

@@ -186,11 +186,11 @@ class Tests:
         levels = self.draws.levels(likelihood, e)
         share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
-            taken, total = taken_up(likelihood, e, rival, levels)
-            share = max(share, total)
-            if exceeding(null, taken) >= ALPHA:
+            taken = taken_up(likelihood, e, rival, levels)
+            share = max(share, taken.share)
+            if exceeding(null, taken.power) >= ALPHA:
                 no_better.append(rival.name)
-            elif total > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
+            elif taken.share > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         complete = 0.0 if rejected else exceeding(null, float(gain[0]))
         promise = float(gain[0]) / max(excess(likelihood, e, levels), 1e-9)

@@ -66,7 +66,7 @@ def discover(
         return MissingLaw(False, "the logs are as likely without any law as with one", p_noise=p)
     likelihood, fits = fit_best(likelihood, base, model, screen, where, progress)
     retuned = moved.explanation(found.retuned.explanation)
-    shares = [taken_up(likelihood, retuned, replace(retuned, x=fit.x, residual=fit.residual))[1] for fit in fits]
+    shares = [taken_up(likelihood, retuned, replace(retuned, x=fit.x, residual=fit.residual)).share for fit in fits]
     order = ranked(fits, shares, where)
     fits, shares = [fits[k] for k in order], [shares[k] for k in order]
     best = fits[0].candidate
