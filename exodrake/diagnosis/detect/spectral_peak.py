@@ -11,6 +11,7 @@ The phase phi is a random walk, so the line is Lorentzian. Power beyond the band
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -141,11 +142,9 @@ def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
 
     Logs shorter than a window have no fine spectrum: they are left out where others are longer.
     """
-    window = round(WINDOW / problem.robot.machine.frame)
-    logs = [log for log in logs if len(log) >= window] or logs
-    size = min(window, *(len(log) for log in logs))
-    spectra = [spectrum(problem, log, size) for log in logs]
-    frequency, sums = spectra[0][0], np.array([density.sum(axis=1) for _, density in spectra])
+    logs = [log for log in logs if len(log) >= window(problem)] or logs
+    frequency, densities = spectra(problem, logs)
+    sums = np.array([density.sum(axis=1) for density in densities])
     sought = frequency[(frequency >= LOWEST) & (frequency <= min(HIGHEST, frequency[-1] - ASIDE))]
     if not len(sought):
         return Peak(LOWEST, np.zeros(sums.shape[1]), 0.0, 0.0)
@@ -153,7 +152,7 @@ def find(problem: Problem, logs: list[np.ndarray]) -> Peak:
     near = np.abs(frequency - sought[int(np.argmax(prominences))]) <= HALF
     peak = float(frequency[near][np.argmax(sums.sum(axis=0)[near])])
     weights = np.array([len(log) for log in logs], float) / sum(len(log) for log in logs)
-    powers = np.array([in_band(frequency, density, peak) for _, density in spectra])
+    powers = np.array([in_band(frequency, density, peak) for density in densities])
     each = powers.sum(axis=1)
     steady = float(each.min() / max(each.mean(), 1e-12))
     return Peak(peak, weights @ powers, float(np.max(prominences)), steady)
@@ -171,11 +170,22 @@ def around(frequency: np.ndarray, centre: float) -> tuple[np.ndarray, np.ndarray
     return away <= HALF, (away > HALF) & (away < ASIDE)
 
 
-def spectrum(problem: Problem, log: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (f,) [Hz] and power densities (f, columns) [noise variance/Hz], from windows of `size` frames."""
+def window(problem: Problem) -> int:
+    """Frames of a window of a spectrum."""
+    return round(WINDOW / problem.robot.machine.frame)
+
+
+def spectra(problem: Problem, logs: Sequence[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Spectra of logs (n, columns) by windows of one length, that of the shortest log at most.
+
+    Returns:
+        Frequencies (f,) [Hz] and the power density (f, columns) [noise variance/Hz] of each log.
+    """
     from scipy.signal import welch
 
-    return welch(log, 1.0 / problem.robot.machine.frame, nperseg=size, axis=0)
+    size = min(window(problem), *(len(log) for log in logs))
+    found = [welch(log, 1.0 / problem.robot.machine.frame, nperseg=size, axis=0) for log in logs]
+    return found[0][0], [density for _, density in found]
 
 
 def in_band(frequency: np.ndarray, density: np.ndarray, peak: float) -> np.ndarray:
@@ -195,8 +205,8 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     alone = [np.where(np.isin(np.arange(len(x)), [k for k in joints if k != i]), 0.0, x) for i in joints]
     rows = np.array([values, *(apply(values, parameters, row) for row in alone)])
     logs = problem.predict(rows, problem.fit[0]) / problem.noise_std
-    size = min(len(logs[0]), round(WINDOW / problem.robot.machine.frame))
-    unit = [in_band(*spectrum(problem, log - logs[0], size), peak.frequency) for log in logs[1:]]
+    frequencies, densities = spectra(problem, [log - logs[0] for log in logs[1:]])
+    unit = [in_band(frequencies, density, peak.frequency) for density in densities]
     scale = np.sqrt(peak.power + 1e-3)  # a power is known the better the smaller it is
     shares, _ = nnls(np.array(unit).T / scale[:, None], peak.power / scale)
     x[joints] *= np.sqrt(shares)
