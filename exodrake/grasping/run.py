@@ -60,7 +60,7 @@ def run_plan(
     from exodrake.diagrams.diagram import Simulator, build_diagram
     from exodrake.diagrams.gp_estimator import GPEstimator
     from exodrake.diagrams.signal_log import logged_signals
-    from exodrake.simulation.diagram_log import diagram_log
+    from exodrake.simulation.diagram_log import log_of_run
 
     axes, reference = robot.machine.axes, plan.reference(robot, **durations)
     if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
@@ -69,7 +69,8 @@ def run_plan(
     diagram = build_diagram(robot, reference, seed, systems=systems)
     simulator = Simulator(diagram)
     simulator.AdvanceTo(robot.machine.frame * len(reference.values))
-    log, signals = diagram_log(diagram, context := simulator.get_context()), logged_signals(diagram, context)
+    signals = logged_signals(diagram, simulator.get_context())
+    log = log_of_run(diagram, simulator.get_context(), signals)
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
         log = log.with_array(kind, axes.joints, signals[kind])
     return log

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -32,8 +33,13 @@ def diagram_log(diagram: Diagram, context: Context) -> Log:
     Returns:
         The columns of the machine.
     """
+    return log_of_run(diagram, context, logged_signals(diagram, context))
+
+
+def log_of_run(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray]) -> Log:
+    """The log of a Diagram's run whose signals (rows, channels) [SI] are known; arguments as in `diagram_log`."""
     host = host_of(diagram)
-    machine, signals = host.exogenous.machine, logged_signals(diagram, context)
+    machine, signals = host.exogenous.machine, dict(signals)
     delay_samples(machine, signals, partial(value_of, diagram, context))
     time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)
     return log_of_signals(machine, time, signals, host.source)
