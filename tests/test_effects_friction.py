@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from exodrake.effects.friction import lugre, sensor_pulley_capstan, tendon_lugre, tendon_sheath_friction
+from exodrake.effects.friction import lugre, sensor_pulley_capstan, stribeck, tendon_lugre, tendon_sheath_friction
 
 K, MU = 2700.0, 0.6  # N/m, -
 
@@ -92,7 +92,7 @@ def lugre_run(speeds, dt: float) -> np.ndarray:
     """Friction [N] at the end of each step of a course of speeds [m/s]."""
     z, forces = 0.0, []
     for v in speeds:
-        after = lugre.deflected(z, v * dt, lugre.level(v, **LUGRE), SIGMA_0)
+        after = lugre.deflected(z, v * dt, stribeck.level(v, **LUGRE), SIGMA_0)
         forces.append(lugre.force(z, after, v * dt, v, SIGMA_0, SIGMA_1))
         z = after
     return np.array(forces)
@@ -105,7 +105,7 @@ def test_lugre_agrees_with_an_integrator() -> None:
         return 0.02 * np.sin(2 * pi * 2.0 * t)
 
     def rate(t, z):
-        return speed(t) - SIGMA_0 * abs(speed(t)) * z / lugre.level(speed(t), **LUGRE)
+        return speed(t) - SIGMA_0 * abs(speed(t)) * z / stribeck.level(speed(t), **LUGRE)
 
     dt = 1e-4
     t = dt * np.arange(1, 10001)
@@ -117,7 +117,7 @@ def test_lugre_agrees_with_an_integrator() -> None:
 
 def test_lugre_slides_at_its_level_and_starts_as_a_spring_with_a_damper() -> None:
     for v in (1e-3, 0.005, 0.1, -0.1):
-        assert lugre_run([v] * 5000, 0.002)[-1] == pytest.approx(np.sign(v) * lugre.level(v, **LUGRE), rel=1e-6)
+        assert lugre_run([v] * 5000, 0.002)[-1] == pytest.approx(np.sign(v) * stribeck.level(v, **LUGRE), rel=1e-6)
     v, dt = 1e-3, 1e-7
     assert lugre_run([v], dt)[0] == pytest.approx(SIGMA_1 * v + SIGMA_0 * v * dt, rel=1e-3)
     assert tendon_lugre.transmit(5.0, 0.0, 1.0, 500.0, 0.4, 1.5, 0.005, SIGMA_0, SIGMA_1, 4e-4) == pytest.approx(4.6)

@@ -32,11 +32,11 @@ from exodrake.effects.friction import (
     motor_friction,
     motor_gear_efficiency,
     sensor_pulley_friction,
+    stribeck,
     tendon_capstan_friction,
     tendon_coulomb_friction,
     tendon_prandtl_ishlinskii,
     tendon_presliding,
-    tendon_stribeck_friction,
     tendon_viscous_friction,
 )
 from exodrake.effects.signal import (
@@ -140,7 +140,7 @@ def test_friction_fades_on_a_slack_wire() -> None:
 
 
 def test_stribeck_levels() -> None:
-    level = tendon_stribeck_friction.level
+    level = stribeck.level
     assert level(0.0, 0.3, 2.0, 0.005) == pytest.approx(0.6)
     assert level(1.0, 0.3, 2.0, 0.005) == pytest.approx(0.3)
     assert level(-0.005, 0.3, 2.0, 0.005) == pytest.approx(0.3 * (1.0 + exp(-1.0)))

@@ -24,7 +24,7 @@ from exodrake.effects.friction import (
     sliding_presliding_friction,
     sliding_viscous_friction,
 )
-from exodrake.effects.friction.lugre import level
+from exodrake.effects.friction.stribeck import level
 from exodrake.effects.signal import (
     joint_coupling,
     joint_gain,

@@ -10,6 +10,8 @@ them. `w` is the memory, WIDTH values a link: rotation, origin, S, inertia (mass
 
 from math import cos, sin
 
+from exodrake.systems.triples import cross, dot, plus, scaled
+
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46
 EYE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 ZERO = (0.0, 0.0, 0.0)
@@ -29,26 +31,6 @@ def put(w, i, values):
     """Writes a tuple from i on."""
     for k in range(len(values)):
         w[i + k] = values[k]
-
-
-def plus(a, b):
-    """Sum a + b."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def scaled(s, a):
-    """Product s a."""
-    return s * a[0], s * a[1], s * a[2]
-
-
-def dot(a, b):
-    """Scalar product a . b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def cross(a, b):
-    """Vector product a x b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def turned(r, a):

@@ -1,9 +1,24 @@
 """Vectors and matrices of three: tuples of floats, which numba keeps in registers."""
 
 
-def dot(u, v):
-    """Scalar product of two triples."""
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+def plus(a, b):
+    """Sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def scaled(s, a):
+    """Product s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+def dot(a, b):
+    """Scalar product a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a, b):
+    """Vector product a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def column(rows, i):

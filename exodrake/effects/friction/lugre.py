@@ -1,17 +1,12 @@
 """The LuGre law (Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE T-AC 40(3), 1995), a step at a time.
 
-    z' = v - sigma_0 |v| z / g(v)          g(v) = F_c + (F_s - F_c) exp(-(v / v_s)^2)
+    z' = v - sigma_0 |v| z / g(v)          g(v) of `friction.stribeck`
     F = sigma_0 z + sigma_1 z' + sigma_2 v
 
 The bristle is exact for a speed held over the step; z' is its mean over the step.
 """
 
 from math import exp
-
-
-def level(speed, coulomb, ratio, stribeck_speed):
-    """g(v): friction in steady sliding at this speed [N]; ratio: F_s / F_c."""
-    return coulomb * (1.0 + (ratio - 1.0) * exp(-(speed / stribeck_speed) * (speed / stribeck_speed)))
 
 
 def deflected(z, travel, steady, stiffness):

@@ -7,7 +7,8 @@ The part sigma_2 v is `sliding.viscous_friction`.
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
-from exodrake.effects.friction.lugre import deflected, level
+from exodrake.effects.friction.lugre import deflected
+from exodrake.effects.friction.stribeck import level
 
 
 def pushed(drive_force, speed, force, ratio, stribeck_speed, presliding, damping, z):

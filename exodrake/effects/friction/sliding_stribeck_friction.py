@@ -4,7 +4,7 @@ level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))          v after the tick =
 """
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.effects.friction.lugre import level
+from exodrake.effects.friction.stribeck import level
 from exodrake.systems.dry_friction import slowed
 
 

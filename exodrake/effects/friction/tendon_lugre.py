@@ -9,7 +9,8 @@ from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.friction.grip import gripped
-from exodrake.effects.friction.lugre import deflected, force, level
+from exodrake.effects.friction.lugre import deflected, force
+from exodrake.effects.friction.stribeck import level
 
 
 def transmit(tension, slide, travel, speed, coulomb, ratio, stribeck_speed, stiffness, damping, z):

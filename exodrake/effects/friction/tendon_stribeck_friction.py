@@ -6,20 +6,14 @@ The level follows the speed with a short frictional memory (frictional lag: Arms
 30(7), 1994): a level that fell at once with speed would be a negative damper that no fixed step survives.
 """
 
-from math import exp
-
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.friction.grip import gripped
+from exodrake.effects.friction.stribeck import level
 from exodrake.effects.relaxation import relaxed
 
 MEMORY = 4e-3  # time constant of the frictional memory [s]; assumed
-
-
-def level(speed, force, ratio, stribeck_speed):
-    """Friction force while sliding at this speed [N]."""
-    return force * (1.0 + (ratio - 1.0) * exp(-(speed / stribeck_speed) * (speed / stribeck_speed)))
 
 
 def transmit(tension, slide, travel, speed, force, ratio, stribeck_speed, remembered):
