@@ -4,11 +4,10 @@ The generic effects of a signal (`signal.*`: gain, delay, backlash, packet loss,
 of its own for each signal that it measures: `sensor("reading", "angle", unit="rad", ...)`.
 """
 
-import sys
-from importlib.util import module_from_spec, spec_from_file_location
 from types import ModuleType
 from typing import Annotated, NamedTuple
 
+from exodrake.core.module_file import module_of_file
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS
 from exodrake.systems.rounding import rounded
@@ -58,13 +57,7 @@ def start(x, z, n, e, start_stroke):
 
 def own_module(name: str) -> ModuleType:
     """This module once more under a name of its own, since the points of two parts cannot share one."""
-    full = f"{__name__}_{name}"
-    if full not in sys.modules:
-        spec = spec_from_file_location(full, __file__)
-        assert spec is not None and spec.loader is not None
-        sys.modules[full] = module = module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return sys.modules[full]
+    return module_of_file(f"{__name__}_{name}", __file__)
 
 
 def sensor(

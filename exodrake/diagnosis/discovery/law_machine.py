@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import sys
 from dataclasses import replace
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -14,6 +11,7 @@ import numpy as np
 from exodrake.compiled.cache import cache_folder, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
+from exodrake.core.module_file import module_of_file
 from exodrake.core.once import once
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.discovery.effect_text import (
@@ -47,13 +45,8 @@ def module_text(machine: Machine) -> str:
 def module_of(text: str, name: str) -> ModuleType:
     """Source as a module of equations, kept in a file of the cache for the code generator to read."""
     full = f"exodrake.effects.free_laws_{name}_{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-    if full not in sys.modules:
-        path: Path = write_if_different(cache_folder() / "laws" / f"{full.rsplit('.', 1)[1]}.py", text)
-        spec = spec_from_file_location(full, path)
-        assert spec is not None and spec.loader is not None
-        sys.modules[full] = module = module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return sys.modules[full]
+    file = write_if_different(cache_folder() / "laws" / f"{full.rsplit('.', 1)[1]}.py", text)
+    return module_of_file(full, file)
 
 
 def with_laws(machine: Machine) -> Machine:
