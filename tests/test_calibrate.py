@@ -35,6 +35,7 @@ from exodrake.diagnosis.calibration import (
     calibration_text,
 )
 from exodrake.diagnosis.healthy import drawn_value, followed, with_effect
+from exodrake.diagnosis.level_table import MEANINGS
 from exodrake.machines.library import machine_names
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import simulate
@@ -87,6 +88,10 @@ def test_robots_of_the_models_own_laws_say_nothing_of_the_error_of_laws():
     shown = [Record(TRIED, "a", "NAMED", values={"law_error": 0.0}) for _ in range(200)]
     found, rests_on = numbers_of(shown, "")
     assert found.law_error == UNCALIBRATED.law_error and rests_on["law_error"] == 0
+
+
+def test_each_number_of_a_calibration_has_a_meaning():
+    assert tuple(MEANINGS) == NUMBERS
 
 
 def test_exact_numbers_keep_the_difference_between_simulators():

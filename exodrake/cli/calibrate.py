@@ -87,14 +87,18 @@ def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[
     """Prints the numbers beside the default ones, and the error rates with their intervals."""
     from rich.console import Console
 
-    from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED
+    from exodrake.diagnosis.calibration import UNCALIBRATED
+    from exodrake.diagnosis.level_table import MEANINGS
     from exodrake.report import number_format as n
     from exodrake.report.terminal import table
 
-    values = {name: (getattr(found, name), getattr(UNCALIBRATED, name)) for name in NUMBERS}
-    numbers = [(name, f"{value:.3g}", f"{old:.3g}", str(rests_on[name])) for name, (value, old) in values.items()]
+    values = {name: (getattr(found, name), getattr(UNCALIBRATED, name)) for name in MEANINGS}
+    numbers = [
+        (name, MEANINGS[name], f"{value:.3g}", f"{old:.3g}", str(rests_on[name]))
+        for name, (value, old) in values.items()
+    ]
     console = Console(highlight=False)
-    console.print(table(("number", ">value", ">default", ">robots"), numbers))
+    console.print(table(("number", "meaning", ">value", ">default", ">robots"), numbers, wrapped=1))
     console.print()
     rows = [
         (name, f"{r['k']} of {r['n']}", n.percent(r["k"] / r["n"]), f"{r['low']:.0%} .. {r['high']:.0%}")

@@ -11,6 +11,12 @@ from exodrake.diagnosis.isolation import Tested
 from exodrake.diagnosis.levels import LOCAL
 
 P, SHARE, SQUARE = "p-value", "share", "mean square"
+MEANINGS = {  # of the numbers of a calibration
+    "law_error": "rho, relative error of a law",
+    "same_meaning": "rho of a parameter that means the same in every law, and between two simulators of one law",
+    "taken": "share of the excess that an absent effect takes up at most",
+    "moved": "mean square change of nominal parameters, in tolerances, at most",
+}
 VIEWS = ("in closed loop", "as prediction error")
 
 
@@ -57,12 +63,5 @@ def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
     return [
         ("level of each test", f"{ALPHA:g}", "chosen"),
         ("level of the scan over time", f"{LOCAL:g}", "chosen"),
-        ("rho, relative error of a law", f"{limits.law_error:g}", source),
-        (
-            "rho of a parameter that means the same in every law, and between two simulators of one law",
-            f"{limits.same_meaning:g}",
-            source,
-        ),
-        ("share of the excess that an absent effect takes up at most", f"{limits.taken:g}", source),
-        ("mean square change of nominal parameters, in tolerances, at most", f"{limits.moved:g}", source),
+        *((meaning, f"{getattr(limits, name):g}", source) for name, meaning in MEANINGS.items()),
     ]
