@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.free_input import CELL, Cells, free_courses
+from exodrake.diagnosis.free_input import free_courses
+from exodrake.diagnosis.free_input_evidence import CELL, Cells
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.localise import channels_of
@@ -29,7 +30,7 @@ def test_evidence_is_the_density_of_the_normal_law():
     model = Cells(offset, jacobian, prior_std, [trial], ["tension", "angle", "angle"], frames=1)
     variance, scale = np.array([1.5, 3.0]), np.array([0.7, 1.9])
     products = model.products(model.cut(responses))
-    value = model.solved(products, variance, scale)[0]
+    value = model.solved(products, variance, scale).log_evidence
     within = np.equal.outer(*[np.arange(samples) // (CELL * columns)] * 2)
     covariance = np.diag(np.tile(variance[[0, 1, 1]], cells * CELL)) + (jacobian.T * prior_std**2) @ jacobian
     covariance += within * ((responses.T * scale**2) @ responses)
