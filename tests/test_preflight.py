@@ -15,7 +15,8 @@ from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
 from exodrake.machines.robot_file import load_robot
 from exodrake.preflight.check import preflight
-from exodrake.preflight.identifiability import SEEN, identifiability
+from exodrake.preflight.directions import SEEN
+from exodrake.preflight.identifiability import identifiability
 from exodrake.preflight.signals import at_ends, band_of, clock_of
 from exodrake.simulation.references import protocol
 from exodrake.simulation.simulate import simulate

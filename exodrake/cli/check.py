@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from exodrake.core.robot import Robot
     from exodrake.preflight.check import Preflight
-    from exodrake.preflight.identifiability import Direction
+    from exodrake.preflight.directions import Direction
 
 TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
@@ -99,7 +99,7 @@ def show_problems(console: Console, found: Preflight) -> None:
 
 def show_effects(console: Console, found: Preflight) -> None:
     """A table of effects: smallest size that is seen, and what each could be taken for; then what would help."""
-    from exodrake.preflight.identifiability import SEEN
+    from exodrake.preflight.directions import SEEN
     from exodrake.report.terminal import table
 
     result, rows = found.identifiability, []

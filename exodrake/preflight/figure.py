@@ -6,7 +6,8 @@ from typing import Any
 
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.preflight.check import Preflight
-from exodrake.preflight.identifiability import SEEN, Direction, Identifiability
+from exodrake.preflight.directions import SEEN, Direction
+from exodrake.preflight.identifiability import Identifiability
 
 LISTED = 2  # rivals that are named
 CEILING = 1000.0  # standard deviations; what stands out further is as clear as can be

@@ -1,63 +1,19 @@
-"""Which effects the motion of a case could show, and which it could not tell apart, from one linearisation.
-
-An effect of typical size changes the logs by a direction d, in noise standard deviations and with the nominal
-parameters free within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where
-its own directions D, scaled within their ranges, leave less than the noise or the error of a law (`calibration`) does:
-
-    left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
-
-As in a diagnosis, samples within the correlation time of a model's error count as one.
-"""
+"""Identifiability: the effects that the motion of a case could show, and those that it could not tell apart."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.core.effect import EffectParameter
-from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.likelihood import CORRELATION, output_error
-from exodrake.diagnosis.linearise import Linearisation, Probe, linearise
+from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.linearise import Linearisation, linearise
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, make_problem
-from exodrake.diagnosis.refine import bounded
+from exodrake.preflight.directions import SEEN, Direction, directions
 from exodrake.preflight.planned import EXTRA, mask_of, planned
-
-SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
-STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
-
-
-@dataclass(frozen=True)
-class Direction:
-    """An effect of typical size on one channel.
-
-    Attributes:
-        effect: id.
-        channel: "" for an effect of the whole robot.
-        unit: of its first parameter.
-        typical: value of that parameter [unit].
-        seen: how far the logs change [standard deviations].
-        smallest: value that could just be seen [unit], within the plausible range; NaN where sizes do not scale.
-        taken_for: effects that could be taken for it -> share of the change that they leave [-].
-    """
-
-    effect: str
-    channel: str
-    unit: str
-    typical: float
-    seen: float
-    smallest: float
-    taken_for: dict[str, float]
-
-    @property
-    def name(self) -> str:
-        """Effect and channel."""
-        return f"{self.effect} {self.channel}".strip()
 
 
 @dataclass(frozen=True)
@@ -161,61 +117,3 @@ def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kin
     left = Identifiability(directions(lin, problem.robot.machine, mask))
     clear = {d.effect for d in left.clear}
     return Fewer(kinds, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear)))
-
-
-def directions(lin: Linearisation, machine: Machine, samples: np.ndarray) -> tuple[Direction, ...]:
-    """All effects of typical size on each channel, judged by some samples (samples,)."""
-    scale = 1.0 / np.sqrt(max(CORRELATION / machine.frame, 1.0))
-    jacobian = (lin.jacobian[:, samples] * scale).astype(np.float32)
-    rows = lin.directions[:, samples] * np.float32(scale)
-    precision = np.array([p.prior_std for p in lin.nominal]) ** -2.0
-    cross = (jacobian @ rows.T).astype(float)
-    normal = (jacobian @ jacobian.T).astype(float) + np.diag(precision)
-    gram = (rows @ rows.T).astype(float) - (cross.T @ np.linalg.solve(normal, cross) if len(normal) else 0.0)
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    errors, found = calibration_of(machine), []
-    for effect in dict.fromkeys(p.effect for p in lin.probes):
-        info = machine.effect(effect)
-        error = errors.same_meaning if info.same_meaning else errors.law_error
-        for row, value, channel, probe, k in typical([p for p in lin.probes if p.effect == effect]):
-            seen = float(size[row])
-            taken = {} if seen < SEEN else mistaken_for(gram, row, effect, lin.probes, max(SEEN, error * seen))
-            least = smallest(probe, k, info.parameters[0], seen)
-            found.append(Direction(effect, channel, info.parameters[0].unit, value, seen, least, taken))
-    return tuple(found)
-
-
-def smallest(probe: Probe, k: int, info: EffectParameter, seen: float) -> float:
-    """Value of the k-th parameter of a probe that could just be seen, no weaker than plausible; NaN if none scales."""
-    parameter, x = probe.parameters[k], float(probe.x[k])
-    if not probe.scaled or not seen > 0.0:
-        return float("nan")
-    ends = [parameter.coordinate(end) for end in (info.low, info.high)]
-    weakest = min(map(abs, ends)) if ends[0] * ends[1] > 0.0 else 0.0
-    return parameter.value(float(np.copysign(max(abs(x) * SEEN / seen, weakest), x)))
-
-
-def typical(probes: list[Probe]) -> list[tuple[int, float, str, Probe, int]]:
-    """Row, value, channel, probe and parameter of each direction of an effect at its modest amplitude."""
-    scaled = next((probe for probe in probes if probe.scaled), None)
-    if scaled is not None and scaled.parameters[scaled.scaled[0]].channels != ("",):
-        return [
-            (int(row), scaled.parameters[k].value(scaled.x[k]), scaled.parameters[k].channels[0], scaled, k)
-            for row, k in zip(scaled.rows, scaled.scaled, strict=True)
-        ]
-    probe = min(probes, key=lambda p: abs(p.x[0] - p.parameters[0].start))
-    return [(int(probe.rows[0]), probe.parameters[0].value(probe.x[0]), "", probe, 0)]
-
-
-def mistaken_for(gram: np.ndarray, row: int, effect: str, probes: Sequence[Probe], most: float) -> dict[str, float]:
-    """Effects that leave less than `most` [standard deviations] of a direction -> share left, least first."""
-    left: dict[str, float] = {}
-    for probe in probes:
-        if probe.effect == effect:
-            continue
-        low, high = (probe.low, probe.high) if probe.scaled else (np.array([STRETCH[0]]), np.array([STRETCH[1]]))
-        _, gain = bounded(gram[np.ix_(probe.rows, probe.rows)], -gram[probe.rows, row], low, high)
-        rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
-        if rest < most:
-            left[probe.effect] = min(left.get(probe.effect, 1.0), rest / float(np.sqrt(gram[row, row])))
-    return dict(sorted(left.items(), key=lambda item: item[1]))
