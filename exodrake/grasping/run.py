@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
+from exodrake.core.signal import Axes
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan
 from exodrake.systems.gp_estimator import Weights
@@ -62,9 +63,8 @@ def run_plan(
     from exodrake.diagrams.signal_log import logged_signals
     from exodrake.simulation.diagram_log import log_of_run
 
-    axes, reference = robot.machine.axes, plan.reference(robot, **durations)
-    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
-        raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
+    check_axes(estimator, robot.machine.axes)
+    reference = plan.reference(robot, **durations)
     systems = [GPEstimator(estimator.weights, robot.machine), *([controller] if controller else [])]
     diagram = build_diagram(robot, reference, seed, systems=systems)
     simulator = Simulator(diagram)
@@ -72,5 +72,11 @@ def run_plan(
     signals = logged_signals(diagram, simulator.get_context())
     log = log_of_run(diagram, simulator.get_context(), signals)
     for kind in ("angle_est", "angle_std", *(["angle_ref"] if controller else [])):
-        log = log.with_array(kind, axes.joints, signals[kind])
+        log = log.with_array(kind, estimator.joints, signals[kind])
     return log
+
+
+def check_axes(estimator: TrainedEstimator, axes: Axes) -> None:
+    """Raises InputError for an estimator of other tendons or joints."""
+    if (estimator.wires, estimator.joints) != (axes.tendons, axes.joints):
+        raise InputError(f"estimator of tendons {', '.join(estimator.wires)}, joints {', '.join(estimator.joints)}")
