@@ -96,6 +96,21 @@ def named(low: float, high: float) -> Iterator[tuple[str, Callable[[np.ndarray],
         yield f"max(0, {c:.2g} - u)", lambda u, c=c: np.maximum(0.0, c - u)
 
 
+@dataclass(frozen=True, eq=False)
+class TermFit:
+    """Terms fitted to the free law.
+
+    Attributes:
+        cost: S / v + p log(n).
+        coefficients: (terms of each active channel,).
+        covariance: of the coefficients.
+    """
+
+    cost: float
+    coefficients: np.ndarray
+    covariance: np.ndarray
+
+
 def formula(fit: Fit) -> Formula | None:
     """The shortest formula as likely as the free law, or none."""
     model, columns, weighed = fit.model, fit.columns, fit.weighed
@@ -107,35 +122,35 @@ def formula(fit: Fit) -> Formula | None:
     chosen: list[Term] = []
     best = without
 
-    def solved(terms: list[Term]) -> tuple[float, np.ndarray, np.ndarray]:
+    def solved(terms: list[Term]) -> TermFit:
         t = np.concatenate([known[term] for term in terms]).T
         normal = t.T @ gram @ t
         normal = normal + 1e-9 * np.diag(np.diag(normal)) + 1e-12 / v * np.eye(len(normal))
         b = -np.linalg.solve(normal, t.T @ slope)
         left = without + 2.0 * (t.T @ slope) @ b + b @ normal @ b
-        return left + penalty * len(b), b, np.linalg.inv(normal)
+        return TermFit(left + penalty * len(b), b, np.linalg.inv(normal))
 
     while len(chosen) < MOST:
-        trial = min((t for t in known if t not in chosen), key=lambda t: solved([*chosen, t])[0])
-        found = solved([*chosen, trial])[0]
-        if found >= best:
+        trial = min((t for t in known if t not in chosen), key=lambda t: solved([*chosen, t]).cost)
+        cost = solved([*chosen, trial]).cost
+        if cost >= best:
             break
-        chosen, best = [*chosen, trial], found
+        chosen, best = [*chosen, trial], cost
         if best <= free:
             break
     if not chosen or best > free:
         return None
     chosen, best = shortened(chosen, best, solved)
-    _, b, covariance = solved(chosen)
-    return stated(fit, chosen, b, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    found = solved(chosen)
+    return stated(fit, chosen, found.coefficients, np.sqrt(np.maximum(np.diag(found.covariance), 0.0)))
 
 
-def shortened(chosen: list[Term], best: float, solved) -> tuple[list[Term], float]:
+def shortened(chosen: list[Term], best: float, solved: Callable[[list[Term]], TermFit]) -> tuple[list[Term], float]:
     """Terms without those that a later one made needless."""
     for term in chosen[:-1]:
         less = [t for t in chosen if t is not term]
-        if solved(less)[0] < best:
-            chosen, best = less, solved(less)[0]
+        if (cost := solved(less).cost) < best:
+            chosen, best = less, cost
     return chosen, best
 
 
