@@ -70,10 +70,25 @@ class Followed:
         return float(np.exp(x)) if self.parameter is None else self.parameter.value(float(x), self.base)
 
 
+@dataclass(frozen=True, eq=False)
+class SessionFit:
+    """An explanation with parameters of each session.
+
+    Attributes:
+        followed: series of the parameters, and of the residual's power where the verdict names no effect.
+        chi2: reduced chi-square of what is left; NaN without a parameter of a session.
+        p: p-value of it.
+    """
+
+    followed: tuple[Followed, ...]
+    chi2: float
+    p: float
+
+
 def series_of(
     tests: Tests, e: Explanation, sessions: Sequence[Session], own: Sequence[int], verdict: str
-) -> tuple[list[Followed], float, float]:
-    """Series of an explanation; reduced chi-square and p-value of what is left with parameters of each session.
+) -> SessionFit:
+    """Series of an explanation, those of the parameters at positions `own`, and what they leave.
 
     The residual's power is followed, too, where the verdict names no effect.
     """
@@ -90,7 +105,7 @@ def series_of(
             channel = p.channels[0] if len(p.channels) == 1 else ""
             found.append(Followed(p.name, channel, info.unit, made.x[:, k], made.covariance[k], p, base))
     named = verdict in (NAMED, AMBIGUOUS) and e.effects
-    return (found if named else [*found, power_of(tests, e, sessions)]), chi2, p_left
+    return SessionFit(tuple(found if named else [*found, power_of(tests, e, sessions)]), chi2, p_left)
 
 
 def level_of(tests: Tests, law: np.ndarray, sessions: Sequence[Session], residuals: Sequence[np.ndarray]) -> float:

@@ -30,7 +30,7 @@ from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN
 from exodrake.diagnosis.session_screen import screened
-from exodrake.diagnosis.session_series import RESIDUAL, Followed, Series, series_of, tested
+from exodrake.diagnosis.session_series import RESIDUAL, Series, SessionFit, series_of, tested
 from exodrake.diagnosis.sessions import ROUNDS, Session, dated_sessions, estimates, windows
 from exodrake.diagnosis.verdict import Decision
 
@@ -108,8 +108,8 @@ def since_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[Si
         return replace(since, note=FEW.format(len(sessions), LEAST)), decision
     if decision.verdict == UNKNOWN and found.tested:
         return of_changing(since, problem, found, decision, sessions)
-    followed, chi2, p = follow(problem, found, decision.best.explanation, sessions, decision.verdict)
-    since = replace(since, series=tested(followed, sessions), chi2=chi2, p=p)
+    fit = follow(problem, found, decision.best.explanation, sessions, decision.verdict)
+    since = replace(since, series=tested(fit.followed, sessions), chi2=fit.chi2, p=fit.p)
     if unit == "s" or since.clearest is None or len(decision.best.explanation.effects) != 1:
         return since, decision
     return of_changing(since, problem, found, decision, sessions)
@@ -141,15 +141,15 @@ def of_changing(
     left = [t for t in decision.left if t.explanation.name in names]
     if left:
         return since, changed(found, decision, left, since.p)
-    followed, chi2, p = follow(problem, found, alike[0].explanation, sessions, UNKNOWN)
-    unknown = decision.verdict == UNKNOWN
-    if named := since.unit == "d" and p > ALPHA and not (unknown and alike[0].levels.consistent):
-        decision = changed(found, decision, alike, p)
-        followed = [one for one in followed if one.name != RESIDUAL]
+    fit = follow(problem, found, alike[0].explanation, sessions, UNKNOWN)
+    followed, unknown = fit.followed, decision.verdict == UNKNOWN
+    if named := since.unit == "d" and fit.p > ALPHA and not (unknown and alike[0].levels.consistent):
+        decision = changed(found, decision, alike, fit.p)
+        followed = tuple(one for one in followed if one.name != RESIDUAL)
     if not named and not unknown:
         return since, decision
     series = tested(followed, sessions)
-    return replace(since, series=series, effect=names[0], chi2=chi2, p=p, lead=lead), decision
+    return replace(since, series=series, effect=names[0], chi2=fit.chi2, p=fit.p, lead=lead), decision
 
 
 def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> tuple[list[Tested], float]:
@@ -200,10 +200,8 @@ def changed(found: Isolation, decision: Decision, left: Sequence[Tested], p: flo
     )
 
 
-def follow(
-    problem: Problem, found: Isolation, e: Explanation, sessions: Sequence[Session], verdict: str
-) -> tuple[list[Followed], float, float]:
-    """Series of an explanation on all frames of the logs; reduced chi-square and p-value of what is left."""
+def follow(problem: Problem, found: Isolation, e: Explanation, sessions: Sequence[Session], verdict: str) -> SessionFit:
+    """Series of an explanation on all frames of the logs, and what they leave."""
     tests = whole(problem, found, e)
     return series_of(tests, on_whole(tests, e), sessions, own(found, e), verdict)
 
