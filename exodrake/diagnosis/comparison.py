@@ -44,9 +44,7 @@ def power(rows: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", rows, rows, dtype=float)
 
 
-def taken_up(
-    likelihood: Likelihood, e: Explanation, rival: Explanation, levels: np.ndarray | float = 1.0
-) -> Reduction:
+def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation, levels: np.ndarray | float = 1.0) -> Reduction:
     """The cost that a rival takes up of what an explanation leaves; negative where it leaves more.
 
     levels: reduced chi-squares (views,) of noise alone.
