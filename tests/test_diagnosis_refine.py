@@ -143,3 +143,19 @@ def test_a_fit_is_rough_where_derivatives_promise_what_no_step_gives():
     assert minimise(rough, start, 5, 1e-6).rough
     start = explanation(smooth, (amplitude("a", 0),), np.array([1.0]), np.zeros((0, 400)), ("a",))
     assert not minimise(smooth, start, 5, 1e-6).rough
+
+
+def test_the_jacobian_agrees_with_the_last_of_several_failed_steps():
+    """The secant condition (Broyden 1965) of a fit that the derivatives of another robot lead uphill."""
+    rng, seen = np.random.default_rng(6), []
+    matrix, wrong, far = rng.standard_normal((2, 400)), rng.standard_normal((2, 400)), 3.0 * rng.standard_normal(400)
+
+    def formula(row):
+        seen.append(row.copy())
+        return far + np.abs(row) @ matrix + 5.0 * float(row @ row) * far
+
+    likelihood = likelihood_of(formula)
+    start = explanation(likelihood, nominal(2, 10.0), np.zeros(2), wrong - 0.2 * far)
+    found = minimise(likelihood, start, 5, 1e-6)
+    assert np.array_equal(found.x, start.x) and len(seen) > 3
+    np.testing.assert_allclose(seen[-1] @ found.jacobian, formula(seen[-1]) - start.residual, rtol=1e-3, atol=1e-3)

@@ -1,0 +1,79 @@
+"""Noise of robots whose loop hunts: their own independent runs, a quiet robot, and a fault that is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosis_cases import case_of, robot_with
+
+from exodrake.core.confidence import ALPHA
+from exodrake.diagnosis.comparison import excess, taken_up
+from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.verdict import decide
+from exodrake.machines.robot_file import load_robot
+
+
+def isolation(robot, effect):
+    """The problem of a robot's case, and its isolation with one effect tried."""
+    return isolated(make_problem(case_of(robot, 1), load_robot(), frozenset([effect])))
+
+
+@pytest.fixture(scope="module")
+def hunting():
+    robot = robot_with("sensor.pulley_friction", 1, mu=0.04)
+    return robot, *isolation(robot, "sensor.pulley_friction")
+
+
+def test_noise_of_a_hunting_robot_is_what_its_independent_runs_leave(hunting):
+    """Friction at the pulley: four other runs of the true robot against its run without noise."""
+    robot, problem, found = hunting
+    view, left = found.likelihood.views[0], []
+    for seed in range(20, 24):
+        again = make_problem(case_of(robot, seed), load_robot())
+        view = replace(view, problem=replace(again, noise_std=problem.noise_std))
+        residual = np.empty((1, view.samples))
+        for task in view.tasks(again.silent(robot)[None], residual):
+            task()
+        left.append(float(np.mean(residual**2)))
+    (t,) = found.tested[0]
+    assert min(left) > 20.0
+    assert t.levels.hunting == pytest.approx(np.mean(left), rel=0.5)
+
+
+def test_a_hunting_robot_is_named_and_its_reason_says_that_it_hunts(hunting):
+    _, problem, found = hunting
+    decision, (t,) = decide(problem, found), found.tested[0]
+    assert t.chi2[0] > 20.0 and min(t.levels.views) > ALPHA
+    assert decision.verdict == "NAMED" and "its loop hunts" in decision.reasons[-1]
+
+
+def test_what_noise_leaves_in_a_hunting_loop_is_no_excess(hunting):
+    """With the levels of the noise the excess falls by what they say, in units of what the explanation leaves."""
+    *_, found = hunting
+    (t,) = found.tested[0]
+    likelihood, e = found.likelihood.scaled_to(t.explanation.residual), t.explanation
+    levels = found.tests.draws.levels(likelihood, e)
+    closed = likelihood.split(likelihood.weights)[0]
+    assert excess(likelihood, e) - excess(likelihood, e, levels) == pytest.approx(
+        (levels[0] - 1.0) * float(np.sum(closed.astype(float) ** 2)), rel=1e-4
+    )
+    retuned = found.retuned.explanation
+    assert taken_up(likelihood, retuned, e, levels).share > taken_up(likelihood, retuned, e).share > 0.0
+
+
+def test_a_fault_of_the_controller_does_not_hunt():
+    """A third more proportional gain, which prediction errors do not show, beside a load cell of a wrong gain."""
+    gain = {"AF": 0.1, "MF": 0.0, "AE": 0.0}
+    robot = robot_with("sensor.gain", 1, gain=gain).with_parameters({"controller.kp": 8e-3})
+    problem, found = isolation(robot, "sensor.gain")
+    (t,) = found.tested[0]
+    assert t.levels.views[-1] > ALPHA > t.levels.views[0]
+    assert t.levels.hunting < 2.0 and decide(problem, found).verdict == "UNKNOWN"
+
+
+def test_a_quiet_robot_has_the_noise_of_the_retuned_one():
+    """Friction in the sheaths, simulated by its own law: its closed loop leaves no more than noise."""
+    _, found = isolation(robot_with("tendon.capstan_friction", 1, mu_phi=0.3), "tendon.capstan_friction")
+    (t,) = found.tested[0]
+    assert t.levels.hunting == pytest.approx(1.0, abs=0.1)
