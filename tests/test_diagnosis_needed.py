@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
-from exodrake.diagnosis import isolation
+from exodrake.diagnosis import isolate, isolation
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.part_used import SHARE
@@ -81,3 +81,20 @@ def test_a_robot_that_needs_no_effect_is_retuned_from_where_an_absent_one_led():
 def test_an_offset_that_is_there_stays():
     _, stuck = isolation_with_an_offset(load_robot().splice("mocap.offset", {"offset": 0.1}), 0.1)
     assert pruned(stuck) is stuck
+
+
+def test_an_effect_that_was_predicted_best_is_fitted_on_where_others_are_ahead(friction, monkeypatch):
+    """Fits of one step end early, and none is fitted on for being among the best."""
+    problem = make_problem(case_of(friction, 1, FRAMES // 2), load_robot(), frozenset(TRIED)).shortened(2 * SHARE)
+    start, simulated = retune(problem)
+    isolator = Isolator(problem, start, defaultdict(float, simulated))
+    found = isolator.isolate(0)
+    best, *others = NormalMatrix(found.likelihood, found.retuned.explanation, found.tests.lin).singles()
+    assert best.probes[0].effect == TRIED[0]
+    for name, value in (("FRESH", 0), ("FIRST_STEPS", 1), ("STEPS", 1)):
+        monkeypatch.setattr(isolate, name, value)
+    first, last = (
+        next(e for e in isolator.fitted(found.likelihood, found.retuned.explanation, order) if e.effects == TRIED[:1])
+        for order in ([best, *others], [*others, best])
+    )
+    assert first.cost(found.likelihood) < 0.99 * last.cost(found.likelihood)
