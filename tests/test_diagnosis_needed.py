@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
-from exodrake.diagnosis import isolate, isolation
+from exodrake.diagnosis import fits, isolation
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.part_used import SHARE
@@ -61,10 +61,10 @@ def isolation_with_an_offset(robot, offset):
     found = isolator.isolate(0)
     singles = NormalMatrix(found.likelihood, found.retuned.explanation, found.tests.lin).singles()
     predicted = next(p for p in singles if p.probes[0].effect == TRIED[1])
-    (joined, *_) = isolator.starts(found.likelihood, found.retuned.explanation, predicted)
+    (joined, *_) = isolator.fits.starts(found.likelihood, found.retuned.explanation, predicted)
     count = joined.nominal
     x = [p.coordinate(offset) for p in joined.parameters[count:]]
-    e = isolator.refined(found.likelihood, joined.at(found.likelihood, np.r_[joined.x[:count], x]), 3)
+    e = isolator.fits.refined(found.likelihood, joined.at(found.likelihood, np.r_[joined.x[:count], x]), 3)
     (kept,) = isolation.tested(found.likelihood, found.tests, [e])
     return found, replace(found, retuned=found.nominal, tested=((kept,),), left=(kept,))
 
@@ -92,9 +92,9 @@ def test_an_effect_that_was_predicted_best_is_fitted_on_where_others_are_ahead(f
     best, *others = NormalMatrix(found.likelihood, found.retuned.explanation, found.tests.lin).singles()
     assert best.probes[0].effect == TRIED[0]
     for name, value in (("FRESH", 0), ("FIRST_STEPS", 1), ("STEPS", 1)):
-        monkeypatch.setattr(isolate, name, value)
+        monkeypatch.setattr(fits, name, value)
     first, last = (
-        next(e for e in isolator.fitted(found.likelihood, found.retuned.explanation, order) if e.effects == TRIED[:1])
+        next(e for e in isolator.fits.fitted(found.likelihood, found.retuned.explanation, order) if e.effects == TRIED[:1])
         for order in ([best, *others], [*others, best])
     )
     assert first.cost(found.likelihood) < 0.99 * last.cost(found.likelihood)

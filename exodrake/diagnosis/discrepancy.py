@@ -19,6 +19,7 @@ from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.projection import Projection
 
+TYPICAL = 0.5  # error of a law in units of rho: rho is the upper quantile of a normal law at 95 %
 FEATURES = 3  # cosines in a function: assumed
 STILL = 1e-3  # standard deviation of a function of columns that stand still, which is none: above rounding
 SMOOTH = 9  # frames over which the state is averaged: an encoder's step has no rate
@@ -39,13 +40,18 @@ class LawErrors:
         self.functions = cache(partial(random_functions, likelihood, draws))
 
     def __call__(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:
-        """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32."""
+        """Draws of the error of the laws at rho, and of the difference between simulators (draws, samples), float32.
+
+        The difference is as large as two simulators of one law show: normal, with the upper quantile `same_meaning`.
+        """
         law, model = np.zeros((2, self.draws, len(self.moved)), dtype=np.float32)
+        typical = TYPICAL * self.calibration.same_meaning
+        sizes = (typical * np.random.default_rng(5).standard_normal(self.draws)).astype(np.float32)
         for k, (contribution, rho) in enumerate(self.contributions(project)):
-            for h, own, other in zip(self.functions(k), law, model, strict=True):  # rows stay in the cache
+            for h, size, own, other in zip(self.functions(k), sizes, law, model, strict=True):  # rows stay in the cache
                 error = np.multiply(h, contribution, dtype=np.float32)
                 own += np.float32(rho) * error
-                other += np.float32(self.calibration.same_meaning) * error
+                other += size * error
         return law, model
 
     def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:

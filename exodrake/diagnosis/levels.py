@@ -40,7 +40,7 @@ from exodrake.diagnosis.comparison import (
     taken_up,
     tolerance_use,
 )
-from exodrake.diagnosis.discrepancy import LawErrors
+from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors
 from exodrake.diagnosis.hunting import REJECTED, Noise
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
@@ -51,7 +51,6 @@ from exodrake.diagnosis.scan import local_levels, scan
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone
 DRAWS = 99
-TYPICAL = 0.5  # error of a law in units of rho: rho is the upper quantile of a normal law at 95 %
 
 
 @dataclass(frozen=True)
