@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from formula_case import FRAME, likelihood_of
+from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal
+from scipy import stats
 
-from exodrake.diagnosis.discrepancy import random_functions
+from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors, random_functions
+from exodrake.diagnosis.projection import Projection
 
 
 def functions(measured, draws=50):
@@ -35,3 +37,15 @@ def test_robot_at_rest_has_no_discrepancy():
         h = functions([measured], 200)
         assert np.isfinite(h).all() and np.abs(h).max() < 20.0
     assert np.abs(functions([np.zeros((300, 2))])).max() < 1e-3
+
+
+def test_difference_between_simulators_is_normal_with_the_error_of_a_same_meaning_law_as_its_upper_quantile():
+    """Without effects both are the change by retuning times one function, so that their ratio is the drawn size."""
+    time = FRAME * np.arange(60)
+    likelihood = likelihood_of(lambda row: row[:1] * np.sin(time), measured=[np.sin(time)[:, None]])
+    e = explanation(likelihood, nominal(1, 1.0), np.zeros(1), np.sin(time)[None])
+    law, model = LawErrors(likelihood, np.ones(60), 2000)(Projection(likelihood, e, linearisation(e)))
+    size = np.einsum("ij,ij->i", model, law) / np.einsum("ij,ij->i", law, law)
+    np.testing.assert_allclose(model, size[:, None] * law, atol=1e-6)
+    assert stats.kstest(size, stats.norm(0.0, TYPICAL).cdf).pvalue > 0.01
+    assert np.mean(np.abs(size) < 1.0) == pytest.approx(0.95, abs=0.02)

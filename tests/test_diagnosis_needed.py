@@ -8,6 +8,7 @@ import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
 from exodrake.diagnosis import fits, isolation
+from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.part_used import SHARE
@@ -94,7 +95,28 @@ def test_an_effect_that_was_predicted_best_is_fitted_on_where_others_are_ahead(f
     for name, value in (("FRESH", 0), ("FIRST_STEPS", 1), ("STEPS", 1)):
         monkeypatch.setattr(fits, name, value)
     first, last = (
-        next(e for e in isolator.fits.fitted(found.likelihood, found.retuned.explanation, order) if e.effects == TRIED[:1])
+        next(
+            e
+            for e in isolator.fits.fitted(found.likelihood, found.retuned.explanation, order)
+            if e.effects == TRIED[:1]
+        )
         for order in ([best, *others], [*others, best])
     )
     assert first.cost(found.likelihood) < 0.99 * last.cost(found.likelihood)
+
+
+def test_directions_beside_a_current_limit_promise_more_of_what_a_gain_takes_up():
+    """Beside the retuned robot, whose current is not limited, a load cell of a wrong gain acts otherwise."""
+    effects = ("motor.current_limit", "sensor.gain", "mocap.offset")
+    gain = {"AF": 0.1, "MF": 0.0, "AE": 0.0}
+    robot = robot_with("motor.current_limit", 1, limit=0.05).splice("sensor.gain", {"gain": gain})
+    problem = make_problem(case_of(robot, 1), load_robot(), frozenset(effects)).shortened(SHARE)
+    start, simulated = retune(problem)
+    isolator = Isolator(problem, start, defaultdict(float, simulated))
+    found = isolator.isolate(1)
+    before, after = (f.tested[0][0] for f in (found, isolator.looked_again(found)))
+    assert after.explanation is before.explanation and before.explanation.effects == effects[:1]
+    pair = isolator.grown(found).explanations[0]
+    assert pair.effects == effects[:2]
+    share = taken_up(found.likelihood, before.explanation, pair).share
+    assert 1.5 * before.levels.promise < after.levels.promise < share
