@@ -72,6 +72,6 @@ def own_draws(likelihood: Likelihood, e: Explanation, draws: int) -> np.ndarray:
         for task in written.tasks(robot[None], residual):
             task()
         runs.append(by_trial(residual[0], view.problem.fit))
-    likelihood.simulated["noise"] += 2 * NOISE_RUNS * duration(view.problem)
+    likelihood.simulated["hunting"] += 2 * NOISE_RUNS * duration(view.problem)
     own = replace(likelihood, views=(replace(view, noise=tuple(runs)), *likelihood.views[1:]))
     return own.noise_draws(draws, np.random.default_rng(1))
