@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
-from exodrake.diagnosis import fits, isolation
+from exodrake.diagnosis import fits, isolation, levels
 from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.part_used import SHARE
+from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.prune import pruned
+from exodrake.diagnosis.prune import pruned, spurious
 from exodrake.diagnosis.retune import retune
 from exodrake.diagnosis.select import NormalMatrix
-from exodrake.diagnosis.verdict import rejected
+from exodrake.diagnosis.verdict import decide, rejected
 from exodrake.machines.robot_file import load_robot
 
 TRIED = ("tendon.capstan_friction", "mocap.offset", "sensor.drift")
@@ -120,3 +121,16 @@ def test_directions_beside_a_current_limit_promise_more_of_what_a_gain_takes_up(
     assert pair.effects == effects[:2]
     share = taken_up(found.likelihood, before.explanation, pair).share
     assert 1.5 * before.levels.promise < after.levels.promise < share
+
+
+def test_friction_that_the_curvature_calls_absent_is_named_since_the_logs_reject_its_absence(friction, monkeypatch):
+    """As beside the threshold of a dead zone, where any width gives the same residual."""
+
+    def flat(tests, e):
+        return 1e6 * np.eye(len(e.x) - e.nominal)
+
+    monkeypatch.setattr(levels.Tests, "covariance", flat)
+    problem, found = isolated(make_problem(case_of(friction, 1, FRAMES // 2), load_robot(), frozenset(TRIED[:1])))
+    (t,) = found.tested[0]
+    assert spurious(t, found.fitted(t), ()) == [TRIED[0]] and found.needed == (t,)
+    assert decide(problem, found).verdict == "NAMED"

@@ -5,6 +5,9 @@
 
 Smaller sets were tried before. Where no kept set needs all of its effects, the fit of a smaller set ended in another
 minimum. An effect of nearly zero amplitude may lead the nominal parameters out of such a minimum.
+
+Whether an effect may as well be absent is asked of the curvature at the fit, which says nothing beside the threshold of
+a dead zone. Then the fit without the effect answers: a set that it cannot replace needs its effects.
 """
 
 from __future__ import annotations
@@ -42,6 +45,7 @@ def pruned(found: Isolation) -> Isolation:
     new = tuple(t for t in left if t not in found.left)
     if not size:
         return replace(found, retuned=left[0], left=left)
+    found = replace(found, needed=tuple(t for t in left if t not in new))
     return replace(found, tested=(*found.tested, new), left=left) if new else found
 
 
