@@ -108,9 +108,8 @@ def tune(
     loop = FrameMap.of(argument("robot", robot, Robot)).loop
     requirements = argument("requirements", requirements, Requirements, type(None))
     known = [c.name for c in loop.controllers]
-    for name in only:
-        if name not in known:
-            raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
+    if (name := next((name for name in only if name not in known), None)) is not None:
+        raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
     plants = [plant_of(robot, at) for at in loop.points]
     plants += [plant_of(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
     wanted = with_noise(requirements or Requirements(), plants)

@@ -12,7 +12,7 @@ import numpy as np
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis.comparison import exceeding, power
-from exodrake.diagnosis.likelihood import NOISE_RUNS, Likelihood, duration, moved_a_little, written_by
+from exodrake.diagnosis.likelihood import COUNTING, NOISE_RUNS, Likelihood, duration, moved_a_little, written_by
 from exodrake.diagnosis.problem import by_trial
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
@@ -72,6 +72,7 @@ def own_draws(likelihood: Likelihood, e: Explanation, draws: int) -> np.ndarray:
         for task in written.tasks(robot[None], residual):
             task()
         runs.append(by_trial(residual[0], view.problem.fit))
-    likelihood.simulated["hunting"] += 2 * NOISE_RUNS * duration(view.problem)
+    with COUNTING:
+        likelihood.simulated["hunting"] += 2 * NOISE_RUNS * duration(view.problem)
     own = replace(likelihood, views=(replace(view, noise=tuple(runs)), *likelihood.views[1:]))
     return own.noise_draws(draws, np.random.default_rng(1))
