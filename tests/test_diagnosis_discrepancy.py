@@ -5,6 +5,7 @@ import pytest
 from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal
 from scipy import stats
 
+from exodrake.diagnosis.calibration import UNCALIBRATED
 from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors, random_functions
 from exodrake.diagnosis.projection import Projection
 
@@ -44,7 +45,7 @@ def test_difference_between_simulators_is_normal_with_the_error_of_a_same_meanin
     time = FRAME * np.arange(60)
     likelihood = likelihood_of(lambda row: row[:1] * np.sin(time), measured=[np.sin(time)[:, None]])
     e = explanation(likelihood, nominal(1, 1.0), np.zeros(1), np.sin(time)[None])
-    law, model = LawErrors(likelihood, np.ones(60), 2000)(Projection(likelihood, e, linearisation(e)))
+    law, model = LawErrors(likelihood, np.ones(60), 2000, UNCALIBRATED)(Projection(likelihood, e, linearisation(e)))
     size = np.einsum("ij,ij->i", model, law) / np.einsum("ij,ij->i", law, law)
     np.testing.assert_allclose(model, size[:, None] * law, atol=1e-6)
     assert stats.kstest(size, stats.norm(0.0, TYPICAL).cdf).pvalue > 0.01

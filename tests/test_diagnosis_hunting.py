@@ -53,7 +53,7 @@ def test_what_noise_leaves_in_a_hunting_loop_is_no_excess(hunting):
     *_, found = hunting
     (t,) = found.tested[0]
     likelihood, e = found.likelihood.scaled_to(t.explanation.residual), t.explanation
-    levels = found.tests.draws.levels(likelihood, e)
+    levels = found.tests.noise.levels(likelihood, e)
     closed = likelihood.split(likelihood.weights)[0]
     assert excess(likelihood, e) - excess(likelihood, e, levels) == pytest.approx(
         (levels[0] - 1.0) * float(np.sum(closed.astype(float) ** 2)), rel=1e-4

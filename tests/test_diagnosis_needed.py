@@ -132,5 +132,5 @@ def test_friction_that_the_curvature_calls_absent_is_named_since_the_logs_reject
     monkeypatch.setattr(levels.Tests, "covariance", flat)
     problem, found = isolated(make_problem(case_of(friction, 1, FRAMES // 2), load_robot(), frozenset(TRIED[:1])))
     (t,) = found.tested[0]
-    assert spurious(t, found.fitted(t), ()) == [TRIED[0]] and found.needed == (t,)
+    assert spurious(t, found.fitted(t), ()) == [TRIED[0]] and found.irreducible == (t,)
     assert decide(problem, found).verdict == "NAMED"

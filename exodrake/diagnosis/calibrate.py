@@ -165,7 +165,7 @@ def shown(problem: Problem, found: Isolation, true: Tested) -> dict[str, float]:
     levels = tests(e, [t.explanation for size in found.tested for t in size if t.explanation is not e])
     likelihood = tests.likelihood.scaled_to(e.residual)
     project = Projection(likelihood, e, tests.lin)
-    by_noise = exceeding(project.left(tests.draws.of(e)), float(project.left(e.residual[None])[0])) > ALPHA
+    by_noise = exceeding(project.left(tests.noise.of(e)), float(project.left(e.residual[None])[0])) > ALPHA
     same = all(machine.effect(i).same_meaning and i not in problem.counted for i in e.effects)
     name = "same_meaning" if same else "law_error"
     values = {name: 0.0 if by_noise else levels.law_error * getattr(limits, name), "moved": levels.moved}

@@ -13,7 +13,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.calibration import Calibration
 from exodrake.diagnosis.comparison import residual_contributions
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import Likelihood
@@ -32,11 +32,11 @@ class LawErrors:
         likelihood: views of the case.
         moved: (samples,) change of the residual from the nominal to the retuned robot.
         draws: their number.
+        calibration: how wrong laws are.
     """
 
-    def __init__(self, likelihood: Likelihood, moved: np.ndarray, draws: int) -> None:
-        self.moved, self.draws = moved, draws
-        self.calibration = calibration_of(likelihood.robot.machine)
+    def __init__(self, likelihood: Likelihood, moved: np.ndarray, draws: int, calibration: Calibration) -> None:
+        self.moved, self.draws, self.calibration = moved, draws, calibration
         self.functions = cache(partial(random_functions, likelihood, draws))
 
     def __call__(self, project: Projection) -> tuple[np.ndarray, np.ndarray]:

@@ -58,21 +58,20 @@ class Noise:
 
     def levels(self, likelihood: Likelihood, e: Explanation) -> np.ndarray:
         """Reduced chi-squares (views,) of noise alone: 1 where it is that of the retuned robot."""
-        if e not in self.own:
-            return np.ones(len(likelihood.views))
-        found = [float(np.mean(part**2)) for part in likelihood.split(self.own[e])]
-        return np.maximum([found[0], *(1.0 for _ in found[1:])], 1.0)
+        found = np.ones(len(likelihood.views))
+        if e in self.own:
+            found[0] = max(float(np.mean(likelihood.split(self.own[e])[0] ** 2)), 1.0)
+        return found
 
 
 def own_draws(likelihood: Likelihood, e: Explanation, draws: int) -> np.ndarray:
     """Draws (draws, samples) of noise, in closed loop from logs that the robot of an explanation would write."""
     view, runs = likelihood.views[0], []
-    for seed, robot in enumerate(moved_a_little(view.problem, e.robot)):
-        written, residual = replace(view, problem=written_by(view.problem, robot, seed)), np.empty((1, view.samples))
-        for task in written.tasks(robot[None], residual):
-            task()
-        runs.append(by_trial(residual[0], view.problem.fit))
     with COUNTING:
-        likelihood.simulated["hunting"] += 2 * NOISE_RUNS * duration(view.problem)
+        likelihood.simulated["hunting"] += NOISE_RUNS * duration(view.problem)  # written, then simulated
+    for seed, robot in enumerate(moved_a_little(view.problem, e.robot)):
+        written = replace(view, problem=written_by(view.problem, robot, seed))
+        alone = replace(likelihood, views=(written,), stage="hunting")
+        runs.append(by_trial(alone.residual(robot[None])[0], view.problem.fit))
     own = replace(likelihood, views=(replace(view, noise=tuple(runs)), *likelihood.views[1:]))
     return own.noise_draws(draws, np.random.default_rng(1))

@@ -109,9 +109,9 @@ class Isolator:
         best = found.tested[-1][0].explanation
         likelihood = found.likelihood.scaled_to(best.residual).for_stage("linearise again")
         lin = self.linearised(likelihood, best, found.tests.lin, LOOKED)
-        tests, left = found.tests.beside(found.likelihood, lin), [t.explanation for t in found.left]
+        tests, kept = found.tests.beside(found.likelihood, lin), [t.explanation for t in found.left]
         again = tuple(tested(found.likelihood, tests, found.explanations))
-        left = tuple(t for t in again if t.explanation in left and t.levels.kept)
+        left = tuple(t for t in again if t.explanation in kept and t.levels.kept)
         return replace(found, tests=tests, tested=(*found.tested[:-1], again), left=left)
 
     def needed(self, larger: Isolation) -> bool:

@@ -56,7 +56,7 @@ class Isolation:
         screened: each effect alone as the linearisation predicts it, best first.
         tested: tested explanations of 1, 2, ... effects, best first.
         left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
-        needed: those of them that were fitted without each effect that may as well be absent, which the logs reject.
+        irreducible: those of them none of whose effects could be taken out: the logs reject the fit of the rest.
     """
 
     likelihood: Likelihood
@@ -67,7 +67,7 @@ class Isolation:
     screened: tuple[Predicted, ...] = ()
     tested: tuple[tuple[Tested, ...], ...] = ()
     left: tuple[Tested, ...] = ()
-    needed: tuple[Tested, ...] = ()
+    irreducible: tuple[Tested, ...] = ()
 
     def with_round(self, tested: Sequence[Tested], parent: Tested | None = None) -> Isolation:
         """The isolation with the explanations of one size more.

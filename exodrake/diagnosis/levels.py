@@ -6,7 +6,8 @@ times c, the part of the effect's contribution that no other parameter imitates 
 
     r = w + a c(t) h(state(t))            w noise, h of zero mean and unit variance, a <= rho
 
-Draws of it, with matrix products and no simulation, give p-values of an explanation:
+Draws of it, with matrix products, give p-values of an explanation; only the noise of a loop that hunts is simulated
+(`hunting`):
 
     fit         may so much be left?                                 draws with a = rho
     complete    may one more effect take up so much of it?           draws with the a of another simulator of one law
@@ -120,9 +121,8 @@ class Tests:
     def __init__(self, likelihood: Likelihood, lin: Linearisation, moved: np.ndarray) -> None:
         self.likelihood, self.lin = likelihood, lin
         self.calibration = calibration_of(likelihood.robot.machine)
-        self.draws = Noise(likelihood, DRAWS)
-        self.noise = self.draws.retuned
-        self.laws = LawErrors(likelihood, moved, DRAWS)
+        self.noise = Noise(likelihood, DRAWS)
+        self.laws = LawErrors(likelihood, moved, DRAWS, self.calibration)
         self.joints = likelihood.samples_of_joints() if likelihood.robot.machine.separate else []
 
     def beside(self, likelihood: Likelihood, lin: Linearisation) -> Tests:
@@ -146,7 +146,7 @@ class Tests:
         true_law = min(fit, *views) > ALPHA and float(np.median(needed)) <= 1.0
         parts = [self.compared(project, model, rivals, max(fit, *views) < REJECTED, true_law)]
         for at in self.joints:
-            p = exceeding(power(self.noise[:, at]) + power(law[:, at]), float(power(e.residual[at])))
+            p = exceeding(power(noise[:, at]) + power(law[:, at]), float(power(e.residual[at])))
             if len(self.joints) * p < ALPHA:  # at the level of all joints (Bonferroni)
                 alone = likelihood.of_samples(at)
                 parts.append(self.compared(Projection(alone, e, self.lin), model, rivals, p < REJECTED, False))
@@ -154,7 +154,7 @@ class Tests:
         return Levels(
             fit=fit,
             views=views,
-            hunting=float(self.draws.levels(likelihood, e)[0]),
+            hunting=float(self.noise.levels(likelihood, e)[0]),
             local=min(1.0, len(local) * min(local)),
             complete=most.complete,
             promise=most.promise,
@@ -181,8 +181,8 @@ class Tests:
         """
         e, likelihood, beaten_by = project.explanation, project.likelihood, ""
         gain, effect = project.gains(e.residual[None])
-        null = np.zeros(2) if rejected else project.gains(self.draws.of(e) + model)[0]
-        levels = self.draws.levels(likelihood, e)
+        null = np.zeros(2) if rejected else project.gains(self.noise.of(e) + model)[0]
+        levels = self.noise.levels(likelihood, e)
         share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
             taken = taken_up(likelihood, e, rival, levels)
@@ -199,7 +199,7 @@ class Tests:
         """Projection of an explanation in units of what it leaves, and draws of its noise and errors (`LawErrors`)."""
         project = Projection(self.likelihood.scaled_to(e.residual), e, self.lin)
         law, model = self.laws(project)
-        return project, self.draws.measured(project, law), law, model
+        return project, self.noise.measured(project, law), law, model
 
     def most_moved(self, project: Projection, law: np.ndarray) -> float:
         """Largest plausible mean square change of the nominal parameters, in tolerances.
@@ -211,7 +211,7 @@ class Tests:
         if not e.nominal:
             return self.calibration.moved
         if not e.effects:
-            found = project.retuned(self.noise, np.random.default_rng(3)) / e.prior_std[:, None]
+            found = project.retuned(self.noise.retuned, np.random.default_rng(3)) / e.prior_std[:, None]
             return max(self.calibration.moved, float(np.quantile(np.mean(found**2, axis=0), 1.0 - ALPHA)))
         moves = project.response(law)[: e.nominal] / e.prior_std[: e.nominal, None]
         return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))

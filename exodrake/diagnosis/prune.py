@@ -45,7 +45,7 @@ def pruned(found: Isolation) -> Isolation:
     new = tuple(t for t in left if t not in found.left)
     if not size:
         return replace(found, retuned=left[0], left=left)
-    found = replace(found, needed=tuple(t for t in left if t not in new))
+    found = replace(found, irreducible=tuple(t for t in left if t not in new))
     return replace(found, tested=(*found.tested, new), left=left) if new else found
 
 

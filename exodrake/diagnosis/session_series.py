@@ -114,7 +114,7 @@ def level_of(tests: Tests, law: np.ndarray, sessions: Sequence[Session], residua
     for session, residual in zip(sessions, residuals, strict=True):
         whole[rows_of(tests.likelihood, session)] = residual
     split = tests.likelihood.split
-    views = zip(split(tests.noise), split(law), split(whole), strict=True)
+    views = zip(split(tests.noise.retuned), split(law), split(whole), strict=True)
     return min(exceeding(power(noise) + power(error), float(power(own))) for noise, error, own in views)
 
 
@@ -122,7 +122,7 @@ def power_of(tests: Tests, e: Explanation, sessions: Sequence[Session]) -> Follo
     """Logarithm of the residual's mean square session by session; its covariance from draws of noise."""
     rows = [rows_of(tests.likelihood, session) for session in sessions]
     logs = np.log([float(np.mean(e.residual[r] ** 2)) for r in rows])
-    draws = np.log([np.mean(tests.noise[:, r] ** 2, axis=1, dtype=float) for r in rows])
+    draws = np.log([np.mean(tests.noise.retuned[:, r] ** 2, axis=1, dtype=float) for r in rows])
     return Followed(RESIDUAL, "", "noise variances", logs, np.diag(draws.var(axis=1, ddof=1)))
 
 

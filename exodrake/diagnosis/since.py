@@ -167,7 +167,7 @@ def changing(found: Isolation, tests: Tests, sessions: Sequence[Session]) -> tup
 
     singles = found.tested[0][:TRIED]
     singles += tuple(screened(found, sessions, [t.explanation.name for t in singles]))
-    noise = float(np.quantile(power(tests.noise), 1.0 - ALPHA)) - tests.likelihood.samples
+    noise = float(np.quantile(power(tests.noise.retuned), 1.0 - ALPHA)) - tests.likelihood.samples
     first = [left(k, 1) for k in range(len(singles))]
     near = BEHIND * max(noise, min(first))
     tried = sorted((left(k, ROUNDS) if one <= near else one, k) for k, one in enumerate(first))

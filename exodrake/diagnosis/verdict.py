@@ -42,7 +42,9 @@ def decide(problem: Problem, found: Isolation) -> Decision:
     """The verdict of an isolation."""
     detected = tuple(d.reason for d in problem.detected if d.certain)
     fits = {t: found.fitted(t) if t.explanation.effects else None for t in found.left}
-    left = tuple(t for t, fit in fits.items() if t in found.needed or not (fit and spurious(t, fit, problem.counted)))
+    left = tuple(
+        t for t, fit in fits.items() if t in found.irreducible or not (fit and spurious(t, fit, problem.counted))
+    )
     if not left and not found.left and not detected:
         return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
     if not left and not detected:
