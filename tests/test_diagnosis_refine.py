@@ -84,6 +84,25 @@ def test_fit_stays_within_bounds():
     assert minimise(likelihood, start, 20, 1e-9).x == pytest.approx([1.0])
 
 
+def test_a_limit_that_is_not_reached_does_not_stop_a_fit():
+    """A bowed amplitude of 2 beside one that hardly acts below 0.5, and beyond spoils everything.
+
+    Damping by the curvature lets the second one leap to its bound, four times in a row.
+    """
+    rng = np.random.default_rng(8)
+    matrix = rng.standard_normal((2, 400))
+    noise = 0.1 * (rng.standard_normal(400) - matrix[1])
+
+    def formula(row):
+        idle, spoilt = 1e-7 * row[1], 1e3 * max(row[1] - 0.5, 0.0)
+        return (row[0] + 0.1 * row[0] ** 2 - 2.4) * matrix[0] + (idle + spoilt) * matrix[1] + noise
+
+    likelihood, parameters = likelihood_of(formula), (amplitude("a", 0), amplitude("b", 1, (0.0, 8.0)))
+    start = explanation(likelihood, parameters, np.zeros(2), np.zeros((0, 400)), ("a", "b"))
+    found = minimise(likelihood, start, 10, 1e-6)
+    assert found.x[0] == pytest.approx(2.0, abs=0.02) and found.x[1] < 0.51
+
+
 def test_fit_never_raises_the_cost_and_stops_at_a_minimum():
     likelihood = likelihood_of(lambda row: np.full(400, row[0] ** 2 + 1.0))
     start = explanation(likelihood, (amplitude("a", 0),), np.array([0.0]), np.zeros((0, 400)), ("a",))

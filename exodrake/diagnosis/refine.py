@@ -1,8 +1,9 @@
 """Refinement: maximum a posteriori fit of an explanation together with the nominal parameters.
 
-The method is Levenberg-Marquardt within bounds (Marquardt 1963). The nominal Jacobian is expensive and changes little:
-it is given with the start and corrected after each step (Broyden 1965). The few columns of the effects are simulated
-at each step.
+The method is Levenberg-Marquardt within bounds (Marquardt 1963). After a step that fails the parameters of effects keep
+within a box, a trust region: damping by the curvature does not hold one back that has none yet, such as a limit that is
+not reached. The nominal Jacobian is expensive and changes little: it is given with the start and corrected after each
+step (Broyden 1965). The few columns of the effects are simulated at each step.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
+SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
 TRIES = 4  # damped steps before a fit ends
 STEPS, TOL = 5, 5e-4  # of a fit as a rule
 BACK = 0.1  # share of the nominal parameters' changes that is taken back to test a fit: assumed
@@ -111,12 +113,14 @@ class Explanation:
 def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float) -> Explanation:
     """The explanation after at most `steps` steps; it ends when a step lowers the cost by less than the share `tol`."""
     found, damping = start, DAMPING
+    reach = np.array([p.scale if p.effect else np.inf for p in start.parameters])
     for _ in range(steps):
         columns, before = whole_jacobian(likelihood, found), found.cost(likelihood)
         slope, curvature = slope_and_curvature(likelihood, found, columns)
         promised = 0.0
-        for _ in range(TRIES):
-            trial, gain = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)))
+        for failed in range(TRIES):
+            longest = reach * SHORTER ** (failed - 1) if failed else np.inf
+            trial, gain = stepped(likelihood, found, slope, curvature + damping * np.diag(np.diag(curvature)), longest)
             promised = max(promised, gain)
             known = np.concatenate([found.jacobian, columns[found.nominal :]])
             found = corrected(found, trial, found.residual + (trial.x - found.x) @ known)
@@ -174,11 +178,14 @@ def slope_and_curvature(
 
 
 def stepped(
-    likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray
+    likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray, longest: np.ndarray | float
 ) -> tuple[Explanation, float]:
-    """The explanation after one step within its bounds, and by how much the derivatives let its cost fall."""
+    """The explanation after one step within its bounds, and by how much the derivatives let its cost fall.
+
+    longest: (parameters,) change of each parameter.
+    """
     low, high = here.bounds - here.x
-    move, change = bounded(curvature, slope, low, high)
+    move, change = bounded(curvature, slope, np.maximum(low, -longest), np.minimum(high, longest))
     return here.at(likelihood, np.clip(here.x + move, low + here.x, high + here.x)), -change
 
 
