@@ -62,6 +62,20 @@ def test_what_noise_leaves_in_a_hunting_loop_is_no_excess(hunting):
     assert taken_up(likelihood, retuned, e, levels).share > taken_up(likelihood, retuned, e).share > 0.0
 
 
+def test_what_a_hunting_pair_leaves_by_noise_is_not_held_against_it():
+    """Joints that harden alone leave 9.9 in closed loop, with friction at the pulleys 5.2: the noise of that pair."""
+    robot = robot_with("sensor.pulley_friction", 1, mu=0.0115)
+    robot = robot.splice("finger.hardening", {"coefficient": 0.042})
+    tried = frozenset(["finger.hardening", "sensor.pulley_friction"])
+    problem, found = isolated(make_problem(case_of(robot, 1), load_robot(), tried))
+    decision = decide(problem, found)
+    assert decision.verdict == "NAMED" and set(decision.best.explanation.effects) == tried
+    single, pair = (size[0].explanation for size in found.tested)
+    likelihood, noise = found.likelihood.scaled_to(single.residual), found.tests.noise
+    assert noise.levels(likelihood, pair)[0] > 2.0 > noise.levels(likelihood, single)[0]
+    assert found.share(single, pair) > taken_up(likelihood, single, pair).share
+
+
 def test_a_fault_of_the_controller_does_not_hunt():
     """A third more proportional gain, which prediction errors do not show, beside a load cell of a wrong gain."""
     gain = {"AF": 0.1, "MF": 0.0, "AE": 0.0}

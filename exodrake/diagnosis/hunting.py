@@ -56,11 +56,11 @@ class Noise:
                 self.own[e] = own_draws(likelihood, e, len(self.retuned))
         return self.of(e)
 
-    def levels(self, likelihood: Likelihood, e: Explanation) -> np.ndarray:
-        """Reduced chi-squares (views,) of noise alone: 1 where it is that of the retuned robot."""
+    def levels(self, likelihood: Likelihood, *explanations: Explanation) -> np.ndarray:
+        """Reduced chi-squares (views,) of the noisiest of some explanations: 1 where noise is the retuned robot's."""
         found = np.ones(len(likelihood.views))
-        if e in self.own:
-            found[0] = max(float(np.mean(likelihood.split(self.own[e])[0] ** 2)), 1.0)
+        for own in (self.own[e] for e in explanations if e in self.own):
+            found[0] = max(float(np.mean(likelihood.split(own)[0] ** 2)), found[0])
         return found
 
 

@@ -37,9 +37,13 @@ def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
 def tested(
     likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
 ) -> list[Tested]:
-    """Explanations of one size with their levels, best first; larger: fitted ones of the next size."""
-    rivals = {id(e): [*(other for other in found if other is not e), *larger] for e in found}
-    levels = side_by_side([partial(tests, e, rivals[id(e)]) for e in found])
+    """Explanations of one size with their levels, best first; larger: fitted ones of the next size.
+
+    The noise of all is known before one is compared with another.
+    """
+    nulls = side_by_side([partial(tests.null, e) for e in found])
+    rivals = [[*(other for other in found if other is not e), *larger] for e in found]
+    levels = side_by_side([partial(tests, *each) for each in zip(found, rivals, nulls, strict=True)])
     made = [Tested(e, own, likelihood.chi2(e.residual), e.cost(likelihood)) for e, own in zip(found, levels)]
     return sorted(made, key=lambda t: t.cost)
 
@@ -76,10 +80,13 @@ class Isolation:
         """
         kept = [t for t in tested if t.levels.kept]
         if parent is not None and not parent.levels.consistent:
-            least = self.tests.calibration.taken
-            kept = [t for t in kept if taken_up(self.likelihood, parent.explanation, t.explanation).share > least]
+            kept = [t for t in kept if self.share(parent.explanation, t.explanation) > self.tests.calibration.taken]
         left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
         return replace(self, tested=(*self.tested, tuple(tested)), left=left)
+
+    def share(self, e: Explanation, larger: Explanation) -> float:
+        """Share of what an explanation leaves that a larger one takes up, above the noise of both."""
+        return taken_up(self.likelihood, e, larger, self.tests.noise.levels(self.likelihood, e, larger)).share
 
     def without_effects(self) -> Isolation:
         """The isolation that stops at the robot without an effect, if it is kept."""

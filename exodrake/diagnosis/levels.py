@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -109,6 +110,20 @@ class Levels:
         return self.kept and (self.complete > PROMISING or self.promise < PROMISING)
 
 
+class Null(NamedTuple):
+    """What an explanation may leave: draws of its noise and of errors of its laws (`LawErrors`).
+
+    Attributes:
+        project: in units of what it leaves.
+        noise, law, model: (draws, samples) of noise, of the laws at rho, and of the difference between simulators.
+    """
+
+    project: Projection
+    noise: np.ndarray
+    law: np.ndarray
+    model: np.ndarray
+
+
 class Tests:
     """Tests of explanations on one case.
 
@@ -131,9 +146,9 @@ class Tests:
         found.likelihood, found.lin = likelihood, lin
         return found
 
-    def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
-        """The levels of an explanation; rivals: others that were fitted."""
-        project, noise, law, model = self.null(e)
+    def __call__(self, e: Explanation, rivals: Sequence[Explanation] = (), null: Null | None = None) -> Levels:
+        """The levels of an explanation; rivals: others that were fitted; null: its own, if it is known."""
+        project, noise, law, model = null or self.null(e)
         likelihood = project.likelihood
         left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], noise, law))
         needed = amplitude(left[0], noise_left, law_left)
@@ -185,7 +200,7 @@ class Tests:
         levels = self.noise.levels(likelihood, e)
         share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
-            taken = taken_up(likelihood, e, rival, levels)
+            taken = taken_up(likelihood, e, rival, self.noise.levels(likelihood, e, rival))
             share = max(share, taken.share)
             if exceeding(null, taken.power) >= ALPHA:
                 no_better.append(rival.name)
@@ -195,11 +210,11 @@ class Tests:
         promise = float(gain[0]) / max(excess(likelihood, e, levels), 1e-9)
         return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
 
-    def null(self, e: Explanation) -> tuple[Projection, np.ndarray, np.ndarray, np.ndarray]:
-        """Projection of an explanation in units of what it leaves, and draws of its noise and errors (`LawErrors`)."""
+    def null(self, e: Explanation) -> Null:
+        """What an explanation may leave; noise of its own is simulated once."""
         project = Projection(self.likelihood.scaled_to(e.residual), e, self.lin)
         law, model = self.laws(project)
-        return project, self.noise.measured(project, law), law, model
+        return Null(project, self.noise.measured(project, law), law, model)
 
     def most_moved(self, project: Projection, law: np.ndarray) -> float:
         """Largest plausible mean square change of the nominal parameters, in tolerances.
