@@ -69,8 +69,9 @@ class Isolator:
         found = Isolation(likelihood, tests, nominal, best, lin)
         if found.nominal.levels.sufficient or found.retuned.levels.sufficient or not max_effects or not self.effects:
             return found.without_effects()
+        likelihood = likelihood.scaled_to(retuned.residual)
         screened = NormalMatrix(likelihood, retuned, lin).singles()
-        singles = self.singles(found, screened)
+        singles = self.singles(replace(found, likelihood=likelihood), screened)
         likelihood = likelihood.scaled_to(singles[0].residual) if singles else likelihood
         found = replace(found, likelihood=likelihood, screened=tuple(screened))
         found = replace(found, retuned=tested(likelihood, tests, [retuned], singles)[0])

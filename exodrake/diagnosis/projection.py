@@ -28,13 +28,28 @@ def direction_products(likelihood: Likelihood, lin: Linearisation) -> np.ndarray
     return np.sum([p / view.scale**2 for p, view in zip(products, likelihood.views, strict=True)], axis=0)
 
 
+def free(e: Explanation, slope: np.ndarray) -> np.ndarray:
+    """Mask (parameters,) of the parameters that are not held by a bound of their tolerance.
+
+    slope: (parameters,) gradient of the cost, which at such a bound falls outwards.
+    """
+    (low, high), small = e.bounds, 1e-9 * e.prior_std
+    held = ((e.x <= low + small) & (slope > 0.0)) | ((e.x >= high - small) & (slope < 0.0))
+    return ~held | (np.arange(len(held)) >= e.nominal)
+
+
 class Projection:
-    """Elimination of fitted parameters from residuals, and the largest reduction by one more effect."""
+    """Elimination of fitted parameters from residuals, and the largest reduction by one more effect.
+
+    A nominal parameter that ended at a bound of its tolerance stays there: what it would take up beyond is an effect's.
+    """
 
     def __init__(self, likelihood: Likelihood, e: Explanation, lin: Linearisation) -> None:
         self.explanation, self.likelihood, self.weights = e, likelihood, likelihood.weights
         self.columns, self.precision = whole_jacobian(likelihood, e), 1.0 / e.prior_std**2
-        self.fitted = (self.columns * self.weights).astype(np.float32, copy=False)
+        weighted = (self.columns * self.weights).astype(np.float32, copy=False)
+        self.free = free(e, weighted @ (e.residual * self.weights) + self.precision * e.x)
+        self.fitted = weighted * self.free[:, None]
         self.directions = lin.directions
         self.normal = normal_matrix(self.fitted, self.precision)
         cross = (self.directions @ (self.fitted * self.weights).T).astype(float).T
@@ -50,7 +65,7 @@ class Projection:
         """
         rows = (rows * self.weights).astype(np.float32)
         pull = (self.fitted @ rows.T).astype(float)
-        return rows, pull if prior is None else pull + (np.sqrt(self.precision) * prior).T
+        return rows, pull if prior is None else pull + (np.sqrt(self.precision) * self.free * prior).T
 
     def left(self, rows: np.ndarray) -> np.ndarray:
         """Sum of squares (n,) that is left of rows (n, samples)."""
