@@ -214,7 +214,22 @@ def test_creep_asymptote_and_time() -> None:
 
 
 def test_slack() -> None:
-    assert tendon_slack.stretch(0.003, 0.0, 0.001) == pytest.approx(0.002)
+    assert tendon_slack.stretch(0.003, 0.0, 0.001, 1e-4) == pytest.approx(0.002)
+    assert tendon_slack.stretch(0.0005, 0.0, 0.001, 1e-4) < 0.0
+    assert tendon_slack.stretch(0.003, 0.0, 0.0, 1e-4) == 0.003 and tendon_slack.stretch(-1e-5, 0.0, 0.0, 1e-4) == -1e-5
+
+
+def test_slack_comes_taut_smoothly() -> None:
+    """Over the toe the slope rises from 0 to 1 in proportion; a toe is no longer than the slack."""
+    length, toe, h = 0.001, 4e-4, 1e-9
+    for share in (0.05, 0.25, 0.5, 0.75, 0.95):
+        x = length + (share - 0.5) * toe
+        around = [tendon_slack.stretch(x + d, 0.0, length, toe) for d in (-h, h)]
+        assert (around[1] - around[0]) / (2.0 * h) == pytest.approx(share, abs=1e-5)
+    for end in (-0.5, 0.5):
+        below, above = (tendon_slack.stretch(length + end * toe + d, 0.0, length, toe) for d in (-h, h))
+        assert below == pytest.approx(above, abs=3e-9)
+    assert tendon_slack.stretch(1e-3, 0.0, 1e-3, 1.0) == tendon_slack.stretch(1e-3, 0.0, 1e-3, 1e-3)
 
 
 def test_stiffening_tangent() -> None:
