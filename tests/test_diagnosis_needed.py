@@ -123,6 +123,28 @@ def test_directions_beside_a_current_limit_promise_more_of_what_a_gain_takes_up(
     assert 1.5 * before.levels.promise < after.levels.promise < share
 
 
+def test_a_fit_that_leaves_little_is_brought_to_its_minimum_before_another_effect_is_tried():
+    """An offset whose nominal parameters stand a little off, so that the rest looks like another effect's; its Jacobian
+    is of no use. The same offset beside it that stands as far off comes to the same cost.
+    """
+    robot = load_robot().splice("mocap.offset", {"offset": 0.1})
+    problem = make_problem(case_of(robot, 1, FRAMES // 2), load_robot(), frozenset(TRIED[1:2])).shortened(2 * SHARE)
+    start, simulated = retune(problem)
+    isolator = Isolator(problem, start, defaultdict(float, simulated))
+    found = isolator.isolate(1)
+    (true,) = found.explanations
+    moves = np.random.default_rng(2).standard_normal((2, len(true.x))) * true.prior_std
+    moves[:, true.nominal :] = 0.0
+    off = [true.at(found.likelihood, np.clip(true.x + 0.03 * m, *true.bounds)) for m in moves]
+    off = [e.with_jacobian(0.0 * true.jacobian) for e in off]
+    assert all(0.0 < found.likelihood.mean_log(e.residual) < fits.CONVERGED for e in off)
+    stuck = isolation.tested(found.likelihood, found.tests, off)
+    settled = isolator.settled(replace(found, tested=(tuple(stuck),), left=tuple(stuck)))
+    likelihood = settled.likelihood
+    costs = [e.cost(likelihood) for e in (*settled.explanations, true, *off)]
+    assert max(costs[:2]) < costs[2] + 0.1 * (min(costs[3:]) - costs[2])
+
+
 def test_friction_that_the_curvature_calls_absent_is_named_since_the_logs_reject_its_absence(friction, monkeypatch):
     """As beside the threshold of a dead zone, where any width gives the same residual."""
 

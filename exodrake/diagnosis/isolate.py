@@ -17,7 +17,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.fits import Fits
+from exodrake.diagnosis.fits import CONVERGED, Fits
 from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
@@ -87,6 +87,7 @@ class Isolator:
     def enlarged(self, found: Isolation, max_effects: int) -> Isolation:
         """The isolation with sets of one effect more, until some are left and none larger beats them."""
         while len(found.tested) < max_effects:
+            found = found if found.sufficient else self.settled(found)
             found = self.looked_again(found) if found.sufficient else found
             if found.sufficient:
                 return found
@@ -101,6 +102,23 @@ class Isolator:
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
         return found
+
+    def settled(self, found: Isolation) -> Isolation:
+        """The isolation before it grows, its kept sets fitted on with the nominal Jacobian of the best one's robot.
+
+        A fit that leaves little is spared that else (`CONVERGED`); what another effect would take up may be its own.
+        """
+        best, *others = found.explanations
+        if found.likelihood.mean_log(best.residual) > CONVERGED:
+            return found
+        likelihood = found.likelihood.scaled_to(best.residual).for_stage("refine again")
+        best, kept = self.fits.refreshed(likelihood, best), [t.explanation for t in found.left]
+        for k, e in enumerate(others):
+            if e in kept:
+                others[k] = self.fits.refined(likelihood, e.with_jacobian(best.jacobian), STEPS)
+        again = tested(likelihood, found.tests, [best, *others])
+        parent = found.tested[-2][0] if len(found.tested) > 1 else None
+        return replace(found, likelihood=likelihood, tested=found.tested[:-1]).with_round(again, parent)
 
     def looked_again(self, found: Isolation) -> Isolation:
         """The isolation tested with directions beside its best set, where those beside the retuned robot promise none.
