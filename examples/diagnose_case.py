@@ -24,7 +24,7 @@ def some_case() -> Path:
     from exodrake.blind.case_mix import CasePlan
     from exodrake.blind.make import make_case
 
-    make_case(CasePlan("case", (1, 1), "single", ("tendon.capstan_friction",), False), MADE)
+    make_case(CasePlan("case", (1, 1), "single", ("tendon.viscous_friction",), False), MADE)
     return MADE / "case"
 
 

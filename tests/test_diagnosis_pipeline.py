@@ -18,7 +18,7 @@ from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
 
-AFFORDABLE = 650  # robots simulated in both views: 62,300 s of a blind case, of which 48 s are used
+AFFORDABLE = 750  # robots simulated in both views: 72,000 s of a blind case, of which 48 s are used
 
 
 def test_injected_friction_is_named_with_its_coefficient():

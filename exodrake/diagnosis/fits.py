@@ -14,14 +14,15 @@ from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
-from exodrake.diagnosis.refine import STEPS, TOL, Explanation, astray, minimise
+from exodrake.diagnosis.refine import STEPS, TOL, Explanation, minimise
 from exodrake.diagnosis.select import Predicted
 from exodrake.diagnosis.stuck import from_another_law, searched
 
 FIRST_STEPS = 2  # of all fits; those that are not far behind go on
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
-CONVERGED = 0.1  # the same above noise: a fit that leaves less needs no new Jacobian, if it is not astray
+CONVERGED = 0.1  # the same above noise: a fit that leaves less gets a new Jacobian only if it is the best in the end
 FRESH = 2  # fits with a new nominal Jacobian, beside that of the effect that was predicted best
+ROUNDS, USELESS = 3, 1.0  # new nominal Jacobians at most; logarithm of a likelihood (Akaike 1974)
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 
 
@@ -96,8 +97,15 @@ class Fits:
             return self.refreshed(closer, self.refreshed(closer, e))
         if taken_up(likelihood, known, e).share <= PROMISING:
             return e
-        converged = likelihood.mean_log(e.residual) <= CONVERGED
-        return e if converged and not astray(closer, e) else self.refreshed(closer, e)
+        return e if likelihood.mean_log(e.residual) <= CONVERGED else self.refreshed(closer, e)
+
+    def settled(self, likelihood: Likelihood, e: Explanation) -> Explanation:
+        """The explanation fitted on with new nominal Jacobians, until one gains less than a parameter of no use may."""
+        for _ in range(ROUNDS):
+            before, e = e.cost(likelihood), self.refreshed(likelihood, e)
+            if before - e.cost(likelihood) < USELESS:
+                break
+        return e
 
     def refreshed(self, likelihood: Likelihood, e: Explanation) -> Explanation:
         """The explanation fitted on with a new nominal Jacobian."""

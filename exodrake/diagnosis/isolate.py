@@ -87,7 +87,7 @@ class Isolator:
     def enlarged(self, found: Isolation, max_effects: int) -> Isolation:
         """The isolation with sets of one effect more, until some are left and none larger beats them."""
         while len(found.tested) < max_effects:
-            found = found if found.sufficient else self.settled(found)
+            found = self.settled(found)
             found = self.looked_again(found) if found.sufficient else found
             if found.sufficient:
                 return found
@@ -101,18 +101,18 @@ class Isolator:
             if any(t.levels.kept for t in again):
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
-        return found
+        return self.settled(found)
 
     def settled(self, found: Isolation) -> Isolation:
-        """The isolation before it grows, its kept sets fitted on with the nominal Jacobian of the best one's robot.
+        """The isolation with its kept sets fitted on with the nominal Jacobian of the best one's robot.
 
-        A fit that leaves little is spared that else (`CONVERGED`); what another effect would take up may be its own.
+        A fit that left little was spared that (`CONVERGED`). What another effect seems to take up may be its own.
         """
         best, *others = found.explanations
         if found.likelihood.mean_log(best.residual) > CONVERGED:
             return found
         likelihood = found.likelihood.scaled_to(best.residual).for_stage("refine again")
-        best, kept = self.fits.refreshed(likelihood, best), [t.explanation for t in found.left]
+        best, kept = self.fits.settled(likelihood, best), [t.explanation for t in found.left]
         for k, e in enumerate(others):
             if e in kept:
                 others[k] = self.fits.refined(likelihood, e.with_jacobian(best.jacobian), STEPS)

@@ -23,7 +23,6 @@ DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a 
 SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
 TRIES = 4  # damped steps before a fit ends
 STEPS, TOL = 5, 5e-4  # of a fit as a rule
-BACK = 0.1  # share of the nominal parameters' changes that is taken back to test a fit: assumed
 FREE = 1e3  # prior standard deviations, in scales, of an effect's parameter: none, but the matrix stays regular
 
 
@@ -134,12 +133,6 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int, tol: float)
             COLUMNS[found] = columns[found.nominal :]
             break
     return found
-
-
-def astray(likelihood: Likelihood, e: Explanation) -> bool:
-    """Whether the cost falls if the nominal parameters go back by a tenth: its nominal Jacobian is of another robot."""
-    back = np.where(np.arange(len(e.x)) < e.nominal, (1.0 - BACK) * e.x, e.x)
-    return e.at(likelihood, back).cost(likelihood) < e.cost(likelihood)
 
 
 COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
