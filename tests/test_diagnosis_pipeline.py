@@ -13,10 +13,15 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.isolate import Isolator
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.part_used import SHARE
+from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
+from exodrake.diagnosis.retune import retune
+from exodrake.diagnosis.verdict import decide
 
 AFFORDABLE = 750  # robots simulated in both views: 72,000 s of a blind case, of which 48 s are used
 
@@ -131,6 +136,18 @@ def test_effect_beside_a_tremor_is_named_with_it():
     found = exo.diagnose(case_of(trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
+
+
+def test_tremor_behind_a_slow_velocity_loop_is_found_in_what_the_loop_leaves():
+    """In what the retuned robot leaves no spectral peak stands out."""
+    slow = exo.load_robot().splice("motor.slow_velocity_loop", {"factor": 0.15}, channels=["AF"])
+    robot = slow.splice("finger.tremor", {"torque": 8e-4, "frequency": 5.9}, channels=["PIP"])
+    tried = frozenset(["finger.tremor", "motor.slow_velocity_loop"])
+    problem = make_problem(case_of(robot, 3), exo.load_robot(), tried)
+    assert not detect(problem, retune(problem.shortened(SHARE))[0].robot).detected
+    problem, found = isolated(problem)
+    assert [d.effect.joints for d in problem.detected] == [("PIP",)]
+    assert decide(problem, found).best.explanation.effects == ("motor.slow_velocity_loop",)
 
 
 @pytest.mark.parametrize("fitted", [False, True])

@@ -23,6 +23,7 @@ from exodrake.diagnosis.comparison import removed
 from exodrake.diagnosis.detect import detect
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
+from exodrake.diagnosis.fits import CONVERGED
 from exodrake.diagnosis.improved import judged, robot_of, traces_of, without_traces
 from exodrake.diagnosis.intervals import describe
 from exodrake.diagnosis.isolate import Isolator
@@ -89,7 +90,10 @@ def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
 
 
 def isolated(
-    problem: Problem, progress: StageProgress = no_progress, share: float = SHARE
+    problem: Problem,
+    progress: StageProgress = no_progress,
+    share: float = SHARE,
+    seen: np.ndarray | None = None,
 ) -> tuple[Problem, Isolation]:
     """The problem with what detectors found, and the isolation.
 
@@ -98,24 +102,38 @@ def isolated(
         progress: called with the stage and what it works on.
         share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none, as
             far as that is affordable.
+        seen: (parameters,) robot in whose residuals detectors look; the retuned one by default, and then the best one
+            if they find more in what that leaves.
     """
     progress(Stage.RETUNE, "")
     share = min(share, affordable(problem))
     start, simulated = retune(problem.shortened(share))
-    whole = detect(problem, start.robot)
-    short = whole.shortened(share)
-    certain = sum(d.certain for d in whole.detected)
+    whole = detect(problem, start.robot if seen is None else seen)
+    short, certain = whole.shortened(share), certainly_found(whole)
     if certain:
         start, again = retune(short, start)
         simulated["retune"] += again["retune"]
     most = problem.robot.machine.max_effects - certain
     found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
     if share < affordable(problem) and found.left and overlooks(whole, found.left[0]):
-        whole, again = isolated(problem, progress, 1.0)
-        for stage, time_before in found.likelihood.simulated.items():
-            again.likelihood.simulated[stage] += time_before
-        return whole, again
+        return added(found, *isolated(problem, progress, 1.0, seen))
+    best = found.best.explanation
+    may_hide = seen is None and not certain and found.likelihood.mean_log(best.residual) > CONVERGED
+    if may_hide and certainly_found(detect(problem, best.robot)):
+        return added(found, *isolated(problem, progress, share, best.robot))
     return whole, found
+
+
+def certainly_found(problem: Problem) -> int:
+    """Number of effects that detectors found, whatever a fit finds."""
+    return sum(d.certain for d in problem.detected)
+
+
+def added(before: Isolation, problem: Problem, found: Isolation) -> tuple[Problem, Isolation]:
+    """A problem and its isolation, the simulated time of an isolation before it added."""
+    for stage, time_before in before.likelihood.simulated.items():
+        found.likelihood.simulated[stage] += time_before
+    return problem, found
 
 
 def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
