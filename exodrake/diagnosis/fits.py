@@ -20,7 +20,7 @@ from exodrake.diagnosis.stuck import from_another_law, searched
 
 FIRST_STEPS = 2  # of all fits; those that are not far behind go on
 BEHIND, NEAR = 1.5, 0.4  # mean logarithm of chi-squares: far behind after first steps; as good as the best
-CONVERGED = 0.1  # the same above noise: a fit that leaves less gets a new Jacobian only if it is the best in the end
+CONVERGED = 0.1  # the same above noise: a fit that leaves less has a new Jacobian only if it is the best in the end
 FRESH = 2  # fits with a new nominal Jacobian, beside that of the effect that was predicted best
 ROUNDS, USELESS = 3, 1.0  # new nominal Jacobians at most; logarithm of a likelihood (Akaike 1974)
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins

@@ -17,7 +17,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.fits import CONVERGED, Fits
+from exodrake.diagnosis.fits import Fits
 from exodrake.diagnosis.isolation import Isolation, tested
 from exodrake.diagnosis.levels import PROMISING, Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
@@ -106,11 +106,10 @@ class Isolator:
     def settled(self, found: Isolation) -> Isolation:
         """The isolation with its kept sets fitted on with the nominal Jacobian of the best one's robot.
 
-        A fit that left little was spared that (`CONVERGED`). What another effect seems to take up may be its own.
+        Fits that left little were spared that, and the Jacobian of the others may be stale. What another effect seems
+        to take up may be their own.
         """
         best, *others = found.explanations
-        if found.likelihood.mean_log(best.residual) > CONVERGED:
-            return found
         likelihood = found.likelihood.scaled_to(best.residual).for_stage("refine again")
         best, kept = self.fits.settled(likelihood, best), [t.explanation for t in found.left]
         for k, e in enumerate(others):
