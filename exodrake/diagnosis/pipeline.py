@@ -102,8 +102,8 @@ def isolated(
         progress: called with the stage and what it works on.
         share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none, as
             far as that is affordable.
-        seen: (parameters,) robot in whose residuals detectors look; the retuned one by default, and then the best one
-            if they find more in what that leaves.
+        seen: (parameters,) robot [SI] in whose residuals detectors look; the retuned one by default, and then the best
+            one if they find more in what that leaves.
     """
     progress(Stage.RETUNE, "")
     share = min(share, affordable(problem))
