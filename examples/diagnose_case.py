@@ -38,7 +38,7 @@ rows = problem.silent()[None]
 gap = np.sqrt(np.mean(problem.residual(rows, problem.holdout) ** 2))
 print(f"gap of the nominal robot on held-out motion: {gap:.1f} noise standard deviations")
 
-# 2. the diagnosis: where, which, how far (about a minute)
+# 2. the diagnosis: where, which, how far (about half a minute)
 found = exo.diagnose(case, nominal, progress=lambda stage, detail: print("  ", stage.text, detail))
 print_summary(found)
 

@@ -49,12 +49,18 @@ class Noise:
         law: (draws, samples) errors of its laws.
         """
         e, likelihood = project.explanation, project.likelihood
-        if e.effects and e not in self.own and len(likelihood.views) > 1:
+        if not self.known(likelihood, e):
             noise, error, own = (likelihood.split(rows) for rows in (self.retuned, law, e.residual))
-            quiet = exceeding(power(noise[0]), float(power(own[0]))) > ALPHA
-            if not quiet and exceeding(power(noise[-1]) + power(error[-1]), float(power(own[-1]))) >= REJECTED:
+            if exceeding(power(noise[-1]) + power(error[-1]), float(power(own[-1]))) >= REJECTED:
                 self.own[e] = own_draws(likelihood, e, len(self.retuned))
         return self.of(e)
+
+    def known(self, likelihood: Likelihood, e: Explanation) -> bool:
+        """Whether nothing is to be simulated for an explanation: its closed loop is quiet, or was simulated before."""
+        if not e.effects or e in self.own or len(likelihood.views) == 1:
+            return True
+        noise, own = (likelihood.split(rows)[0] for rows in (self.retuned, e.residual))
+        return exceeding(power(noise), float(power(own))) > ALPHA
 
     def levels(self, likelihood: Likelihood, *explanations: Explanation) -> np.ndarray:
         """Reduced chi-squares (views,) of the noisiest of some explanations: 1 where noise is the retuned robot's."""

@@ -41,9 +41,9 @@ def tested(
 
     The noise of all is known before one is compared with another.
     """
-    nulls = side_by_side([partial(tests.null, e) for e in found])
+    side_by_side([partial(tests.measure_noise, e) for e in found])
     rivals = [[*(other for other in found if other is not e), *larger] for e in found]
-    levels = side_by_side([partial(tests, *each) for each in zip(found, rivals, nulls, strict=True)])
+    levels = side_by_side([partial(tests, *each) for each in zip(found, rivals, strict=True)])
     made = [Tested(e, own, likelihood.chi2(e.residual), e.cost(likelihood)) for e, own in zip(found, levels)]
     return sorted(made, key=lambda t: t.cost)
 

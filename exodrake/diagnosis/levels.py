@@ -146,9 +146,9 @@ class Tests:
         found.likelihood, found.lin = likelihood, lin
         return found
 
-    def __call__(self, e: Explanation, rivals: Sequence[Explanation] = (), null: Null | None = None) -> Levels:
-        """The levels of an explanation; rivals: others that were fitted; null: its own, if it is known."""
-        project, noise, law, model = null or self.null(e)
+    def __call__(self, e: Explanation, rivals: Sequence[Explanation] = ()) -> Levels:
+        """The levels of an explanation; rivals: others that were fitted."""
+        project, noise, law, model = self.null(e)
         likelihood = project.likelihood
         left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], noise, law))
         needed = amplitude(left[0], noise_left, law_left)
@@ -209,6 +209,11 @@ class Tests:
         complete = 0.0 if rejected else exceeding(null, float(gain[0]))
         promise = float(gain[0]) / max(excess(likelihood, e, levels), 1e-9)
         return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
+
+    def measure_noise(self, e: Explanation) -> None:
+        """Simulate the noise of an explanation's own robot where it is needed: before it is a rival of others."""
+        if not self.noise.known(self.likelihood, e):
+            self.null(e)
 
     def null(self, e: Explanation) -> Null:
         """What an explanation may leave; noise of its own is simulated once."""
