@@ -52,7 +52,12 @@ def taken_up(likelihood: Likelihood, e: Explanation, rival: Explanation, levels:
     likelihood = likelihood.scaled_to(e.residual)
     less, whole = 2.0 * (e.cost(likelihood) - rival.cost(likelihood)), excess(likelihood, e, levels)
     residual = power(e.residual * likelihood.weights) - power(rival.residual * likelihood.weights)
-    return Reduction(float(residual), less / whole if whole > 0.0 else 0.0)
+    return Reduction(float(residual), share_of(less, whole))
+
+
+def share_of(less: float, whole: float) -> float:
+    """Share of an excess over noise by which a cost falls; 0 where there is no excess."""
+    return less / whole if whole > 0.0 else 0.0
 
 
 def excess(likelihood: Likelihood, e: Explanation, levels: np.ndarray | float = 1.0) -> float:
@@ -101,11 +106,6 @@ def residual_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, 
     """Contribution (channels, samples) of each effect of an explanation to its residual, simulated once."""
     machine = likelihood.robot.machine
     return once(e, "contributions", lambda: contributions(machine, e, likelihood.residual, e.residual))
-
-
-def tolerance_use(e: Explanation) -> float:
-    """Mean square change of the nominal parameters in standard deviations of their tolerances [-]."""
-    return float(np.mean(e.use[: e.nominal] ** 2)) if e.nominal else 0.0
 
 
 def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:

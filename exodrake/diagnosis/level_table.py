@@ -49,7 +49,7 @@ def level_table(t: Tested, limits: Calibration) -> tuple[LevelTest, ...]:
     if not t.explanation.effects:
         asks = "Would noise leave so much in any window of 2 s?"
         rows.append(LevelTest(asks, P, p.local, LOCAL, p.local > LOCAL))
-    asks = "How far do nominal parameters move, in standard deviations of their tolerances?"
+    asks = "How far do nominal parameters have to move, in standard deviations of their tolerances?"
     rows.append(LevelTest(asks, SQUARE, p.moved, p.most_moved, p.moved <= p.most_moved))
     asks = "How much of what it leaves does the best other explanation take up?"
     rows.append(LevelTest(asks, SHARE, p.share, limits.taken, not p.beaten_by))

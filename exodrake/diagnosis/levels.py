@@ -12,8 +12,8 @@ Draws of it, with matrix products, give p-values of an explanation; only the noi
     fit         may so much be left?                                 draws with a = rho
     complete    may one more effect take up so much of it?           draws with the a of another simulator of one law
 
-An explanation whose nominal parameters move further than their tolerances allow is rejected, too: wrong effects lean on
-them.
+An explanation whose nominal parameters have to move further than their tolerances allow is rejected, too: wrong effects
+lean on them.
 
 A rival is another fitted explanation that moves them no further. It beats the explanation if its reduction of the cost
 exceeds that of an effect under noise and the difference of two simulators, and its share of the excess over noise that
@@ -23,7 +23,7 @@ alone, too: a sum over all joints hides a cause in one joint behind the errors o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -39,8 +39,8 @@ from exodrake.diagnosis.comparison import (
     excess,
     power,
     richer_law,
+    share_of,
     taken_up,
-    tolerance_use,
 )
 from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors
 from exodrake.diagnosis.hunting import REJECTED, Noise
@@ -49,6 +49,7 @@ from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import local_levels, scan
+from exodrake.diagnosis.tolerances import least_use, most_use, tolerance_use
 
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
 PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone
@@ -71,7 +72,7 @@ class Levels:
         share: share of the excess that the best other explanation takes up.
         law_error: error of the laws that explains what is left, in units of rho.
         moved: mean square of the nominal parameters' changes in standard deviations of their tolerances; about 1 or
-            less for a robot of these tolerances.
+            less for a robot of these tolerances. With effects the least that noise and the errors of their laws need.
         most_moved: largest plausible one.
     """
 
@@ -124,6 +125,19 @@ class Null(NamedTuple):
     model: np.ndarray
 
 
+def null_of_views(
+    likelihood: Likelihood, noise: np.ndarray, law: np.ndarray
+) -> Callable[[np.ndarray], tuple[float, ...]]:
+    """p-values (views,) of residuals (samples,) at the true parameters, by draws (draws, samples) of both."""
+    draws = [power(w) + power(error) for w, error in zip(likelihood.split(noise), likelihood.split(law), strict=True)]
+
+    def p_values(residual: np.ndarray) -> tuple[float, ...]:
+        parts = zip(draws, likelihood.split(residual), strict=True)
+        return tuple(exceeding(drawn, float(power(own))) for drawn, own in parts)
+
+    return p_values
+
+
 class Tests:
     """Tests of explanations on one case.
 
@@ -152,9 +166,8 @@ class Tests:
         likelihood = project.likelihood
         left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], noise, law))
         needed = amplitude(left[0], noise_left, law_left)
-        draws = zip(likelihood.split(noise), likelihood.split(law), likelihood.split(e.residual), strict=True)
-        fit = exceeding(noise_left + law_left, float(left[0]))
-        views = tuple(exceeding(power(w) + power(error), float(power(own))) for w, error, own in draws)
+        by_view = null_of_views(likelihood, noise, law)
+        fit, views = exceeding(noise_left + law_left, float(left[0])), by_view(e.residual)
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, noise + law), scan(likelihood, e.residual[None]))
@@ -178,8 +191,8 @@ class Tests:
             no_better=tuple(r.name for r in rivals if all(r.name in part.no_better for part in parts)),
             share=max(part.share for part in parts),
             law_error=float(np.median(needed)),
-            moved=tolerance_use(e),
-            most_moved=self.most_moved(project, np.minimum(needed, 1.0)[:, None] * law),
+            moved=least_use(project, lambda residual: min(by_view(residual)) > ALPHA),
+            most_moved=most_use(project, self.calibration, self.noise.retuned),
         )
 
     def compared(
@@ -207,7 +220,7 @@ class Tests:
             elif taken.share > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
         complete = 0.0 if rejected else exceeding(null, float(gain[0]))
-        promise = float(gain[0]) / max(excess(likelihood, e, levels), 1e-9)
+        promise = share_of(float(gain[0]), excess(likelihood, e, levels))
         return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
 
     def measure_noise(self, e: Explanation) -> None:
@@ -220,21 +233,6 @@ class Tests:
         project = Projection(self.likelihood.scaled_to(e.residual), e, self.lin)
         law, model = self.laws(project)
         return Null(project, self.noise.measured(project, law), law, model)
-
-    def most_moved(self, project: Projection, law: np.ndarray) -> float:
-        """Largest plausible mean square change of the nominal parameters, in tolerances.
-
-        That of healthy robots drawn from the tolerances and retuned, or that of the tolerances with what errors of the
-        effects' laws (draws, samples) add.
-        """
-        e = project.explanation
-        if not e.nominal:
-            return self.calibration.moved
-        if not e.effects:
-            found = project.retuned(self.noise.retuned, np.random.default_rng(3)) / e.prior_std[:, None]
-            return max(self.calibration.moved, float(np.quantile(np.mean(found**2, axis=0), 1.0 - ALPHA)))
-        moves = project.response(law)[: e.nominal] / e.prior_std[: e.nominal, None]
-        return max(self.calibration.moved, spread(e.nominal)) + float(np.mean(moves**2))
 
     def covariance(self, e: Explanation) -> np.ndarray:
         """Covariance of the effects' coordinates (k, k), from noise and from errors of the laws.

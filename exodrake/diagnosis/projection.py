@@ -90,9 +90,14 @@ class Projection:
         gains = np.array([self.gain(slope, probe) for probe in self.probes])
         return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
 
-    def response(self, rows: np.ndarray) -> np.ndarray:
-        """Changes (fitted, n) of the parameters by rows (n, samples)."""
-        return self.inverse @ self.pull(rows)[1]
+    def held(self, factor: float) -> np.ndarray:
+        """Changes (fitted,) of the parameters by priors of the nominal ones that are so many times as precise."""
+        e, precision = self.explanation, self.precision.copy()
+        precision[: e.nominal] *= factor
+        slope = self.fitted @ (e.residual * self.weights) + precision * e.x
+        normal = self.normal + np.diag(precision - self.precision)
+        low, high = e.bounds - e.x
+        return np.clip(-np.linalg.solve(normal, slope), low, high)
 
     def moves(self, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Changes (fitted, n) of the parameters by rows (n, samples) of noise, and by errors drawn from the priors."""
