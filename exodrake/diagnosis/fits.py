@@ -11,9 +11,9 @@ from exodrake.core.machine import Machine
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.comparison import taken_up
-from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
+from exodrake.diagnosis.one_more import PROMISING
 from exodrake.diagnosis.refine import STEPS, TOL, Explanation, minimise
 from exodrake.diagnosis.select import Predicted
 from exodrake.diagnosis.stuck import from_another_law, searched

@@ -19,9 +19,10 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.fits import Fits
 from exodrake.diagnosis.isolation import Isolation, tested
-from exodrake.diagnosis.levels import PROMISING, Tests
+from exodrake.diagnosis.levels import Tests
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian, renewed
+from exodrake.diagnosis.one_more import PROMISING
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.prune import spurious
 from exodrake.diagnosis.refine import STEPS, Explanation

@@ -46,13 +46,13 @@ from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors
 from exodrake.diagnosis.hunting import REJECTED, Noise
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
+from exodrake.diagnosis.one_more import PROMISING, OneMore
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import local_levels, scan
 from exodrake.diagnosis.tolerances import least_use, most_use, tolerance_use
 
 LOCAL = 1e-6  # of the scan: the largest of a thousand windows, whose tail 99 draws tell roughly
-PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone
 DRAWS = 99
 
 
@@ -208,20 +208,18 @@ class Tests:
             true_law: whether its laws may be true.
         """
         e, likelihood, beaten_by = project.explanation, project.likelihood, ""
-        gain, effect = project.gains(e.residual[None])
-        null = np.zeros(2) if rejected else project.gains(self.noise.of(e) + model)[0]
-        levels = self.noise.levels(likelihood, e)
+        further = OneMore(project, None if rejected else self.noise.of(e) + model)
+        next_one, levels = further.most(e.residual), self.noise.levels(likelihood, e)
         share, no_better, moved = 0.0, [], max(tolerance_use(e), self.calibration.moved)
         for rival in (r for r in rivals if tolerance_use(r) <= max(moved, spread(r.nominal))):
             taken = taken_up(likelihood, e, rival, self.noise.levels(likelihood, e, rival))
             share = max(share, taken.share)
-            if exceeding(null, taken.power) >= ALPHA:
+            if further.p_value(set(rival.effects) - set(e.effects), taken.power) >= ALPHA:
                 no_better.append(rival.name)
             elif taken.share > self.calibration.taken and not (true_law and richer_law(self.likelihood, rival, e)):
                 beaten_by = rival.name
-        complete = 0.0 if rejected else exceeding(null, float(gain[0]))
-        promise = share_of(float(gain[0]), excess(likelihood, e, levels))
-        return Compared(complete, promise, effect[0], beaten_by, frozenset(no_better), share)
+        promise = share_of(next_one.power, excess(likelihood, e, levels))
+        return Compared(next_one.p, promise, next_one.effect, beaten_by, frozenset(no_better), share)
 
     def measure_noise(self, e: Explanation) -> None:
         """Simulate the noise of an explanation's own robot where it is needed: before it is a rival of others."""

@@ -39,7 +39,7 @@ def free(e: Explanation, slope: np.ndarray) -> np.ndarray:
 
 
 class Projection:
-    """Elimination of fitted parameters from residuals, and the largest reduction by one more effect.
+    """Elimination of fitted parameters from residuals, and their reduction by one more effect.
 
     A nominal parameter that ended at a bound of its tolerance stays there: what it would take up beyond is an effect's.
     """
@@ -82,13 +82,10 @@ class Projection:
         """Products (directions, n) of the directions with weighted rows (n, samples), the fitted columns eliminated."""
         return (self.directions @ (rows * self.weights).T).astype(float) - self.solved.T @ pull
 
-    def gains(self, rows: np.ndarray) -> tuple[np.ndarray, list[str]]:
-        """Largest sum of squares (n,) that one more effect takes up of rows (n, samples), and its id."""
-        if not self.probes:
-            return np.zeros(len(rows)), [""] * len(rows)
+    def gains(self, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (probes, n) that one more effect takes up of rows (n, samples)."""
         slope = self.slopes(*self.pull(rows))
-        gains = np.array([self.gain(slope, probe) for probe in self.probes])
-        return gains.max(axis=0), [self.probes[i].effect for i in gains.argmax(axis=0)]
+        return np.array([self.gain(slope, probe) for probe in self.probes])
 
     def held(self, factor: float) -> np.ndarray:
         """Changes (fitted,) of the parameters by priors of the nominal ones that are so many times as precise."""

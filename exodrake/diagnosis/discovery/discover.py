@@ -27,9 +27,9 @@ from exodrake.diagnosis.discovery.search import fit_best, ranked, rejects
 from exodrake.diagnosis.discovery.watch import counted, watched
 from exodrake.diagnosis.discovery.write_effect import effect_text, robot_with
 from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.levels import PROMISING
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian
+from exodrake.diagnosis.one_more import PROMISING
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
