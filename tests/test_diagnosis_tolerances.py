@@ -73,7 +73,7 @@ def test_least_use_is_that_of_the_fit_if_the_logs_reject_it_or_it_has_no_effect(
 
 
 def imitated(seed, error):
-    """Use and least use of a robot within its tolerances whose law errs by a row that nominal parameters half imitate."""
+    """Use and least use of a robot whose law errs by a row that its nominal parameters imitate, half of it theirs."""
     rng = np.random.default_rng(seed)
     jacobian, own = rng.standard_normal((NOMINAL, FRAMES)), rng.standard_normal(FRAMES)
     shape = own + jacobian.sum(axis=0) / np.sqrt(NOMINAL)
