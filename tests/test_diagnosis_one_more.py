@@ -65,6 +65,16 @@ def test_effect_is_told_that_takes_up_less_than_a_rich_one_does_of_an_error(proj
     assert np.mean([gain.effect == "plain" for gain in told]) > 0.9
 
 
+def test_probes_of_one_effect_count_as_one(project):
+    """Another probe of the plain effect beside the first changes no p-value: the better one counts."""
+    again = project_of([probe("rich", range(RICH)), probe("plain", (RICH,)), probe("plain", (RICH,))])
+    rows, once = errors(project, DRAWS, 1), OneMore(project, errors(project, DRAWS, 1))
+    twice, row = OneMore(again, rows), rows[0] + 0.33 * project.directions[RICH]
+    np.testing.assert_array_equal(twice.effects, ["rich", "plain"])
+    assert twice.most(row).p == pytest.approx(once.most(row).p, rel=1e-6)
+    assert twice.p_value({"plain"}, 30.0) == pytest.approx(once.p_value({"plain"}, 30.0), rel=1e-6)
+
+
 def test_sets_of_effects_are_held_against_what_all_of_them_take_up(project):
     found = OneMore(project, errors(project, DRAWS, 1))
     assert found.p_value({"plain"}, 100.0) < found.p_value({"rich", "plain"}, 100.0)

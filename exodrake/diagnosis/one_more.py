@@ -35,12 +35,17 @@ class OneMore:
     """
 
     def __init__(self, project: Projection, null: np.ndarray | None) -> None:
-        self.project, self.effects = project, [probe.effect for probe in project.probes]
+        self.project, self.effects = project, list(dict.fromkeys(probe.effect for probe in project.probes))
         self.units, self.largest = np.ones(len(self.effects)), None
         if null is not None and self.effects:
-            gains = project.gains(null)
+            gains = self.gains(null)
             self.units = np.maximum(gains.mean(axis=1), 1e-12)
             self.largest = (gains / self.units[:, None]).max(axis=0)
+
+    def gains(self, rows: np.ndarray) -> np.ndarray:
+        """Sum of squares (effects, n) of rows (n, samples) that each effect takes up by the best of its probes."""
+        gains, of = self.project.gains(rows), np.array([probe.effect for probe in self.project.probes])
+        return np.array([gains[of == effect].max(axis=0) for effect in self.effects])
 
     def p_value(self, effects: Collection[str], power: float) -> float:
         """p-value of a sum of squares that some effects take up together, one of all that may be missing."""
@@ -53,7 +58,7 @@ class OneMore:
         """The effect that takes up most of a residual (samples,), of those whose p-value is promising if any is."""
         if not self.effects:
             return Gain("", 0.0, 1.0)
-        powers = self.project.gains(residual[None])[:, 0]
+        powers = self.gains(residual[None])[:, 0]
         found = [Gain(i, float(g), self.p_value({i}, float(g))) for i, g in zip(self.effects, powers, strict=True)]
         telling = [gain for gain in found if gain.p <= PROMISING]
         return max(telling, key=lambda gain: gain.power) if telling else min(found, key=lambda gain: gain.p)
