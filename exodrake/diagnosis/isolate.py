@@ -31,7 +31,8 @@ from exodrake.diagnosis.select import NormalMatrix, Predicted
 REFINED = 5  # sets of effects of one size that are fitted
 EXCHANGED = 2  # other sets than the best one beside which an effect is tried that was found beside the best
 RENEWED = 24  # effects whose directions are taken anew beside an explanation, the most promising by the known ones
-LOOKED = 8  # the same before a search ends at it
+LOOKED = 8  # the same before a search ends at it, and beside a set that is kept
+TRIED = 2  # sets with one effect more that are fitted first beside a set that is kept
 
 
 class Isolator:
@@ -92,17 +93,21 @@ class Isolator:
             found = self.looked_again(found) if found.sufficient else found
             if found.sufficient:
                 return found
+            if found.left and not self.beaten(found, self.grown(found, LOOKED, TRIED)):
+                return found
             larger = self.grown(found)
-            if not larger.explanations:
+            if not larger.explanations or (found.left and not self.beaten(found, larger)):
                 return found
             again = tested(found.likelihood, found.tests, found.explanations, larger.explanations)
-            parent = next(t for t in again if t.explanation is found.tested[-1][0].explanation)
-            if found.left and not (parent.levels.beaten_by and self.needed(larger)):
-                return found
             if any(t.levels.kept for t in again):
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
         return self.settled(found)
+
+    def beaten(self, found: Isolation, larger: Isolation) -> bool:
+        """Whether the best set is beaten by sets of one effect more, and these need it."""
+        best, *_ = tested(found.likelihood, found.tests, found.explanations[:1], larger.explanations)
+        return bool(best.levels.beaten_by) and self.needed(larger)
 
     def settled(self, found: Isolation) -> Isolation:
         """The isolation with its kept sets fitted on with the nominal Jacobian of the best one's robot.
@@ -162,15 +167,18 @@ class Isolator:
         best = {e.name: e for e in sorted(more, key=lambda e: -e.cost(likelihood))}
         return replace(found, tested=()).with_round(tested(likelihood, found.tests, list(best.values())))
 
-    def grown(self, found: Isolation) -> Isolation:
-        """The isolation with sets of one more effect, grown from the best set."""
+    def grown(self, found: Isolation, looked: int = RENEWED, fitted: int = REFINED) -> Isolation:
+        """The isolation with sets of one more effect, grown from the best set.
+
+        looked: effects whose directions are taken anew; fitted: sets that are fitted.
+        """
         parent = found.tested[-1][0]
         best = parent.explanation
         likelihood = found.likelihood.scaled_to(best.residual).for_stage("linearise again")
-        lin = self.linearised(likelihood, best, found.tests.lin)
+        lin = self.linearised(likelihood, best, found.tests.lin, looked)
         likelihood = likelihood.for_stage("refine again")
         tests = found.tests.beside(likelihood, lin)
-        more = self.fits.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:REFINED])
+        more = self.fits.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:fitted])
         if more and taken_up(likelihood, best, more[0]).share >= PROMISING:
             more = self.fits.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
