@@ -4,10 +4,11 @@ import numpy as np
 
 from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
+from exodrake.core.units import to_si
 from exodrake.data.log import Log
 
 LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
-UNITS = {"milliseconds": ("ms", 1e3), "microseconds": ("us", 1e6), "nanoseconds": ("ns", 1e9)}  # and how many a second
+SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
 EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
@@ -73,10 +74,10 @@ def _refuse_other_unit(log: Log, period: float) -> None:
         return
     step = float(np.quantile(np.diff(log.time), 0.5, method="lower"))
     if step > LONGEST * period:
-        name, (unit, _) = min(UNITS.items(), key=lambda item: abs(np.log(step / item[1][1] / period)))
+        unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(step, unit) / period)))
         raise InputError(
-            f"{log.label}: column 'time' looks like {name}, not seconds: its rows are {step:g} apart, a frame is "
-            f"{period:g} s; say 'time [{unit}]'"
+            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {step:g} apart, a frame "
+            f"is {period:g} s; say 'time [{unit}]'"
         )
 
 
