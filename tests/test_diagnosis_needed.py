@@ -36,6 +36,20 @@ def friction():
     return robot_with("tendon.capstan_friction", 1, mu_phi=0.3)
 
 
+def test_directions_beside_a_set_are_simulated_once(friction):
+    isolator, larger = pairs_of(friction)
+    parent, tests = larger.tested[0][0].explanation, larger.tests
+    likelihood = larger.likelihood.scaled_to(parent.residual).for_stage("linearise again")
+    before = sum(isolator.simulated.values())
+    known = isolator.linearised(likelihood, parent, tests.lin)
+    assert sum(isolator.simulated.values()) == before
+    isolator.beside.clear()
+    fresh = isolator.linearised(likelihood, parent, tests.lin)
+    assert sum(isolator.simulated.values()) > before
+    assert [p.effect for p in known.probes] == [p.effect for p in fresh.probes]
+    np.testing.assert_array_equal(known.directions, fresh.directions)
+
+
 def test_effects_that_are_not_there_are_not_needed_beside_friction(friction):
     isolator, larger = pairs_of(friction)
     assert larger.left and all(TRIED[0] in t.explanation.effects for t in larger.left)

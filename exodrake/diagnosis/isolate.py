@@ -55,6 +55,7 @@ class Isolator:
         self.problem, self.start, self.progress = problem, start, progress
         self.simulated, self.fits = simulated, Fits(problem.robot.machine, progress)
         self.effects = [effect for effect in problem.robot.machine.effects if effect.id in problem.tried]
+        self.beside: dict[Explanation, tuple[Linearisation, frozenset[str]]] = {}  # directions, and of which effects
 
     def isolate(self, max_effects: int) -> Isolation:
         """Explanations of growing size until some are left."""
@@ -190,9 +191,13 @@ class Isolator:
     ) -> Linearisation:
         """Directions of all other effects beside an explanation, anew for so many where known ones promise most.
 
-        Its nominal Jacobian is kept.
+        Its nominal Jacobian is kept, and so are directions that were taken beside it before.
         """
         promising = [p.probes[0].effect for p in NormalMatrix(likelihood, e, known).singles()][:count]
-        effects, n = [effect for effect in self.effects if effect.id in promising], e.nominal
-        lin = linearise(likelihood, e.at_nominal, e.x[:n], e.parameters[:n], effects, e.jacobian, e.residual)
-        return renewed(known, lin)
+        lin, taken = self.beside.get(e, (known, frozenset()))
+        effects, n = [effect for effect in self.effects if effect.id in set(promising) - taken], e.nominal
+        if effects:
+            new = linearise(likelihood, e.at_nominal, e.x[:n], e.parameters[:n], effects, e.jacobian, e.residual)
+            lin = renewed(lin, new)
+        self.beside[e] = lin, taken.union(promising)
+        return lin
