@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from diagnosis_cases import friction_problem
 from formula_case import FRAME, explanation, likelihood_of, linearisation, nominal
 from scipy import stats
 
-from exodrake.diagnosis.calibration import UNCALIBRATED
+from exodrake.diagnosis.calibration import UNCALIBRATED, calibration_of
 from exodrake.diagnosis.discrepancy import TYPICAL, LawErrors, random_functions
+from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.parameter import effect_parameters
 from exodrake.diagnosis.projection import Projection
+from exodrake.diagnosis.refine import Explanation
 
 
 def functions(measured, draws=50):
@@ -50,3 +54,31 @@ def test_difference_between_simulators_is_normal_with_the_error_of_a_same_meanin
     np.testing.assert_allclose(model, size[:, None] * law, atol=1e-6)
     assert stats.kstest(size, stats.norm(0.0, TYPICAL).cdf).pvalue > 0.01
     assert np.mean(np.abs(size) < 1.0) == pytest.approx(0.95, abs=0.02)
+
+
+def contributions_of(effect):
+    """An explanation with an effect alone, its likelihood, and the contributions of its law's errors."""
+    problem = friction_problem()
+    machine, likelihood = problem.robot.machine, output_error(problem)
+    parameters = effect_parameters(machine, machine.effect(effect))
+    x = np.array([p.start if p.amplitude else p.bounds[1] for p in parameters])
+    start = Explanation((effect,), parameters, x, problem.silent(), np.zeros(0), np.zeros((0, likelihood.samples)))
+    e, limits = start.at(likelihood, x), calibration_of(machine)
+    laws = LawErrors(likelihood, np.zeros(likelihood.samples), 2, limits)
+    return e, likelihood, limits, laws.contributions(Projection(likelihood, e, linearisation(e)))
+
+
+def test_what_shapes_a_law_is_as_wrong_as_any_law_where_its_amplitude_means_the_same_in_all():
+    """The length of a slack wire is a length in every law; how it comes taut differs from law to law."""
+    e, likelihood, limits, (_, *amplitudes, (toe, rho)) = contributions_of("tendon.slack")
+    assert [size for _, size in amplitudes] == [limits.same_meaning] * 3 and rho == limits.law_error
+    sharp = e.robot
+    for i in likelihood.robot.machine.effect_indices("tendon.slack", "toe").values():
+        sharp[i] = 1e-4  # m, its null value
+    np.testing.assert_allclose(toe, likelihood.residual(sharp[None])[0] - e.residual, atol=1e-9)
+    assert np.abs(toe).max() > 1.0
+
+
+def test_law_of_one_meaning_without_a_shape_is_as_wrong_as_two_simulators():
+    _, _, limits, (_, *rows) = contributions_of("encoder.homing_offset")
+    assert [size for _, size in rows] == [limits.same_meaning] * 3

@@ -79,7 +79,8 @@ class Effect:
         filters: points where it returns the value, then the new states: a filter of a signal that is sampled there.
         family: kind of law, e.g. "friction", "backlash", "elasticity".
         same_meaning: whether the parameters mean the same in every law of this effect, such as a gain, an offset or a
-            delay; those of friction or creep belong to the fitted law, and reality follows another.
+            delay; those of friction or creep belong to the fitted law, and reality follows another. What `shapes` such
+            a law belongs to it all the same.
         law_std: relative standard deviation between the amplitude in this law and in another law of the effect, of
             which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
@@ -112,6 +113,11 @@ class Effect:
     def axis(self) -> str:
         """Axis of the effect: `TENDONS`, `JOINTS` or `SCALAR`."""
         return self.parameters[0].axis
+
+    @property
+    def shapes(self) -> tuple[EffectParameter, ...]:
+        """Fitted parameters beyond the first one, which shape its law."""
+        return tuple(p for p in self.parameters if p.fitted)[1:]
 
     @property
     def equation(self) -> str:

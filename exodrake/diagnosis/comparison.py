@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.machine import Machine
 from exodrake.core.once import once
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linearise import without_effect
+from exodrake.diagnosis.linearise import without_effect, without_shape
 from exodrake.diagnosis.refine import Explanation
 
 
@@ -106,6 +106,21 @@ def residual_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, 
     """Contribution (channels, samples) of each effect of an explanation to its residual, simulated once."""
     machine = likelihood.robot.machine
     return once(e, "contributions", lambda: contributions(machine, e, likelihood.residual, e.residual))
+
+
+def shape_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, np.ndarray]:
+    """Contribution (samples,) of what shapes the law of each effect whose amplitude means the same in every law.
+
+    Effects without such parameters are left out; simulated once.
+    """
+
+    def simulated() -> dict[str, np.ndarray]:
+        machine = likelihood.robot.machine
+        effects = [effect for effect in map(machine.effect, e.effects) if effect.same_meaning and effect.shapes]
+        rows = {effect.id: without_shape(machine, e.robot, effect) for effect in effects}
+        return {i: likelihood.residual(row[None])[0] - e.residual for i, row in rows.items()}
+
+    return once(e, "shapes", simulated)
 
 
 def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:

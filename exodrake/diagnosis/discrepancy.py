@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 
 from exodrake.diagnosis.calibration import Calibration
-from exodrake.diagnosis.comparison import residual_contributions
+from exodrake.diagnosis.comparison import residual_contributions, shape_contributions
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.projection import Projection
@@ -57,6 +57,9 @@ class LawErrors:
     def contributions(self, project: Projection) -> list[tuple[np.ndarray, float]]:
         """Contribution of each channel of each effect, and of the change of the nominal parameters.
 
+        Where an amplitude means the same in every law, what shapes the law still belongs to it: a slack wire is as
+        long in every law, and comes taut in another way. It is as wrong as any law.
+
         Returns:
             (samples,) the part of it that no other parameter imitates [noise_std], and rho, the relative standard
             deviation of its law.
@@ -67,6 +70,8 @@ class LawErrors:
         for identity, rows in residual_contributions(likelihood, e).items():
             rho = limits.rho(machine.effect(identity), decoded)
             found += [(project.own(row, identity), rho) for row in rows]
+        for identity, row in shape_contributions(likelihood, e).items():
+            found.append((project.own(row, identity), limits.law_error))
         return found
 
 

@@ -93,6 +93,14 @@ def without_effect(machine: Machine, values: np.ndarray, effect: Effect) -> np.n
     return out
 
 
+def without_shape(machine: Machine, values: np.ndarray, effect: Effect) -> np.ndarray:
+    """Flat parameter vector (n,) with the parameters that shape the law of an effect at their null values."""
+    out = values.copy()
+    for p in effect.shapes:
+        out[list(machine.effect_indices(effect.id, p.name).values())] = p.null
+    return out
+
+
 def linearise(
     likelihood: Likelihood,
     values: np.ndarray,
