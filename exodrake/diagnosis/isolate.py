@@ -103,7 +103,29 @@ class Isolator:
             if any(t.levels.kept for t in again):
                 return replace(found, tested=found.tested[:-1]).with_round(again)
             found = larger
-        return self.settled(found)
+        return self.settled(found if found.left else self.swapped(found))
+
+    def swapped(self, found: Isolation) -> Isolation:
+        """The isolation with sets in which another effect stands for the first one of the best set.
+
+        The first effect was chosen while nothing stood beside it (floating search; Pudil et al. 1994): a latency may
+        stand for a slow velocity loop until friction in the sheaths is there, too.
+        """
+        others = list(found.explanations[0].effects[1:])
+        smaller = (t for t in found.tested[-2] if list(t.explanation.effects) == others) if others else iter(())
+        if (parent := next(smaller, None)) is None:
+            return found
+        e, known = parent.explanation, {frozenset(known.effects) for known in found.explanations}
+        likelihood = found.likelihood.scaled_to(e.residual).for_stage("linearise again")
+        lin = self.linearised(likelihood, e, found.tests.lin)
+        likelihood = likelihood.for_stage("refine again")
+        new = NormalMatrix(likelihood, e, lin).singles()
+        new = [p for p in new if frozenset((*e.effects, p.probes[0].effect)) not in known]
+        more = [*found.explanations, *self.fits.fitted(likelihood, e, new[:TRIED])]
+        best, *_ = sorted(more, key=lambda one: likelihood.mean_log(one.residual))
+        likelihood = likelihood.scaled_to(best.residual)
+        found = replace(found, likelihood=likelihood, tested=found.tested[:-1])
+        return found.with_round(tested(likelihood, found.tests, more), found.tested[-1][0])
 
     def beaten(self, found: Isolation, larger: Isolation) -> bool:
         """Whether the best set is beaten by sets of one effect more, and these need it."""
