@@ -69,6 +69,20 @@ def test_an_effect_of_a_set_grown_before_joins_a_set_without_it(friction):
     assert grown.explanations[0].effects == (TRIED[1], TRIED[0])
 
 
+def test_an_effect_of_a_rejected_pair_gives_way_to_the_one_that_it_stood_for(friction):
+    """Grown from a drift, which is not there, the best pair holds friction beside it; friction and offset are there."""
+    isolator, larger = pairs_of(friction.splice("mocap.offset", {"offset": 0.1}))
+    singles = larger.tested[0]
+    (drift,) = (t for t in singles if t.explanation.effects == TRIED[2:])
+    grown = isolator.grown(replace(larger, tested=((drift,),)))
+    (wrong,) = (t for t in grown.tested[-1] if t.explanation.effects == (TRIED[2], TRIED[0]))
+    assert not wrong.levels.kept
+    swapped = isolator.swapped(replace(larger, tested=(singles, (wrong,)), left=()))
+    assert swapped.left[0].explanation.effects == TRIED[:2] and len(swapped.explanations) == 2
+    without_friction = replace(larger, tested=((drift,), (wrong,)), left=())
+    assert isolator.swapped(without_friction) is without_friction
+
+
 def isolation_with_an_offset(robot, offset):
     """An isolation whose retuned robot is stuck at the nominal one, and that keeps an offset fitted beside the true."""
     problem = make_problem(case_of(robot, 1, FRAMES // 2), load_robot(), frozenset(TRIED)).shortened(2 * SHARE)
