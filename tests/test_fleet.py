@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from report_synthetic import diagnosis
+from scipy.stats import binom
 
 from exodrake.cli.main import cli
+from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import write_case
@@ -20,7 +22,7 @@ from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Amount, Row, ordered, read_answers, read_table, row_of, table_bytes
 from exodrake.diagnosis.fleet_change import trends
 from exodrake.diagnosis.many import diagnose_all, stored
-from exodrake.diagnosis.result import NAMED, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
@@ -63,6 +65,39 @@ def test_unknown_and_ambiguous_cases_say_nothing_of_an_amplitude():
     hidden = [replace(r, verdict=UNKNOWN, effects=(), amounts=()) if k % 3 == 0 else r for k, r in enumerate(rows)]
     (trend,) = trends(hidden)
     assert trend.values.min() > 0.15 and trend.change.began[1] <= 20.0 <= trend.change.began[2]
+
+
+def cases_of(values, effect=EFFECT, parameter="mu_phi", unit="-"):
+    """Weekly cases of one robot that name an effect with these amplitudes; None for a case without a gap."""
+    rows = []
+    for k, value in enumerate(values):
+        amounts = () if value is None else (Amount(effect, parameter, "AF", value, 0.8 * value, 1.2 * value, unit),)
+        date, verdict = START + timedelta(weeks=k), NO_GAP if value is None else NAMED
+        rows.append(Row(f"c{k:02d}", "r", "exo_index", date, verdict, amounts=amounts))
+    return rows
+
+
+@pytest.mark.parametrize("count", [5, 8, 12])
+def test_effects_that_are_named_now_and_then_are_no_change(count):
+    """Each case names the effect with the same probability, so any change is a false one: 2 % of robots at most."""
+    rng, changed, robots = np.random.default_rng(count), 0, 150
+    for _ in range(robots):
+        named = rng.random(count) < 0.15
+        found = trends(cases_of([float(rng.normal(0.3, 0.03)) if one else None for one in named]))
+        changed += any(trend.change is not None for trend in found)
+    assert changed <= binom.ppf(0.999, robots, ALPHA)
+
+
+def test_a_factor_that_is_not_named_counts_as_one():
+    """The stiffness of a healthy finger has the factor 1, the null value in `effects.finger_stiffness`."""
+    (trend,) = trends(cases_of([None] * 8 + [1.6] * 8, "finger.stiffness", "factor"))
+    assert trend.change.before[0] == pytest.approx(1.0) and trend.change.after[0] == pytest.approx(1.6)
+
+
+def test_a_compliance_that_is_not_named_counts_as_rigid():
+    (trend,) = trends(cases_of([None] * 8 + [2000.0] * 8, "tendon.compliance", "stiffness", "N/m"))
+    assert (trend.parameter, trend.unit) == ("1 / stiffness", "1/(N/m)")
+    assert trend.change.before[0] == 0.0 and trend.change.after[0] == pytest.approx(1.0 / 2000.0)
 
 
 def test_the_table_gives_the_rows_back(tmp_path):
