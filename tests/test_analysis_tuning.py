@@ -125,3 +125,10 @@ def test_no_controller_is_tuned_without_a_loop():
 def test_what_is_no_requirement_is_refused(wanted):
     with pytest.raises(exo.InputError, match=f"{next(iter(wanted))} is .*, wanted a number from 0"):
         exo.Requirements(**wanted)
+
+
+def test_requirements_of_zero_are_searched_for():
+    """No disk margin is asked for, so none is missed; of noise that may not be, less is better."""
+    better, worse = (Performance(0.9, 0.5, 0.0, 0.8, noise) for noise in (1e-5, 2e-5))
+    assert cost_of(better, Requirements(disk_margin=0.0, noise=1.0), 0.02) == pytest.approx(25.0)  # settling in frames
+    assert cost_of(better, Requirements(noise=0.0), 0.02) < cost_of(worse, Requirements(noise=0.0), 0.02) < np.inf

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.analysis.assessment import NOISE_FACTOR, Requirements, Tuned, assessed
-from exodrake.analysis.candidate_controller import Performance, Plant, performance, plant_of
+from exodrake.analysis.candidate_controller import FRAMES, Performance, Plant, performance, plant_of
 from exodrake.analysis.closed_loop import remarks
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.populations import within_tolerances
@@ -28,7 +28,8 @@ from exodrake.core.short_repr import short_repr
 
 DESIGN_SEED = 1  # of the robots that the search sees
 SLACK = 0.04  # by which the search keeps away from each requirement, since steps are linear there
-PENALTY = 20.0  # cost of a requirement missed by 100 %, in units of the robot's own settling
+PENALTY = 20.0  # cost of a requirement missed by 100 %, in the length of the simulated steps: assumed
+LEAST = 1e-12  # of a requirement that is 0, for a division
 SEARCH: dict[str, Any] = {"maxiter": 14, "popsize": 8, "seed": 0, "polish": False, "init": "sobol", "tol": 1e-3}
 OWN = "as it is"
 
@@ -197,7 +198,7 @@ def cost_of(p: Performance, wanted: Requirements, frame: float) -> float:
     most = wanted.noise if wanted.noise is not None else np.inf
     missed = (
         max(0.0, p.overshoot - wanted.overshoot * (1.0 - SLACK)) / max(wanted.overshoot, 0.01),
-        max(0.0, 1.0 - p.disk_margin / (wanted.disk_margin * (1.0 + SLACK))),
-        max(0.0, p.noise / (most * (1.0 - SLACK)) - 1.0),
+        max(0.0, 1.0 - p.disk_margin / max(wanted.disk_margin * (1.0 + SLACK), LEAST)),
+        max(0.0, p.noise / max(most * (1.0 - SLACK), LEAST) - 1.0),
     )
-    return p.settling / frame + 300.0 * PENALTY * sum(missed)
+    return p.settling / frame + FRAMES * PENALTY * sum(missed)
