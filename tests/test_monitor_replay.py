@@ -34,6 +34,7 @@ def test_pieces_give_the_bits_of_the_whole(log):
     rows[200:230, 2], rows[400], reference[400] = np.nan, np.nan, np.nan
     whole = OnlineReplay(LATE).push(reference, rows, last=True)
     online, cuts = OnlineReplay(LATE), np.sort(np.random.default_rng(1).integers(0, len(rows), 40))
+    cuts = [0, *cuts]  # nothing comes first, as of a robot that has yet to start
     parts = [online.push(r, m) for r, m in zip(np.split(reference, cuts), np.split(rows, cuts))]
     parts.append(online.push(reference[:0], rows[:0], last=True))
     np.testing.assert_array_equal(np.concatenate(parts), whole)

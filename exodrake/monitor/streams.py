@@ -61,6 +61,8 @@ class Smoother:
     def push(self, rows: np.ndarray, last: bool) -> tuple[np.ndarray, np.ndarray]:
         """Takes rows (n, channels); returns values and rates [1/s] of those `LAG` back, of all at the log's end."""
         if self.tail is None:
+            if not len(rows):
+                return rows, rows
             self.tail = np.repeat(rows[:1], LAG, axis=0)
         whole = np.concatenate([self.tail, rows])
         if last:
