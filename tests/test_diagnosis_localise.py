@@ -67,6 +67,18 @@ def test_segment_of_an_injected_effect_has_the_largest_share_and_replay_gap(robo
     assert sum(shares.values()) == pytest.approx(1.0) and set(shares) == {"motor", "tendon", "finger"}
 
 
+def test_missing_samples_leave_the_gap_of_a_segment_as_it_is(robot):
+    """Two in three samples of the angles are lost, as of a slow camera; the finger is fed with none of them."""
+    problem = problem_of(robot, robot.splice("finger.stiffness", {"factor": 1.5}))
+    trial, rows = problem.fit[0], np.arange(len(problem.fit[0].measured))
+    lost = np.outer(rows % 3 > 0, [kind == "angle" for kind in problem.kinds])
+    seen = replace(trial, measured=np.where(lost, np.nan, trial.measured))
+    (_, whole), (_, found) = (segment_shares.segment_gaps(problem, problem.silent(), one) for one in (trial, seen))
+    assert found["finger"] == pytest.approx(whole["finger"], rel=0.02)
+    healthy = segment_shares.own_trial(problem, problem.silent(), seen)
+    np.testing.assert_array_equal(np.isnan(healthy.measured), lost)
+
+
 def test_machine_without_tendons_has_no_affected_tendon(robot):
     so101 = replace(problem_of(robot, robot, 100), robot=exo.load_robot("so101"), columns=("angle_Pitch",))
     assert affected(so101, {"log": np.ones((5, 1))}, "tendons") == ()

@@ -93,20 +93,20 @@ def segment_gaps(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[di
 
 
 def own_trial(problem: Problem, values: np.ndarray, trial: Trial) -> Trial:
-    """The trial as the robot itself would have logged it, with noise and rounding."""
+    """The trial as the robot itself would have logged it, with noise and rounding, the same samples missing."""
     machine, whole = problem.robot.machine, values.copy()
     silenced = [machine.index[name] for name in (*machine.noise, *machine.resolution)]
     whole[silenced] = problem.robot.values[silenced]
     recording = run(replace(problem.robot, values=whole), Reference(trial.reference, trial.name), seed=0)
     flat = np.concatenate([recording.signals[s.name] for s in machine.signals], axis=1)
-    return replace(trial, measured=flat[:, problem.signal_indices])
+    return replace(trial, measured=np.where(np.isfinite(trial.measured), flat[:, problem.signal_indices], np.nan))
 
 
 def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[frozenset[str], float], dict[str, float]]:
     """Power of the normalised residual for each set of fixed segments, and each segment's replay gap.
 
     The power sums over the columns that no fixed segment puts in place; the gap is the root mean square of a segment's
-    own columns while all the others are fixed [noise standard deviations].
+    own columns while all the others are fixed [noise standard deviations]. Missing samples count in neither.
     """
     output = {s.name: s.output for s in suspects(problem.robot.machine)}
     power, gap_of = {}, {}
@@ -117,7 +117,8 @@ def powers(problem: Problem, values: np.ndarray, trial: Trial) -> tuple[dict[fro
         if len(fixed) == len(output) - 1:
             (segment,) = set(output) - fixed
             own = [k == output[segment] for k in problem.kinds]
-            gap_of[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2)))
+            known = np.isfinite(trial.measured[:, own])
+            gap_of[segment] = float(np.sqrt(np.mean(difference[:, own] ** 2, where=known))) if known.any() else 0.0
     return power, gap_of
 
 
