@@ -10,7 +10,7 @@ from scipy.linalg import lstsq
 from exodrake.core.errors import InputError
 from exodrake.estimator.estimate import estimate
 from exodrake.estimator.gp import condition
-from exodrake.estimator.stroke_zeros import TOLERANCE, hotelling, stroke_rows
+from exodrake.estimator.stroke_zeros import FALSE, TOLERANCE, hotelling, stroke_rows
 from exodrake.estimator.validate import score
 
 SESSIONS, SWEEPS = 40, 3  # of three sweeps each: one per wire
@@ -99,6 +99,16 @@ def test_constant_is_generalised_least_squares():
 def test_hotelling_quantile_tends_to_chi_square():
     assert hotelling(3, 10**6) == pytest.approx(11.345, abs=0.01)  # tables: chi-square, 3 degrees of freedom, 1 %
     assert hotelling(3, 24) > hotelling(3, 48) > 11.345
+
+
+@pytest.mark.parametrize("sweeps", [6, 12])
+def test_hotelling_quantile_is_that_of_drawn_shifts(sweeps):
+    """Shifts of three wires over their covariance about 0 in other sweeps, all of one normal law."""
+    rng = np.random.default_rng(sweeps)
+    shift, others = rng.standard_normal((200_000, 3)), rng.standard_normal((200_000, sweeps, 3))
+    covariance = np.einsum("kni,knj->kij", others, others) / sweeps
+    distance = np.einsum("ki,ki->k", shift, np.linalg.solve(covariance, shift[:, :, None])[:, :, 0])
+    assert np.mean(distance > hotelling(3, sweeps)) == pytest.approx(FALSE, rel=0.1)
 
 
 def test_shift_below_the_tolerance_is_left_alone(healthy):

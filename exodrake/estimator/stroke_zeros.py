@@ -127,8 +127,8 @@ def stroke_rows(sweeps: Sweeps) -> Sweeps:
 
 
 def hotelling(wires: int, sweeps: int) -> float:
-    """Quantile of Hotelling's T^2 for the shift of some wires, its covariance being estimated from some sweeps."""
-    free = max(sweeps - wires, 1)
+    """Quantile of Hotelling's T^2 for the shift of some wires, its covariance about 0 estimated from some sweeps."""
+    free = max(sweeps - wires + 1, 1)
     return wires * sweeps / free * float(fisher.ppf(1 - FALSE, wires, free))
 
 
