@@ -7,6 +7,9 @@ import yaml
 import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file
+from exodrake.core.provenance import robot_digest
+from exodrake.diagnosis.many import configured
+from exodrake.machines.library import robot_yaml
 
 
 def refusal(path, content) -> str:
@@ -134,3 +137,23 @@ def test_units_may_stand_with_the_number_or_beside_it(tmp_path):
     path.write_text("base: exo_index\nlimits: {F_max: {value: {AF: 2, MF: 1, AE: 1}, unit: kgf}}\n")
     assert exo.load_robot(path).reference_limits()[1] == pytest.approx([19.6133, 9.80665, 9.80665])
     assert "F_max.AF is in [N], not in [m]" in refusal(path, {"base": "exo_index", "limits": {"F_max": {"AF": "2 m"}}})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"parts": ["controller_as_printed"]},
+        {"limits": {"F_max": {"value": {"AF": 5.0, "MF": 4.0, "AE": 4.0}, "unit": "N"}}},
+        {"tolerances": [{"parameters": ["tendon.k.{w}"], "transform": "log", "prior_std": 0.2, "max_deviation": 0.6}]},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_answers_are_told_apart_for_robots_that_differ_in_more_than_parameters(tmp_path, change):
+    """Each of these changes what is simulated or fitted, and leaves the vector of parameters as it is."""
+    nominal = yaml.safe_load(robot_yaml("exo_index").read_text())
+    (tmp_path / "a.yaml").write_text(yaml.safe_dump(nominal))
+    (tmp_path / "b.yaml").write_text(yaml.safe_dump(nominal | change))
+    one, again, other = (exo.load_robot(tmp_path / name) for name in ("a.yaml", "a.yaml", "b.yaml"))
+    np.testing.assert_array_equal(one.values, other.values)
+    assert robot_digest(one) == robot_digest(again) != robot_digest(other)
+    assert configured(str(tmp_path / "a.yaml")) != configured(str(tmp_path / "b.yaml"))

@@ -5,12 +5,17 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from exodrake import __version__
 from exodrake.core import plugins
 
+if TYPE_CHECKING:
+    from exodrake.core.robot import Robot
+
 PACKAGE = Path(__file__).parent.parent
 ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simulation", "diagnosis")
+DIGITS = 12  # hexadecimal ones of a SHA-256
 ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
 
 
@@ -42,7 +47,14 @@ def digest(files: list[Path]) -> str:
     whole = hashlib.sha256()
     for file in files:
         whole.update(name_of(file).encode() + b"\0" + file.read_bytes() + b"\0")
-    return whole.hexdigest()[:12]
+    return whole.hexdigest()[:DIGITS]
+
+
+def robot_digest(robot: Robot) -> str:
+    """First 12 hexadecimal digits of the SHA-256 of a robot's machine, variants, tolerances, limits and parameters."""
+    machine = robot.machine
+    stated = repr((machine.name, machine.variant_names, machine.tolerances, robot.limits))
+    return hashlib.sha256(stated.encode() + b"\0" + robot.values.tobytes()).hexdigest()[:DIGITS]
 
 
 def described(known: dict[str, str] | None) -> str:

@@ -7,7 +7,6 @@ configuration it was made with: a set answered by two configurations would test 
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import closing
@@ -19,7 +18,7 @@ from exodrake.core.files import write_folder, write_text
 from exodrake.core.json_file import read_json
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
-from exodrake.core.provenance import configuration, described
+from exodrake.core.provenance import configuration, described, robot_digest
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.machines.robot_file import load_robot
@@ -42,7 +41,7 @@ def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str
     choice = {} if tried is None else {"effects": ",".join(sorted(tried))}
     if not robot:
         return configuration() | choice
-    return configuration() | choice | {"robot": hashlib.sha256(load_robot(robot).values.tobytes()).hexdigest()[:12]}
+    return configuration() | choice | {"robot": robot_digest(load_robot(robot))}
 
 
 def diagnose_one(case: Case, robot: str, wanted: dict[str, str], tried: frozenset[str] | None = None) -> dict[str, Any]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from exodrake.core.provenance import configuration
+from exodrake.core.provenance import configuration, robot_digest
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.problem import Problem
-
-DIGITS = 12  # hexadecimal ones of the SHA-256 of a robot's parameters
 
 
 @dataclass(frozen=True)
@@ -23,7 +20,8 @@ class Provenance:
         code: first digits of the SHA-256 of the code that finds answers.
         command: as it was typed, absolute paths by their last part; empty for a call from Python.
         robot: file of the nominal robot.
-        parameters: first digits of the SHA-256 of its parameters, the overrides of the case included.
+        parameters: first digits of the SHA-256 of its parameters, the overrides of the case included, with variants,
+            tolerances and limits.
         calibration: source of the numbers of the tests.
         files: file of the case -> SHA-256; none for a case that was not read from files.
     """
@@ -47,7 +45,7 @@ def provenance_of(problem: Problem) -> Provenance:
         code=code["code"],
         command="",
         robot=robot.source or robot.machine.name,
-        parameters=hashlib.sha256(robot.values.tobytes()).hexdigest()[:DIGITS],
+        parameters=robot_digest(robot),
         calibration=calibration_of(robot.machine).source or "none",
         files=dict(problem.case.hashes),
     )
