@@ -17,7 +17,7 @@ import numpy as np
 
 from exodrake.simulation.tensions import smooth
 
-HEADROOM = 0.05  # of the span, kept at either end for overshoot: assumed
+HEADROOM = 0.05  # of the span, between a level and either end, which a swing may reach: assumed
 CYCLES = 0.5, 12.0  # of a swing in a motif, at least and at most, so that each is seen: assumed
 FASTEST = 8.0  # frames in the shortest period: two samples an edge
 STEADY = 0.25  # probability that a channel of a random motif does not swing: assumed
