@@ -59,6 +59,13 @@ def test_multisine_combs_do_not_overlap():
     assert power.any(axis=0).all() and power.sum(axis=1).max() == 1
 
 
+def test_the_comb_of_a_multisine_reaches_its_highest_frequency():
+    """0.29 Hz in a period of 100 s is the 29th harmonic, though 0.29 * 100.0 < 29.0."""
+    tension = exo.multisine(high=0.29, period=100.0, repeats=1).values
+    power = np.abs(np.fft.rfft(tension - tension.mean(axis=0), axis=0)) > 1e-6
+    assert [int(np.flatnonzero(one).max()) for one in power.T] == [28, 29, 27]
+
+
 def test_seeds_differ():
     assert not np.array_equal(exo.random_motion(seed=1).values, exo.random_motion(seed=2).values)
     assert not np.array_equal(exo.protocol("holds:seed=1").values, exo.protocol("holds:seed=2").values)
@@ -71,6 +78,7 @@ def test_seeds_differ():
         ("holds:seed=-1", "seed"), ("holds:seed=0.5", "seed"), ("sweeps:period=0", "period"), ("chirp:high", "'high'"),
         ("holds:dwell=-1", "dwell"), ("multisine:high=0", "high"), ("multisine:period=0", "period"),
         ("caging:hold=inf", "hold"), ("holds:count=0", "count"), ("steps:top=2", "top"), ("", "there are caging"),
+        ("holds:count=2.7", "count"), ("multisine:repeats=1.9", "repeats"),
     ],
 )  # fmt: skip
 def test_wrong_names_and_numbers(given, word):

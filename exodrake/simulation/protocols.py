@@ -17,9 +17,10 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.robot import Robot
 from exodrake.machines.robot_file import robot_or_default
-from exodrake.simulation.tensions import above_minimum, check_range, clock, generator, smooth
+from exodrake.simulation.tensions import above_minimum, check_range, clock, generator, smooth, whole
 
 LEVELS = (0.0, 1 / 3, 2 / 3, 1.0)  # of F_max: the paper's 0, 33, 66, 100 %
+ROUNDING = 1e-12  # relative, of a frequency times a period
 MOST_CROSSED = 4  # channels: 256 sweeps, 21 min; assumed to be as long as anybody waits
 
 
@@ -155,9 +156,9 @@ def chirp(
 def holds(robot: Robot | None = None, *, seed: int = 0, count: int = 5, dwell: float = 8.0) -> Reference:
     """Steps of all wires to random levels of 10 to 90 % of F_max, `count` of them, each held `dwell` [s]."""
     robot = robot_or_default(robot)
-    check_range("count", count, 1, 1000, "holds")
+    count = whole("count", count, 1000, "holds")
     highest = robot.reference_limits()[1]
-    levels = generator(seed).uniform(0.1, 0.9, (int(count), len(highest))) * highest
+    levels = generator(seed).uniform(0.1, 0.9, (count, len(highest))) * highest
     return above_minimum(robot, np.repeat(levels, len(clock(robot, dwell=dwell)), axis=0), "holds")
 
 
@@ -190,14 +191,14 @@ def multisine(
     time, highest, rng = clock(robot, period=period), robot.reference_limits()[1], generator(seed)
     check_range("high", high, len(highest) / period, 0.5 / robot.machine.frame, "Hz")
     check_range("base", base, 0.0, 0.8, "of F_max")
-    check_range("repeats", repeats, 1, 1000, "periods")
+    repeats, last = whole("repeats", repeats, 1000, "periods"), int(high * period * (1.0 + ROUNDING))
     tension, wires, swing = np.empty((len(time), len(highest))), len(highest), 0.2
     for wire in range(wires):
-        harmonics = np.arange(wire + 1, int(high * period) + 1, wires)
+        harmonics = np.arange(wire + 1, last + 1, wires)
         turns = 2.0 * np.pi * (np.outer(time, harmonics) / period + rng.random(len(harmonics)))
         course = np.cos(turns).sum(axis=1)
         tension[:, wire] = highest[wire] * (base + swing * course / np.abs(course).max())
-    return above_minimum(robot, np.tile(tension, (int(repeats), 1)), "multisine")
+    return above_minimum(robot, np.tile(tension, (repeats, 1)), "multisine")
 
 
 def random_motion(

@@ -32,6 +32,14 @@ def check_range(name: str, value: float, low: float, high: float, unit: str) -> 
         raise InputError(f"{name} is {value} {unit}, wanted {low:g} to {high:g}")
 
 
+def whole(name: str, value: float, high: int, unit: str) -> int:
+    """A number of things from 1 to `high`; InputError naming one that is outside, or no whole number."""
+    check_range(name, value, 1, high, unit)
+    if value != int(value):
+        raise InputError(f"{name} is {value} {unit}, wanted a whole number")
+    return int(value)
+
+
 def above_minimum(robot: Robot, tension: np.ndarray, name: str) -> Reference:
     """The reference of these tensions (frames, wires) [N], raised to the lower limit where they are below."""
     return Reference(np.maximum(tension, robot.reference_limits()[0]), name)
