@@ -176,6 +176,15 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     assert run(answers, "--out", tmp_path / "no" / "x.html").exit_code == 2
 
 
+@pytest.mark.parametrize("torn", ['{"reason"', '["no log"]', ""])
+def test_a_torn_failure_hides_no_other_answer(tmp_path, torn):
+    for name, text in (("good", '{"reason": "no log"}'), ("torn", torn)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "failed.json").write_text(text)
+    good, other = read_answers(tmp_path)
+    assert good.reason == "no log" and other.verdict == FAILURE and "failed.json" in other.reason
+
+
 def short_case(number, serial):
     """Two logs of 3 s of a rigid sheath: a case that is diagnosed in less than a second."""
     import exodrake as exo

@@ -140,10 +140,19 @@ def read_answers(folder: str | Path) -> list[Row]:
             except InputError as error:
                 rows.append(Row(place.name, place.name, reason=str(error)))
         elif (place / FAILED).is_file():
-            rows.append(Row(place.name, place.name, reason=str(read_json(place / FAILED).get("reason", ""))))
+            rows.append(Row(place.name, place.name, reason=failure_of(place / FAILED)))
     if not rows:
         raise InputError(f"{folder}: no answers in it (folders with {ANSWER}, as `exodrake diagnose --out` writes)")
     return ordered(rows)
+
+
+def failure_of(path: Path) -> str:
+    """Reason of a failure, by its file, or why that cannot be read."""
+    try:
+        failure = read_json(path)
+    except InputError as error:
+        return str(error)
+    return str(failure.get("reason", "")) if isinstance(failure, Mapping) else f"{path}: {UNREADABLE}"
 
 
 def ordered(rows: Iterable[Row]) -> list[Row]:
