@@ -1,7 +1,9 @@
 """Disk margins, singular values, coupling, noise and delays against python-control, identities and simulation."""
 
 import json
+from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -109,6 +111,21 @@ def test_the_delay_budget_reads_the_schedule(loop, whole):
     assert [(d.read_slot, d.control_slot, d.write_slot) for d in found] == [(1, 4, 5), (2, 4, 6), (3, 4, 7)]
     assert [1e3 * d.total for d in found] == pytest.approx([18.0] * 3)
     assert found[1].spare_slots == pytest.approx(found[1].margin / 2e-3)
+
+
+def test_a_law_that_runs_before_its_reading_has_that_of_the_frame_before(loop, whole):
+    """Cells read in slots 5, 6, 7 of ten serve the law in slot 4 of the next frame, whose drives have 1, 2, 3 after."""
+    machine, slots = loop.robot.machine, {"sensor": (5, 6, 7), "bus": (1, 2, 3)}
+    parts = tuple(
+        replace(p, tasks=tuple(replace(t, slots=slots[p.name]) if t.slots else t for t in p.tasks))
+        if p.name in slots
+        else p
+        for p in machine.parts
+    )
+    other = SimpleNamespace(robot=SimpleNamespace(machine=replace(machine, parts=parts)), loop=loop.loop)
+    found = delay_budget(other, tuple(margins(whole, i) for i in range(3)))
+    assert [1e3 * d.to_control for d in found] == pytest.approx([18.0, 16.0, 14.0])
+    assert [1e3 * d.to_write for d in found] == pytest.approx([14.0, 16.0, 18.0])
 
 
 def test_bands_over_tolerances_and_points_hold_the_nominal_robot(found):

@@ -1,6 +1,7 @@
 """Delay budget of each channel: delays between a reading and its command, and the further delay that is allowed.
 
-A task runs in the middle of its slot. A command is held for a frame, which acts as a delay of half a frame.
+A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before. A command
+is held for a frame, which acts as a delay of half a frame.
 """
 
 from __future__ import annotations
@@ -71,10 +72,11 @@ def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBud
         writes = [slot_of(part, k, kinds.command) for part in machine.parts if part.name != kinds.part]
         write = next((slot for slot in writes if slot is not None), control)  # a plant that reads the command at once
         read = control if read is None else read
+        to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
         found.append(
             DelayBudget(
-                m.channel, machine.slot, read, control, write, (control - read) * machine.slot,
-                (write - control) * machine.slot, 0.5 * machine.frame, m.delay_margin,
+                m.channel, machine.slot, read, control, write, to_control, to_write, 0.5 * machine.frame,
+                m.delay_margin,
             )
         )  # fmt: skip
     return tuple(found)
