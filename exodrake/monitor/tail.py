@@ -30,7 +30,7 @@ class Rows:
 
     Attributes:
         values: (n, columns) in the order of `Columns` [SI].
-        first: number of the first row, 1 below the heading.
+        first: number of the first row, 1 below the heading, empty lines included.
         restart: whether a log begins.
     """
 
@@ -119,6 +119,10 @@ class Tail:
             self.row += 1
             if cells:
                 found.append(self.columns.values(cells, self.row))
+                continue
+            if found:  # an empty line counts, so that a row is named by its place in the file
+                yield self.rows(found, first)
+            found, first = [], self.row + 1
         if found:
             yield self.rows(found, first)
 
