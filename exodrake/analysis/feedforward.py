@@ -93,7 +93,8 @@ def limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
     """Delay of a motion (n,) [SI] behind its reference (n,) in frames, by the smallest spread of their difference."""
     n = len(wanted)
-    return int(np.argmin([np.std(moved[d:] - wanted[: n - d]) for d in range(min(LATEST, n - 2))]))
+    tried = range(1 + max(min(LATEST, n - 2), 0))  # two samples at least, or a spread says nothing
+    return int(np.argmin([np.std(moved[d:] - wanted[: n - d]) for d in tried]))
 
 
 def ahead(wanted: np.ndarray, moved: np.ndarray, frames: int) -> np.ndarray:
