@@ -5,7 +5,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.monitor.channels import LOOP, channels
-from exodrake.monitor.gap import SKIP, Gap, measured_columns, noise_std
+from exodrake.monitor.gap import SKIP, WINDOW, Gap, measured_columns, noise_std
 from exodrake.monitor.online_replay import OnlineReplay, SegmentReplay
 from exodrake.monitor.work import work
 
@@ -104,3 +104,11 @@ def test_missing_commands_are_those_of_the_control_law(log):
     without = OnlineReplay(NOMINAL).push(log.array("tension_ref"), rows, last=True)
     motor = np.array([c.segment == "motor" for c in LISTED])
     np.testing.assert_allclose(without[:, motor], whole[:, motor], atol=1e-12)
+
+
+@pytest.mark.parametrize("frame", [0.02, 0.03, 0.3, 1.0, 2.0])
+def test_readings_keep_the_time_of_frames_that_do_not_divide_a_second(frame):
+    frames = round(300.0 / frame)
+    readings = Gap(np.ones(1), frame).push(np.ones((frames, 1)))
+    assert readings[-1].second == pytest.approx(300.0, abs=max(1.0, frame))
+    assert next(r.second for r in readings if r.full) == pytest.approx(SKIP + WINDOW, abs=max(1.0, frame))

@@ -28,6 +28,14 @@ def test_a_rise_is_dated_and_steady_power_is_not():
     assert binomtest(dated, 60, 0.9, alternative="less").pvalue > 0.01
 
 
+def test_a_rise_of_longer_frames_is_dated_in_seconds():
+    """Readings of 2 s each, up to 200 s; the power rises 14 readings before."""
+    powers = np.random.default_rng(0).chisquare(9, 60) / 9
+    powers[46:] *= 20.0
+    low, high = rise(powers, 200, 2.0)
+    assert low <= 172.0 <= high and high - low <= 4.0
+
+
 def test_missing_and_few_seconds_have_no_date():
     assert rise(np.full(60, np.nan), 60) is None and rise(np.ones(3), 3) is None and rise(np.ones(60), 60) is None
 

@@ -70,12 +70,14 @@ class Reading:
 
 
 class Gap:
-    """Residuals -> a `Reading` for every second that is complete."""
+    """Residuals -> a `Reading` for every second that is complete, or the whole number of frames next to a second."""
 
     def __init__(self, noise: np.ndarray, frame: float) -> None:
         self.noise, self.second = noise, max(round(1.0 / frame), 1)
+        self.length = self.second * frame  # s
+        self.skip, blocks = round(SKIP / self.length), max(round(WINDOW / self.length), 1)
         self.rest = np.zeros((0, len(noise)))
-        self.window: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=WINDOW)
+        self.window: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=blocks)
         self.power, self.count, self.done = np.zeros(len(noise)), np.zeros(len(noise)), 0
 
     def push(self, residuals: np.ndarray) -> list[Reading]:
@@ -85,7 +87,7 @@ class Gap:
         while len(self.rest) >= self.second:
             rows, self.rest = self.rest[: self.second], self.rest[self.second :]
             self.done += 1
-            if self.done > SKIP:
+            if self.done > self.skip:
                 found.append(self.close(np.clip(rows / self.noise, -CLIP, CLIP)))
         return found
 
@@ -96,10 +98,9 @@ class Gap:
         power, count = (np.sum(x, axis=0) for x in zip(*self.window))
         self.power, self.count = self.power + self.window[-1][0], self.count + self.window[-1][1]
         enough = count >= PRESENT * self.second * len(self.window)
-        whole, now = len(self.window) == WINDOW, rms(*self.window[-1]) ** 2
-        return Reading(
-            self.done, rms(power, np.where(enough, count, 0)), rms(self.power, self.count), whole, now
-        )  # fmt: skip
+        whole, now = len(self.window) == self.window.maxlen, rms(*self.window[-1]) ** 2
+        recent, overall = rms(power, np.where(enough, count, 0)), rms(self.power, self.count)
+        return Reading(round(self.done * self.length), recent, overall, whole, now)
 
 
 def rms(power: np.ndarray, count: np.ndarray) -> np.ndarray:

@@ -16,17 +16,18 @@ TINY = 1e-6  # standard deviation of a logarithm of power: below its scatter, wh
 SMALLEST = 1e-6  # noise variances: no logarithm of less
 
 
-def rise(powers: np.ndarray, second: int) -> tuple[float, float] | None:
+def rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, float] | None:
     """Times [s] of the log between which a gap rose (90 % set); None without a rise.
 
     Args:
-        powers: (n,) mean square of each of the last n s [noise variances], NaN if nothing was measured.
+        powers: (n,) mean square of each of the last n seconds [noise variances], NaN if nothing was measured.
         second: end of the last one [s].
+        length: of one, which is a whole number of frames [s].
     """
     known = np.isfinite(powers)
     if known.sum() < LEAST:
         return None
-    times = (second - len(powers) + np.arange(len(powers)) + 0.5)[known]
+    times = (second + length * (np.arange(len(powers)) - len(powers) + 0.5))[known]
     logs = np.log(np.maximum(powers[known], SMALLEST))
     scan = ChangePoint(times, TINY**2 * np.eye(len(times)), grid=1)
     if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= ALPHA:

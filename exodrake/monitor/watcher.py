@@ -99,7 +99,7 @@ class Monitor:
     def dated(self, alarm: Alarm) -> Alarm:
         """A new alarm with the time at which the gap of its channel rose."""
         powers = np.array(self.powers)[:, self.channels.index(alarm.channel)]
-        return replace(alarm, rose=rise(powers, alarm.second))
+        return replace(alarm, rose=rise(powers, alarm.second, self.gap.length))
 
     def rms(self, values: np.ndarray, segment: str) -> float:
         """RMS over a segment's channels of `values` (channels,); NaN if none is measured."""
