@@ -7,9 +7,10 @@ from scipy import stats
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
-from exodrake.diagnosis.comparison import exceeding, taken_up
+from exodrake.diagnosis.comparison import taken_up
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
+from exodrake.diagnosis.p_values import exceeding, exceeding_any
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.scan import local_levels, scan
 
@@ -35,8 +36,9 @@ def null():
     return [levels(seed) for seed in range(CASES)]
 
 
-def test_p_values_of_a_fit_to_noise_are_uniform(null):
-    assert stats.kstest([item.fit for item in null], "uniform").pvalue > 0.01
+def test_smallest_p_value_of_a_fit_to_noise_is_uniform(null):
+    """Whole and view by view, which are asked together: their smallest has the level of one."""
+    assert stats.kstest([min(item.fit, *item.views) for item in null], "uniform").pvalue > 0.01
 
 
 @pytest.mark.parametrize("name", ["local", "complete"])
@@ -84,6 +86,20 @@ def test_exceeding_is_the_tail_of_scipys_log_normal():
         value = float(stats.lognorm.isf(quantile, 0.3, scale=np.e))
         assert exceeding(draws, value) == pytest.approx(quantile, rel=0.05)
     assert exceeding(draws, 1e9) < 1e-30  # smaller than 1 / draws
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.7, 1.0])
+def test_smallest_of_several_p_values_keeps_its_level(shared):
+    """Three statistics, apart, half alike and equal; apart, single p-values reject three times as often."""
+    rng, p = np.random.default_rng(3), []
+    for _ in range(400):
+        z = np.sqrt(shared) * rng.standard_normal(100) + np.sqrt(1.0 - shared) * rng.standard_normal((3, 100))
+        *draws, values = *np.exp(0.1 * z[:, 1:]), np.exp(0.1 * z[:, 0])
+        p.append((min(exceeding_any(draws, values)), min(map(exceeding, draws, values))))
+    found, single = np.transpose(p)
+    assert stats.kstest(found, "uniform").pvalue > 0.01
+    assert np.all(found >= single * (1.0 - 1e-9))
+    assert shared > 0.0 or np.mean(single < 0.1) > 2.0 * np.mean(found < 0.1)
 
 
 def burst(white, size=5.0):

@@ -5,7 +5,7 @@ import pytest
 from formula_case import amplitude, explanation, likelihood_of, linearisation, nominal
 
 from exodrake.diagnosis.calibration import UNCALIBRATED, spread
-from exodrake.diagnosis.levels import null_of_views
+from exodrake.diagnosis.p_values import ViewNull
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.tolerances import HALVINGS, STRONGEST, least_use, most_use, tolerance_use
 
@@ -82,8 +82,8 @@ def imitated(seed, error):
     x = -np.linalg.lstsq(jacobian.T, measured)[0]
     project = project_of(jacobian, measured + x @ jacobian, x)
     draws = np.random.default_rng(2).standard_normal((99, FRAMES)), 3.0 * rng.standard_normal((99, 1)) * shape
-    by_view = null_of_views(project.likelihood, *draws)
-    return tolerance_use(project.explanation), least_use(project, lambda residual: min(by_view(residual)) > 0.02)
+    null = ViewNull.of(project.likelihood, *draws)
+    return tolerance_use(project.explanation), least_use(project, lambda residual: min(null.p_values(residual)) > 0.02)
 
 
 def test_error_of_a_law_needs_no_tolerances_and_other_robots_keep_theirs():

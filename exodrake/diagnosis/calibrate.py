@@ -29,9 +29,9 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.proportions import binomial_interval
 from exodrake.data.case import Case
 from exodrake.diagnosis.calibration import NUMBERS, UNCALIBRATED, Calibration
-from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.healthy import SEEDS, followed, healthy_case, healthy_robot, with_effect
 from exodrake.diagnosis.isolation import Isolation, Tested
+from exodrake.diagnosis.p_values import exceeding
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.projection import Projection

@@ -126,11 +126,3 @@ def shape_contributions(likelihood: Likelihood, e: Explanation) -> dict[str, np.
 def amplitude(left: np.ndarray, noise: np.ndarray, law: np.ndarray) -> np.ndarray:
     """Amplitude (draws,) of the error of the laws, in units of rho, with which noise leaves as much as is left."""
     return np.sqrt(np.maximum(left - noise, 0.0) / np.maximum(law, 1e-9)).astype(np.float32)
-
-
-def exceeding(draws: np.ndarray, value: float) -> float:
-    """p-value of a value under the draws (n,) of its null, log-normal, so that it may be smaller than 1 / n."""
-    from scipy.stats import norm
-
-    logs = np.log(np.maximum(draws, 1e-12))
-    return float(norm.sf(np.log(max(value, 1e-12)), logs.mean(), max(logs.std(ddof=1), 1e-12)))

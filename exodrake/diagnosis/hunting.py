@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.core.confidence import ALPHA
-from exodrake.diagnosis.comparison import exceeding, power
+from exodrake.diagnosis.comparison import power
 from exodrake.diagnosis.likelihood import COUNTING, NOISE_RUNS, Likelihood, duration, moved_a_little, written_by
+from exodrake.diagnosis.p_values import exceeding
 from exodrake.diagnosis.problem import by_trial
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation

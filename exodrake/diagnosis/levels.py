@@ -23,7 +23,7 @@ alone, too: a sum over all joints hides a cause in one joint behind the errors o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -35,7 +35,6 @@ from exodrake.diagnosis.calibration import calibration_of, spread
 from exodrake.diagnosis.comparison import (
     Compared,
     amplitude,
-    exceeding,
     excess,
     power,
     richer_law,
@@ -47,6 +46,7 @@ from exodrake.diagnosis.hunting import REJECTED, Noise
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation
 from exodrake.diagnosis.one_more import PROMISING, OneMore
+from exodrake.diagnosis.p_values import ViewNull, exceeding
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
 from exodrake.diagnosis.scan import local_levels, scan
@@ -125,19 +125,6 @@ class Null(NamedTuple):
     model: np.ndarray
 
 
-def null_of_views(
-    likelihood: Likelihood, noise: np.ndarray, law: np.ndarray
-) -> Callable[[np.ndarray], tuple[float, ...]]:
-    """p-values (views,) of residuals (samples,) at the true parameters, by draws (draws, samples) of both."""
-    draws = [power(w) + power(error) for w, error in zip(likelihood.split(noise), likelihood.split(law), strict=True)]
-
-    def p_values(residual: np.ndarray) -> tuple[float, ...]:
-        parts = zip(draws, likelihood.split(residual), strict=True)
-        return tuple(exceeding(drawn, float(power(own))) for drawn, own in parts)
-
-    return p_values
-
-
 class Tests:
     """Tests of explanations on one case.
 
@@ -166,8 +153,8 @@ class Tests:
         likelihood = project.likelihood
         left, noise_left, law_left = (project.left(rows) for rows in (e.residual[None], noise, law))
         needed = amplitude(left[0], noise_left, law_left)
-        by_view = null_of_views(likelihood, noise, law)
-        fit, views = exceeding(noise_left + law_left, float(left[0])), by_view(e.residual)
+        null = ViewNull.of(likelihood, noise, law)
+        *views, fit = null.p_values(e.residual, (noise_left + law_left, float(left[0])))
         local = [1.0]
         if not e.effects:
             local = local_levels(scan(likelihood, noise + law), scan(likelihood, e.residual[None]))
@@ -181,7 +168,7 @@ class Tests:
         most = max(parts, key=lambda part: part.promise)
         return Levels(
             fit=fit,
-            views=views,
+            views=tuple(views),
             hunting=float(self.noise.levels(likelihood, e)[0]),
             local=min(1.0, len(local) * min(local)),
             complete=most.complete,
@@ -191,7 +178,7 @@ class Tests:
             no_better=tuple(r.name for r in rivals if all(r.name in part.no_better for part in parts)),
             share=max(part.share for part in parts),
             law_error=float(np.median(needed)),
-            moved=least_use(project, lambda residual: min(by_view(residual)) > ALPHA),
+            moved=least_use(project, lambda residual: min(null.p_values(residual)) > ALPHA),
             most_moved=most_use(project, self.calibration, self.noise.retuned),
         )
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from exodrake.diagnosis.comparison import exceeding
+from exodrake.diagnosis.p_values import exceeding
 from exodrake.diagnosis.projection import Projection
 
 PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone

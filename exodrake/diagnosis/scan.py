@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.p_values import exceeding
 
 WINDOW = 2.0  # s (selection.md)
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from exodrake.core.confidence import ALPHA, NORMAL_90
 from exodrake.diagnosis.change_point import Change, ChangePoint
-from exodrake.diagnosis.comparison import exceeding, power
 from exodrake.diagnosis.levels import Tests
+from exodrake.diagnosis.p_values import ViewNull
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.refine import Explanation
@@ -113,9 +113,7 @@ def level_of(tests: Tests, law: np.ndarray, sessions: Sequence[Session], residua
     whole = np.zeros(tests.likelihood.samples)
     for session, residual in zip(sessions, residuals, strict=True):
         whole[rows_of(tests.likelihood, session)] = residual
-    split = tests.likelihood.split
-    views = zip(split(tests.noise.retuned), split(law), split(whole), strict=True)
-    return min(exceeding(power(noise) + power(error), float(power(own))) for noise, error, own in views)
+    return min(ViewNull.of(tests.likelihood, tests.noise.retuned, law).p_values(whole))
 
 
 def power_of(tests: Tests, e: Explanation, sessions: Sequence[Session]) -> Followed:

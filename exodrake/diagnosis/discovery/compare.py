@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from exodrake.diagnosis.comparison import exceeding
 from exodrake.diagnosis.discovery.evidence import Eliminated, weights_of
 from exodrake.diagnosis.discovery.fit import Screened
 from exodrake.diagnosis.levels import DRAWS
 from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.p_values import exceeding
 
 # in 90 % of robots a law in a wrong part takes up less of what the best one in the right part leaves: conformal
 # quantile of 24 of the reference simulator, rounded up (docs/missing_law.md); the largest are 0.65, 0.49 and 0.05
