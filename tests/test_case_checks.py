@@ -120,6 +120,16 @@ def test_a_fault_of_channels_is_named_by_its_check_alone(effect, check, change, 
     assert fired(changed(case_of(effect), change, columns, logs)) == {check}
 
 
+@pytest.mark.parametrize(("parameter", "kind"), [("sensor.sigma_F", "tension"), ("mocap.sigma_q", "angle")])
+@pytest.mark.parametrize("factor", [1.0, 1.4])
+def test_sensors_that_are_noisier_than_the_robot_file_says_are_named_with_their_parameter(parameter, kind, factor):
+    noisier = ROBOT.with_parameters({parameter: factor * ROBOT[parameter]}, source="test")
+    case = case_on(noisier, *(exo.random_motion(seed=s).values for s in (1, 2)))
+    found = [sentence for sentence in suspicions(case, ROBOT) if "fast noise" in sentence]
+    assert len(found) == (factor > 1.0) and suspicions(case, noisier) == ()
+    assert all(s.startswith(f"fast noise of {kind}") and " is 1." in s and parameter in s for s in found)
+
+
 @pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])
 def test_a_log_of_a_robot_with_another_zero_is_named(column):
     case = case_of("sensor.gain")

@@ -1,9 +1,10 @@
-"""Suspicious noise: as large as the motion, or far below the sensor's."""
+"""Suspicious noise: as large as the motion, above the sensor's, or far below it."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from exodrake.core.machine import Machine
 from exodrake.diagnosis.checks.compare import Channel, Comparison, few, places, white_share
 from exodrake.diagnosis.checks.scale import unit_factor
 from exodrake.diagnosis.noise import ROBUST
@@ -11,6 +12,7 @@ from exodrake.diagnosis.noise import ROBUST
 HALF = 0.5  # of the variance: more noise than motion, a signal-to-noise ratio of 1
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
 EXACT = 1e-9  # of a signal's range: smaller steps are rounding of the computer
+ABOVE = 1.1  # of the nominal fast noise in every channel of a sensor; healthy robots and most faults stay below 1.04
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 GAIN = 70.0  # of differences of that order on white noise: the sum of squared binomial coefficients
@@ -59,8 +61,7 @@ def noise_far_below_sensor(comparison: Comparison) -> list[str]:
     found = []
     for column in comparison.columns:
         channels = [c for c in comparison.of(column) if carries_noise(c)]
-        ratios = [fast_noise(c.measured / unit_factor(c)) / fast_noise(c.nominal) for c in channels]
-        if ratios and np.median(ratios) < 1.0 / CLEAR:
+        if channels and np.median([louder(c) for c in channels]) < 1.0 / CLEAR:
             found.append(column)
     if not found:
         return []
@@ -68,6 +69,42 @@ def noise_far_below_sensor(comparison: Comparison) -> list[str]:
         f"fast noise of {few(found)} is less than half of what the robot file says: were the logs smoothed? A fit may "
         "look too good"
     ]
+
+
+def noise_above_sensor(comparison: Comparison) -> list[str]:
+    """The fast noise of all channels that a sensor's noise reaches is larger than the nominal robot's.
+
+    A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
+    With a noisier sensor no explanation leaves as little as it should.
+    """
+    if noise_as_large_as_motion(comparison):
+        return []
+    found = []
+    for parameter, reached in noise_parameters(comparison.machine).items():
+        kinds = [kind for kind in comparison.kinds if kind in reached]
+        columns = [comparison.columns[i] for kind in kinds for i in comparison.kinds[kind]]
+        logs = [[louder(c) for c in comparison.of(column) if carries_noise(c)] for column in columns]
+        least = min(float(np.median(ratios)) if ratios else 0.0 for ratios in logs) if logs else 0.0
+        if least > ABOVE:
+            found.append(
+                f"fast noise of {few(kinds)} is {least:.2g} times what the robot file says: a vibration, or noisier "
+                f"sensors, whose {parameter} then belongs under `robot:` in case.yaml"
+            )
+    return found
+
+
+def noise_parameters(machine: Machine) -> dict[str, list[str]]:
+    """Noise parameters of sensors -> the kinds of signal whose noise depends on them; none where none is stated."""
+    if machine.noise_std is None:
+        return {}
+    plain = machine.noise_std(lambda name: 1.0)
+    doubled = {p: machine.noise_std(lambda name, p=p: 2.0 if name == p else 1.0) for p in machine.noise}
+    return {p: [kind for kind, std in stds.items() if std > plain[kind]] for p, stds in doubled.items()}
+
+
+def louder(channel: Channel) -> float:
+    """Ratio of the fast noise of a channel, in the unit that it seems to have, to the nominal robot's."""
+    return fast_noise(channel.measured / unit_factor(channel)) / fast_noise(channel.nominal)
 
 
 def carries_noise(channel: Channel) -> bool:

@@ -20,6 +20,7 @@ CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
     channels.nothing_moves,
     channels.bursts,
     noise.noise_as_large_as_motion,
+    noise.noise_above_sensor,
     noise.noise_far_below_sensor,
     robots.changed_between_repeats,
     robots.logs_of_other_robots,
