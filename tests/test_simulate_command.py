@@ -57,6 +57,14 @@ def test_values_outside_their_range_are_noted_with_the_unit_meant(tmp_path):
     assert "tendon.slack.length (AF) = 2 m" in result.output and "did you mean 2 mm?" in result.output
 
 
+@pytest.mark.parametrize(
+    "words", [["caging:hold=0.3,hold=0.4"], [SHORT, "--effect", "tendon.slack:length=1 mm,length=2 mm@AF"]]
+)
+def test_an_option_with_two_values_is_refused(words, tmp_path):
+    result = run("simulate", *words, "--out", tmp_path / "out")
+    assert result.exit_code == 2 and "comes twice" in result.stderr and not (tmp_path / "out").exists()
+
+
 def test_the_scenario_makes_the_same_log_again(made, tmp_path):
     assert run("simulate", "--scenario", made[0] / "scenario.yaml", "--out", tmp_path).exit_code == 0
     for name in ("log.csv", "scenario.yaml"):

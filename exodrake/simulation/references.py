@@ -49,6 +49,8 @@ def split_options(text: str) -> tuple[str, dict[str, str]]:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals:
             raise InputError(f"{name}: {item!r} is not of the form name=number")
+        if key in found:
+            raise InputError(f"{name}: {key!r} comes twice")
         found[key] = value
     return name.strip(), found
 
