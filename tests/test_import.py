@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 
 import numpy as np
 import pytest
@@ -311,6 +312,22 @@ def test_sync_moves_the_columns_and_says_so_in_the_case(tmp_path):
 def test_what_is_wrong_in_a_mapping_is_named(tmp_path, key, value, word):
     with pytest.raises(InputError, match=word):
         imported(tmp_path, b"{}", "run.json", {**MAP, key: value})
+
+
+@pytest.mark.parametrize(
+    ("text", "lacks"),
+    [
+        ("ms;q\n0;1.5\n20;1.6\n", 'separator: ";"'),
+        ("ms\tq\n0\t1.5\n20\t1.6\n", 'separator: "\\t"'),
+        ("ms;q\n0;1,5\n20;1,6\n", 'separator: ";" and decimal: ","'),
+    ],
+)
+def test_a_mapping_without_the_separator_is_told_it(tmp_path, text, lacks):
+    mapping = {"time": {"column": "ms", "unit": "ms"}, "columns": {"q": {"name": "angle_a", "unit": "rad"}}}
+    with pytest.raises(InputError, match=re.escape(f"the mapping file lacks {lacks}")):
+        imported(tmp_path, text.encode(), "run.csv", mapping)
+    marks = yaml.safe_load("\n".join(lacks.split(" and ")))
+    assert imported(tmp_path, text.encode(), "run.csv", mapping | marks)["angle_a"].tolist() == [1.5, 1.6]
 
 
 def test_the_command_lists_columns_and_makes_a_case_of_several_recordings(tmp_path):

@@ -97,6 +97,7 @@ def test_truncated_rotated_and_repeated_headings_begin_anew(file):
         (lambda t: t + t.splitlines()[5] + "\n", ["row 1501", "comes after"]),
         (lambda t: t.replace("\n", "\n\n", 3) + t.splitlines()[5] + "\n", ["row 1504", "comes after"]),
         (lambda t: t.replace(",", ";"), ["';'"]),
+        (lambda t: t.replace(",", "\t"), ["separated by tabs"]),
     ],
 )
 def test_bad_logs_are_named(file, change, words):

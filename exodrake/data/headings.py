@@ -7,6 +7,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.units import check_unit, default_unit, to_si
 
+SEPARATORS = {";": "';'", "\t": "tabs"}
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 
 
@@ -24,6 +25,15 @@ def split_heading(text: str, source: str) -> tuple[str, str]:
             f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
         )
     return name.strip(), unit
+
+
+def refuse_separator(cells: list[str], source: str) -> None:
+    """InputError for a heading that other separators than commas leave in one cell."""
+    found = next((said for sign, said in SEPARATORS.items() if len(cells) == 1 and sign in cells[0].strip()), None)
+    if found:
+        raise InputError(
+            f"{source}: cells are separated by {found}, wanted ','; `exodrake import` converts such a file"
+        )
 
 
 def columns_in_si(

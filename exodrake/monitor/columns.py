@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.units import check_unit, to_si
-from exodrake.data.headings import split_heading
+from exodrake.data.headings import refuse_separator, split_heading
 
 
 def wanted(machine: Machine) -> dict[str, bool]:
@@ -65,8 +65,7 @@ def parse(cell: str, where: str) -> float:
 
 def read_heading(cells: list[str], source: str, machine: Machine) -> Columns:
     """The columns of a heading; InputError naming a missing or doubled column or an unsuitable unit."""
-    if len(cells) == 1 and ";" in cells[0]:
-        raise InputError(f"{source}: cells are separated by ';', wanted ','")
+    refuse_separator(cells, source)
     found: dict[str, tuple[int, float]] = {}
     for place, text in enumerate(cells):
         name, unit = split_heading(text, source)

@@ -5,6 +5,7 @@ Read in this process: no text crashes Python's own reader, and `check_size` boun
 
 import csv
 import io
+import json
 from collections.abc import Iterator
 from itertools import chain, islice
 
@@ -30,15 +31,25 @@ def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]
     cells: dict[str, list[str]] = {name: [] for name in picked}
     for number, row in enumerate(rows):
         if len(row) != len(names):
-            raise InputError(f"{source}: row {number + 1} has {len(row)} cells, wanted {len(names)}")
+            raise InputError(
+                f"{source}: row {number + 1} has {len(row)} cells, wanted {len(names)}{_hint(data, mapped)}"
+            )
         for name, index in picked.items():
             cells[name].append(row[index].strip())
     columns: dict[str, np.ndarray] = {}
     for name in picked:
         columns |= _parsed(cells[name], name, wanted, source, mapped.decimal)
     for absent in sorted(wanted - set(columns) - {None}, key=str):
-        raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]})")
+        raise InputError(f"{source}: no column {absent!r} (it has {', '.join(names)[:400]}){_hint(data, mapped)}")
     return columns
+
+
+def _hint(data: bytes, mapped: Mapped) -> str:
+    """What a mapping lacks whose separator leaves all cells of the first lines in one."""
+    guess = guessed(data)
+    marks = {"separator": guess.separator, "decimal": guess.decimal}
+    other = [f"{key}: {json.dumps(mark)}" for key, mark in marks.items() if mark != getattr(mapped, key)]
+    return f"; the mapping file lacks {' and '.join(other)}" if mapped.separator != guess.separator else ""
 
 
 def _table(data: bytes, source: str, mapped: Mapped) -> tuple[list[str], Iterator[list[str]]]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.columns import check_size, headings, log_from_columns
+from exodrake.data.headings import refuse_separator
 from exodrake.data.log import Log
 
 ENDINGS = (".csv",)
@@ -28,8 +29,7 @@ def read_cells(data: bytes, source: str) -> tuple[list[str], np.ndarray]:
     names = [name.strip() for name in next(rows, [])]
     if not any(names):
         raise InputError(f"{source}: empty file")
-    if len(names) == 1 and ";" in names[0]:
-        raise InputError(f"{source}: cells are separated by ';', wanted ','")
+    refuse_separator(names, source)
     values = array("d")
     for number, row in enumerate(rows):
         if len(row) != len(names):
