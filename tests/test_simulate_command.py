@@ -46,6 +46,15 @@ def test_the_nominal_run_is_the_same_without_the_options(made):
     assert "grey: nominal" in page and "mu_phi 0.3 on AF, AE" in page and "seed 3" in page
 
 
+def test_the_folder_of_a_run_stands_for_its_log(made, tmp_path):
+    assert run("export", made[0], "--out", tmp_path / "log.csv").exit_code == 0
+    assert (tmp_path / "log.csv").read_bytes() == (made[0] / "log.csv").read_bytes()
+    assert run("show", made[0], "--out", tmp_path / "run.html").exit_code == 0
+    assert "<title>out</title>" in (tmp_path / "run.html").read_text()
+    refused = run("show", tmp_path / "none", "--out", tmp_path / "none.html")
+    assert refused.exit_code == 2 and "none: no such file" in refused.stderr
+
+
 def test_a_plain_run_has_no_nominal_one_beside_it(tmp_path):
     assert run("simulate", SHORT, "--out", tmp_path / "out").exit_code == 0
     assert not (tmp_path / "out" / "nominal.csv").exists()

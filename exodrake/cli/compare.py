@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import log_in, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
     from exodrake.data.compare import Comparison
-    from exodrake.data.log import Log
 
 
 @click.command()
@@ -32,13 +31,14 @@ def command(first: Path, second: Path, robot: str, out: Path, json_file: Path | 
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import save
     from exodrake.data.compare import compare, remarks
+    from exodrake.data.log_file import read_log
     from exodrake.data.plot import png_of
     from exodrake.machines.robot_file import load_robot
 
     if out.suffix.lower() != ".png":
         raise InputError(f"{out}: the figure is a PNG; its name ends in .png")
     machine = load_robot(robot).machine
-    one, other = read(first), read(second)
+    one, other = (read_log(log_in(path)) for path in (first, second))
     found = compare(one, other)
     figure = one.plot("", other, found.names, machine=machine, remarks=remarks(found, one, machine))
     write_bytes(out, png_of(figure))
@@ -46,13 +46,6 @@ def command(first: Path, second: Path, robot: str, out: Path, json_file: Path | 
         save(found, json_file)
     show(found, machine)
     click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
-
-
-def read(path: Path) -> Log:
-    """A log, or that in a folder of `exodrake simulate`."""
-    from exodrake.data.log_file import read_log
-
-    return read_log(path / "log.csv" if path.is_dir() else path)
 
 
 def show(found: Comparison, machine: Machine) -> None:

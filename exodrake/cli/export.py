@@ -4,6 +4,8 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import log_in
+
 
 @click.command()
 @click.argument("log", type=click.Path(path_type=Path))
@@ -13,12 +15,13 @@ import click
 def command(log: Path, out: Path, start: float | None, end: float | None) -> None:
     """Turn LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz.
 
+    LOG is a log file, or a folder that `exodrake simulate` wrote.
     Every format holds the same columns in SI, and reads back to the same bits.
     """
     from exodrake.core.errors import InputError
     from exodrake.data.log_file import read_log, write_log
 
-    table = read_log(log)
+    table = read_log(log_in(log))
     first, last = float(table.time[0]), float(table.time[-1])
     if start is not None or end is not None:
         table = table.between(first if start is None else start, float("inf") if end is None else end)

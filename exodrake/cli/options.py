@@ -60,6 +60,11 @@ class OutputFolder(click.Path):
         return path
 
 
+def log_in(path: Path) -> Path:
+    """A log's file: the path itself, or the log in a folder that `exodrake simulate` wrote."""
+    return path / "log.csv" if path.is_dir() else path
+
+
 def command_line() -> str:
     """The command as it was typed, for answers: absolute paths by their last part; empty outside of a command."""
     context = click.get_current_context(silent=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import log_in, robot_option
 
 
 @click.command()
@@ -18,6 +18,7 @@ from exodrake.cli.options import robot_option
 def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
     """Write LOG as HTML with the moving robot, its tendons coloured by tension.
 
+    LOG is a log file, or a folder that `exodrake simulate` wrote.
     `#t=1.5` at the end of the address stops it at that time.
     """
     from exodrake.core.files import write_text
@@ -26,8 +27,9 @@ def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool
     from exodrake.machines.robot_file import load_robot
 
     kind = "angle_est" if estimated else ""
-    html = recording_html(read_log(log), load_robot(robot), log.name, angles=kind)
-    target = out or log.with_name(log.name.split(".")[0] + ".html")
+    file = log_in(log)
+    html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
+    target = out or file.with_name(file.name.split(".")[0] + ".html")
     write_text(target, html)
     click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
     if show:
