@@ -66,6 +66,11 @@ def test_a_second_run_is_a_ghost_at_the_same_times(log):
     assert "grey: " not in recording_html(log, ROBOT)
 
 
+def test_the_scale_of_the_loads_ends_at_the_limits_of_the_references(log):
+    limits = ROBOT.reference_limits()[1]
+    assert f"<span>{limits.min():g} to {limits.max():g} N</span>" in recording_html(log, ROBOT)
+
+
 def test_the_page_has_visible_controls(log):
     page = recording_html(log, ROBOT)
     for name in ("exo-button", "exo-slider", "exo-speed", "exo-time"):

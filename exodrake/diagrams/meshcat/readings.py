@@ -42,9 +42,11 @@ def with_readings(html: str, title: str, readings: dict[str, Any], details: Sequ
         label: what is coloured, and by what.
     """
     scale = [(round(100 * share), [round(255 * c) for c in rgb]) for share, rgb in STOPS]
+    tops = [f"{top:.3g}" for top in (min(readings["top"]), max(readings["top"]))]
+    highest = f"{' to '.join(dict.fromkeys(tops))} {readings['unit']}".replace(" deg", "°")
     added = render(
         "recording.html", TEMPLATES, title=title, readings=readings, stops=STOPS, scale=scale, details=details,
-        label=label, ghost=[round(255 * c) for c in GHOSTLY[:3]],
+        label=label, highest=highest, ghost=[round(255 * c) for c in GHOSTLY[:3]],
     )  # fmt: skip
     html = html.replace("<title>Drake MeshCat</title>", f"<title>{escape(title)}</title>")
     head, end, tail = html.rpartition("</body>")
