@@ -71,7 +71,13 @@ def test_without_case_file_the_last_is_held_out(folder):
     case = read_case(folder)
     assert [x.role for x in case.logs] == ["fit", "fit", "holdout"] and case.name == folder.name
     assert [x.protocol for x in case.logs] == ["a", "b", "c"]
-    assert "no case.yaml" in case.notes[0]
+    assert case.notes[0].endswith("no case.yaml; 3 logs, held out: c.npz, the others to fit")
+
+
+def test_a_folder_of_one_log_says_that_none_is_held_out(tmp_path):
+    write_log(one_log(0), tmp_path / "a.csv")
+    case = read_case(tmp_path)
+    assert not case.holdout_logs and case.notes[0].endswith("no case.yaml; one log, to fit")
 
 
 def test_one_file_is_a_case(folder):

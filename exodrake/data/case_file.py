@@ -75,9 +75,8 @@ def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
         raise InputError(f"{folder}: no case.yaml and no logs")
     held_out = files[-1] if len(files) > 1 else None
     logs = [{"file": name, "role": "holdout" if name == held_out else "fit"} for name in files]
-    return logs, [
-        f"{folder.resolve().name}: no case.yaml; {len(files)} logs, held out: {held_out or 'none'}, the others to fit"
-    ]
+    roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
+    return logs, [f"{folder.resolve().name}: no case.yaml; {roles}"]
 
 
 def case_text(case: Case) -> str:
