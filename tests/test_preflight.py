@@ -1,5 +1,6 @@
 """What a case could tell: clocks and channels with injected faults, effects against closed forms, and the command."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -117,6 +118,7 @@ def test_the_command_prints_tables_and_draws_the_figure(tmp_path):
     assert result.exit_code == 0, result.output
     assert "servo.latency" in result.stdout and "would help most" in result.stdout
     assert "angle_Jaw stays at an end" in result.stdout and "no log is held out" in result.stdout
+    assert not re.search(r"\d -\s", result.stdout), "a ratio has no unit"
     assert (tmp_path / "check.png").read_bytes().startswith(b"\x89PNG")
     nothing = CliRunner().invoke(cli, ["check", str(tmp_path / "none"), "--robot", "so101"])
     assert nothing.exit_code == 2 and "no such folder" in nothing.stderr

@@ -144,6 +144,6 @@ def smallest(seen: list[Direction]) -> str:
     if not seen:
         return ""
     if any(d.smallest != d.smallest for d in seen):
-        return f"at {seen[0].typical:.2g} {seen[0].unit}"
+        return f"at {seen[0].typical:.2g} {seen[0].unit}".removesuffix(" -")
     worst = max((d.smallest for d in seen), key=abs)
-    return f"{worst:.2g} {seen[0].unit}"
+    return f"{worst:.2g} {seen[0].unit}".removesuffix(" -")
