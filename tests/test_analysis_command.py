@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from exodrake.cli.main import cli
+from exodrake.machines.robot_file import load_robot
 
 FIGURES = {
     f"{name}.png"
@@ -37,6 +38,13 @@ def test_it_writes_figures_numbers_and_the_model(tmp_path):
     assert ranges["max sigma(S)"][0] < parameters["robustness"]["max sigma(S)"] < ranges["max sigma(S)"][1]
     with np.load(tmp_path / "m.npz") as model:
         assert float(model["dt"]) == 0.02 and model["A"].shape[0] == len(model["states"])
+
+
+def test_a_gain_outside_its_range_is_noted():
+    low, high = load_robot("exo_index").ranges["controller.kp"]
+    found = run("--draws", 0, "--set", f"controller.kp={2 * high}")
+    assert found.exit_code == 0, found.output
+    assert f"lies outside {low:g} to {high:g}" in found.stderr
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from exodrake.analysis.closed_loop_json import closed_loop_numbers, model_bytes
     from exodrake.analysis.figures import figures_of
     from exodrake.analysis.limit_cycles import limit_cycles
+    from exodrake.cli.run_summary import warn
     from exodrake.core.files import make_folder, write_bytes
 
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)
@@ -81,6 +82,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     for path, data in contents.items():
         write_bytes(path, data)
     show(result)
+    warn(robot)
     if contents:
         click.echo("wrote " + ", ".join(str(path) for path in contents))
 
