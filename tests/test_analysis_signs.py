@@ -5,9 +5,10 @@ import pytest
 from scipy.linalg import expm
 
 import exodrake as exo
+from exodrake.analysis.closed_loop import returns
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear_model import linearise, spectral_radius
-from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.operating_point import linearised, operating_point
 from exodrake.systems import controller, controller_as_printed
 
 STIFFNESS, PERIOD, KP = 3000.0, 0.02, 5e-3  # N/m, s, m/(s N)
@@ -99,3 +100,10 @@ def test_the_printed_sign_on_the_full_robot():
     assert abs(poles_at(6e-3, 1e-4)[0].z) == pytest.approx(0.9621, abs=1e-3)
     assert abs(poles_at(6e-3, -1e-4)[0].z) == pytest.approx(0.9596, abs=1e-3)
     assert abs(poles_at(6e-3, 3.75e-4)[0].z) < 1.0 < abs(poles_at(6e-3, -3.75e-4)[0].z)
+
+
+@pytest.mark.parametrize("gain", [-1.0, -0.05])
+def test_a_loop_of_the_wrong_sign_that_comes_to_rest_at_its_limits_is_not_stable(gain):
+    """Tensions run away until commands and stops hold them, far off their references."""
+    loop, point, model = linearised(exo.load_robot().with_parameters({"controller.kp": gain}, source="test"))
+    assert not returns(loop, point) and spectral_radius(model.A) > 1.0

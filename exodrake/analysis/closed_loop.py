@@ -111,9 +111,10 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
 
 
 def returns(loop: FrameMap, point: OperatingPoint) -> bool:
-    """Whether the nonlinear loop rests again, to within 1 %, after a reference of a tenth of a step for a frame.
+    """Whether the nonlinear loop comes back to rest, to within 1 %, after a reference of a tenth of a step for a frame.
 
-    A loop that this does not move gets the whole step.
+    A loop that this does not move gets the whole step. One that rests farther than a step from where it was, as at a
+    limit of its commands, has not come back.
     """
     for kick in (KICK, HARD):
         rows = np.tile(point.references, (KICKED, 1))
@@ -121,7 +122,8 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
         output = loop.run(point.state, rows)[1][:, loop.signals[loop.loop.output]]
         speed = np.abs(np.diff(output, axis=0)).max(axis=1)
         if speed.max() > 1e-6 * loop.loop.step:
-            return bool(speed[-50:].max() < 0.01 * speed.max())
+            away = np.abs(output[-1] - point.output).max()
+            return bool(speed[-50:].max() < 0.01 * speed.max() and away < loop.loop.step)
     return True
 
 
