@@ -49,15 +49,18 @@ def test_a_hunting_robot_is_named_and_its_reason_says_that_it_hunts(hunting):
 
 
 def test_what_noise_leaves_in_a_hunting_loop_is_no_excess(hunting):
-    """With the levels of the noise the excess falls by what they say, in units of what the explanation leaves."""
+    """With the levels of the noise the excess falls by what they say, and to that of the other view at most."""
     *_, found = hunting
     (t,) = found.tested[0]
     likelihood, e = found.likelihood.scaled_to(t.explanation.residual), t.explanation
     levels = found.tests.noise.levels(likelihood, e)
-    closed = likelihood.split(likelihood.weights)[0]
-    assert excess(likelihood, e) - excess(likelihood, e, levels) == pytest.approx(
-        (levels[0] - 1.0) * float(np.sum(closed.astype(float) ** 2)), rel=1e-4
+    noise, left = (
+        float(np.sum(likelihood.split(rows)[0].astype(float) ** 2))
+        for rows in (likelihood.weights, e.residual * likelihood.weights)
     )
+    assert levels[0] > 1.0 and left > noise
+    fall = min((levels[0] - 1.0) * noise, left - noise)
+    assert excess(likelihood, e) - excess(likelihood, e, levels) == pytest.approx(fall, rel=1e-4)
     retuned = found.retuned.explanation
     assert taken_up(likelihood, retuned, e, levels).share > taken_up(likelihood, retuned, e).share > 0.0
 

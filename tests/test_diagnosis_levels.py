@@ -7,7 +7,7 @@ from scipy import stats
 
 from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
-from exodrake.diagnosis.comparison import taken_up
+from exodrake.diagnosis.comparison import excess, taken_up
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.noise import EFFICIENCY
 from exodrake.diagnosis.p_values import exceeding, exceeding_any
@@ -148,3 +148,11 @@ def test_rival_takes_up_its_share_of_the_excess_over_noise():
     assert found.power == pytest.approx(3.0 * samples)
     assert found.share == pytest.approx((3.0 * samples + 21.0) / (4.0 * samples + 25.0))
     assert taken_up(likelihood, b, a).share < 0.0
+
+
+def test_a_view_that_leaves_less_than_noise_makes_up_for_no_use_of_tolerances():
+    """As where sensors are quieter than the robot file says: half of the noise is left, and 25 of the prior used."""
+    likelihood = likelihood_of(lambda row: np.full(FRAMES, np.sqrt(0.5))).scaled_to(np.ones(FRAMES))
+    e = explanation(likelihood, nominal(1, 1.0), np.array([5.0]), np.zeros((1, FRAMES)))
+    assert 2.0 * e.cost(likelihood) < 25.0 + FRAMES * FRAME / CORRELATION
+    assert excess(likelihood, e) == pytest.approx(25.0)

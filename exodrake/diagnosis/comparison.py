@@ -63,11 +63,13 @@ def share_of(less: float, whole: float) -> float:
 def excess(likelihood: Likelihood, e: Explanation, levels: np.ndarray | float = 1.0) -> float:
     """Weighted sum of squares that an explanation leaves, the use of its priors included, above that of noise.
 
-    Where many samples count as one, a true explanation uses its priors for more than noise does: its excess is then
-    about as large as the number of parameters that the logs determine. `levels` as in `taken_up`.
+    A view that leaves less than noise, as where sensors are quieter than the robot file says, has no excess, and makes
+    up for none. Where many samples count as one, a true explanation uses its priors for more than noise does: its
+    excess is then about as large as the number of parameters that the logs determine. `levels` as in `taken_up`.
     """
-    noise = np.array([power(part) for part in likelihood.split(likelihood.weights)])
-    return 2.0 * e.cost(likelihood) - float(np.sum(noise * levels))
+    noise = np.array([power(part) for part in likelihood.split(likelihood.weights)]) * levels
+    left = np.array([power(part) for part in likelihood.split(e.residual * likelihood.weights)])
+    return float(np.sum(np.maximum(left - noise, 0.0)) + power(e.use))
 
 
 def removed(before: np.ndarray, after: np.ndarray) -> float:
