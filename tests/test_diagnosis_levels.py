@@ -37,7 +37,7 @@ def null():
 
 
 def test_smallest_p_value_of_a_fit_to_noise_is_uniform(null):
-    """Whole and view by view, which are asked together: their smallest has the level of one."""
+    """Whole and view by view, which are tested jointly: their smallest has the level of one."""
     assert stats.kstest([min(item.fit, *item.views) for item in null], "uniform").pvalue > 0.01
 
 

@@ -36,6 +36,11 @@ def friction():
     return robot_with("tendon.capstan_friction", 1, mu_phi=0.3)
 
 
+@pytest.fixture(scope="module")
+def offset_beside_friction(friction):
+    return pairs_of(friction.splice("mocap.offset", {"offset": 0.1}))
+
+
 def test_directions_beside_a_set_are_simulated_once(friction):
     isolator, larger = pairs_of(friction)
     parent, tests = larger.tested[0][0].explanation, larger.tests
@@ -56,8 +61,8 @@ def test_effects_that_are_not_there_are_not_needed_beside_friction(friction):
     assert not isolator.needed(larger)
 
 
-def test_an_offset_that_is_there_is_needed_beside_friction(friction):
-    isolator, larger = pairs_of(friction.splice("mocap.offset", {"offset": 0.1}))
+def test_an_offset_that_is_there_is_needed_beside_friction(offset_beside_friction):
+    isolator, larger = offset_beside_friction
     assert larger.left[0].explanation.effects == TRIED[:2] and isolator.needed(larger)
     assert rejected(larger.left[0]).endswith("takes up too little of what a smaller one leaves")
 
@@ -69,9 +74,9 @@ def test_an_effect_of_a_set_grown_before_joins_a_set_without_it(friction):
     assert grown.explanations[0].effects == (TRIED[1], TRIED[0])
 
 
-def test_an_effect_of_a_rejected_pair_gives_way_to_the_one_that_it_stood_for(friction):
+def test_an_effect_of_a_rejected_pair_gives_way_to_the_one_that_it_stood_for(offset_beside_friction):
     """Grown from a drift, which is not there, the best pair holds friction beside it; friction and offset are there."""
-    isolator, larger = pairs_of(friction.splice("mocap.offset", {"offset": 0.1}))
+    isolator, larger = offset_beside_friction
     singles = larger.tested[0]
     (drift,) = (t for t in singles if t.explanation.effects == TRIED[2:])
     grown = isolator.grown(replace(larger, tested=((drift,),)))

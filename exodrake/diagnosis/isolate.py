@@ -111,21 +111,17 @@ class Isolator:
         The first effect was chosen while nothing stood beside it (floating search; Pudil et al. 1994): a latency may
         stand for a slow velocity loop until friction in the sheaths is there, too.
         """
-        others = list(found.explanations[0].effects[1:])
-        smaller = (t for t in found.tested[-2] if list(t.explanation.effects) == others) if others else iter(())
-        if (parent := next(smaller, None)) is None:
+        others = found.explanations[0].effects[1:]
+        parent = next((t for t in (found.tested[-2] if others else ()) if t.explanation.effects == others), None)
+        if parent is None:
             return found
         e, known = parent.explanation, {frozenset(known.effects) for known in found.explanations}
-        likelihood = found.likelihood.scaled_to(e.residual).for_stage("linearise again")
-        lin = self.linearised(likelihood, e, found.tests.lin)
-        likelihood = likelihood.for_stage("refine again")
-        new = NormalMatrix(likelihood, e, lin).singles()
-        new = [p for p in new if frozenset((*e.effects, p.probes[0].effect)) not in known]
+        likelihood, _, singles = self.predicted_beside(found, e)
+        new = [p for p in singles if frozenset((*e.effects, p.probes[0].effect)) not in known]
         more = [*found.explanations, *self.fits.fitted(likelihood, e, new[:TRIED])]
-        best, *_ = sorted(more, key=lambda one: likelihood.mean_log(one.residual))
-        likelihood = likelihood.scaled_to(best.residual)
-        found = replace(found, likelihood=likelihood, tested=found.tested[:-1])
-        return found.with_round(tested(likelihood, found.tests, more), found.tested[-1][0])
+        best = min(more, key=lambda one: likelihood.mean_log(one.residual))
+        found = replace(found, likelihood=likelihood.scaled_to(best.residual), tested=found.tested[:-1])
+        return found.with_round(tested(found.likelihood, found.tests, more), found.tested[-1][0])
 
     def beaten(self, found: Isolation, larger: Isolation) -> bool:
         """Whether the best set is beaten by sets of one effect more, and these need it."""
@@ -197,16 +193,23 @@ class Isolator:
         """
         parent = found.tested[-1][0]
         best = parent.explanation
-        likelihood = found.likelihood.scaled_to(best.residual).for_stage("linearise again")
-        lin = self.linearised(likelihood, best, found.tests.lin, looked)
-        likelihood = likelihood.for_stage("refine again")
+        likelihood, lin, singles = self.predicted_beside(found, best, looked)
         tests = found.tests.beside(likelihood, lin)
-        more = self.fits.fitted(likelihood, best, NormalMatrix(likelihood, best, lin).singles()[:fitted])
+        more = self.fits.fitted(likelihood, best, singles[:fitted])
         if more and taken_up(likelihood, best, more[0]).share >= PROMISING:
             more = self.fits.exchanged(likelihood, more, found.explanations[1 : 1 + EXCHANGED])
         likelihood = likelihood.scaled_to(more[0].residual) if more else likelihood
         found = replace(found, likelihood=likelihood, tests=tests)
         return found.with_round(tested(likelihood, tests, more), parent)
+
+    def predicted_beside(
+        self, found: Isolation, e: Explanation, looked: int = RENEWED
+    ) -> tuple[Likelihood, Linearisation, list[Predicted]]:
+        """Views in units of what an explanation leaves, directions beside it, and each further effect, best first."""
+        likelihood = found.likelihood.scaled_to(e.residual).for_stage("linearise again")
+        lin = self.linearised(likelihood, e, found.tests.lin, looked)
+        likelihood = likelihood.for_stage("refine again")
+        return likelihood, lin, NormalMatrix(likelihood, e, lin).singles()
 
     def linearised(
         self, likelihood: Likelihood, e: Explanation, known: Linearisation, count: int = RENEWED

@@ -61,7 +61,7 @@ class Levels:
     """p-values of an explanation.
 
     Attributes:
-        fit: of what it leaves, asked together with `views`, so that the smallest has its level.
+        fit: of what it leaves, tested jointly with `views`, so that the smallest has its level.
         views: the same for each view alone.
         hunting: reduced chi-square that noise alone leaves in closed loop, where it makes the loop hunt; 1 elsewhere.
         local: of what it leaves in single windows of time; 1 for one with effects.

@@ -1,4 +1,4 @@
-"""p-values of sums of squares by draws of what an explanation may leave, each alone or several asked together."""
+"""p-values of sums of squares by draws of what an explanation may leave, each alone or several tested jointly."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def exceeding(draws: np.ndarray, value: float) -> float:
 
 
 def exceeding_any(draws: Sequence[np.ndarray], values: Sequence[float]) -> list[float]:
-    """p-values of several statistics that are asked together, so that the smallest of them keeps its level.
+    """p-values of several statistics that are tested jointly, so that the smallest of them keeps its level.
 
     Statistics of one residual depend on each other and count as fewer (effective number of tests; Nyholt 2004). By
     Sidak (1967) 1 - (1 - p)^k is uniform of the smallest p of k independent ones; k is its maximum-likelihood estimate
@@ -32,12 +32,13 @@ def exceeding_any(draws: Sequence[np.ndarray], values: Sequence[float]) -> list[
     """
     from scipy.stats import norm
 
-    logs = np.log(np.maximum(np.asarray(draws, float), 1e-12))
-    spread = np.maximum(logs.std(axis=1, ddof=1, keepdims=True), 1e-12)
-    least = norm.sf((logs - logs.mean(axis=1, keepdims=True)) / spread).min(axis=0)
-    count = np.clip(-1.0 / np.mean(np.log1p(-np.minimum(least, 1.0 - 1e-12))), 1.0, len(logs))
-    own = (min(exceeding(some, value), 1.0 - 1e-12) for some, value in zip(draws, values, strict=True))
-    return [float(-np.expm1(count * np.log1p(-p))) for p in own]
+    logs, found = (np.log(np.maximum(np.asarray(some, float), 1e-12)) for some in (draws, values))
+    mean, spread = logs.mean(axis=1), np.maximum(logs.std(axis=1, ddof=1), 1e-12)
+    least = norm.sf((logs.T - mean) / spread).min(axis=1)
+    single = norm.sf((found - mean) / spread)
+    drawn, own = (np.log1p(-np.minimum(p, 1.0 - 1e-12)) for p in (least, single))
+    count = np.clip(-1.0 / np.mean(drawn), 1.0, len(logs))
+    return (-np.expm1(count * own)).tolist()
 
 
 class ViewNull(NamedTuple):
@@ -53,6 +54,6 @@ class ViewNull(NamedTuple):
         return ViewNull(likelihood, [power(w) + power(error) for w, error in parts])
 
     def p_values(self, residual: np.ndarray, *more: tuple[np.ndarray, float]) -> list[float]:
-        """p-values of the views of a residual (samples,), and of more statistics: draws and value; asked together."""
+        """p-values of the views of a residual (samples,), and of more statistics: draws and value; tested jointly."""
         found = zip(self.draws, map(power, self.likelihood.split(residual)), strict=True)
         return exceeding_any(*zip(*found, *more, strict=True))

@@ -84,7 +84,7 @@ def noise_above_sensor(comparison: Comparison) -> list[str]:
         kinds = [kind for kind in comparison.kinds if kind in reached]
         columns = [comparison.columns[i] for kind in kinds for i in comparison.kinds[kind]]
         logs = [[louder(c) for c in comparison.of(column) if carries_noise(c)] for column in columns]
-        least = min(float(np.median(ratios)) if ratios else 0.0 for ratios in logs) if logs else 0.0
+        least = min((float(np.median(ratios)) if ratios else 0.0 for ratios in logs), default=0.0)
         if least > ABOVE:
             found.append(
                 f"fast noise of {few(kinds)} is {least:.2g} times what the robot file says: a vibration, or noisier "
