@@ -9,7 +9,7 @@ from exodrake.core.confidence import ALPHA
 from exodrake.diagnosis import levels as method
 from exodrake.diagnosis.comparison import excess, taken_up
 from exodrake.diagnosis.likelihood import CORRELATION
-from exodrake.diagnosis.noise import EFFICIENCY
+from exodrake.diagnosis.noise import INDEPENDENT
 from exodrake.diagnosis.p_values import exceeding, exceeding_any
 from exodrake.diagnosis.projection import Projection
 from exodrake.diagnosis.scan import local_levels, scan
@@ -21,7 +21,7 @@ def levels(seed, extra=0.0):
     """Levels of the nominal robot, fitted, on white noise and so much of a direction that an effect may add."""
     rng = np.random.default_rng(seed)
     jacobian, directions = rng.standard_normal((NOMINAL, FRAMES)), rng.standard_normal((4, FRAMES))
-    strength = np.exp(rng.normal(0.0, 1.0 / np.sqrt(2.0 * EFFICIENCY * FRAMES)))  # noise is known to this precision
+    strength = np.exp(rng.normal(0.0, 1.0 / np.sqrt(2.0 * INDEPENDENT * FRAMES)))  # noise is known to this precision
     measured = strength * rng.standard_normal(FRAMES) + extra * directions[2]
     fit = np.linalg.lstsq(jacobian.T, -measured)[0]
     runs = tuple([rng.standard_normal((FRAMES, 1))] for _ in range(4))

@@ -6,7 +6,7 @@ import pytest
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.likelihood import moved_a_little
-from exodrake.diagnosis.noise import noise_std, sensor_noise_std
+from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
@@ -35,8 +35,18 @@ def case(robot):
 def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robot, case):
     columns = columns_of(case, robot.machine)
     found = dict(zip(columns, noise_std(case, robot, columns), strict=True))
-    assert found["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.15)
-    assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.35)
+    assert found["angle_MCP"] == pytest.approx(sensor_noise_std(robot)["angle"], rel=0.05)
+    assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.2)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.5, 1.0])
+def test_robust_standard_deviation_of_rounded_values_forgets_rare_ones(step):
+    """Rounding adds step^2 / 12 (Sheppard 1898); one value in a hundred is far away."""
+    rng = np.random.default_rng(4)
+    values = np.round(rng.standard_normal(20_000) / step) * step
+    rare = np.where(rng.random(20_000) < 0.01, 50.0, values)
+    for found, tolerance in ((values, 0.02), (rare, 0.06)):
+        assert robust_std(found) == pytest.approx(np.sqrt(1.0 + step**2 / 12.0), rel=tolerance)
 
 
 def test_repeats_count_for_the_noise_only(robot, case):

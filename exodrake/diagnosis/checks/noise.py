@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.checks.compare import Channel, Comparison, few, places, white_share
 from exodrake.diagnosis.checks.scale import unit_factor
-from exodrake.diagnosis.noise import ROBUST
+from exodrake.diagnosis.noise import robust_std
 
 HALF = 0.5  # of the variance: more noise than motion, a signal-to-noise ratio of 1
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
@@ -48,12 +48,7 @@ def repeat_variance(runs: list[np.ndarray]) -> float:
     if len(runs) < 2:
         return 0.0
     rows = min(map(len, runs))
-    return mad_std(runs[0][:rows] - runs[-1][:rows]) ** 2 / 2.0
-
-
-def mad_std(values: np.ndarray) -> float:
-    """Standard deviation (n,) by the median absolute deviation."""
-    return float(ROBUST * np.median(np.abs(values - np.median(values))))
+    return robust_std(runs[0][:rows] - runs[-1][:rows]) ** 2 / 2.0
 
 
 def noise_far_below_sensor(comparison: Comparison) -> list[str]:
@@ -116,7 +111,7 @@ def carries_noise(channel: Channel) -> bool:
 
 def fast_noise(values: np.ndarray) -> float:
     """Standard deviation of white noise in a signal (n,) that moves slowly, by fourth differences; 0 if rounding."""
-    found = mad_std(np.diff(values, ORDER)) / np.sqrt(GAIN)
+    found = robust_std(np.diff(values, ORDER)) / np.sqrt(GAIN)
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
 
