@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import binomtest
 
 import exodrake as exo
@@ -26,6 +27,27 @@ def test_a_rise_is_dated_and_steady_power_is_not():
         dated += found is not None and found[0] <= 86.0 <= found[1]
     assert binomtest(steady, 60, 0.98, alternative="less").pvalue > 0.01
     assert binomtest(dated, 60, 0.9, alternative="less").pvalue > 0.01
+
+
+@pytest.mark.parametrize("correlation", [0.5, 0.8])
+def test_power_that_follows_the_motion_is_no_rise(correlation):
+    """Log powers of a first-order autoregression: a rise is dated at the level of a steady power, 2 %."""
+    rng, dated = np.random.default_rng(1), 0
+    for _ in range(60):
+        logs = lfilter([1.0], [1.0, -correlation], rng.standard_normal(160))[100:]
+        dated += rise(np.exp(logs), 100) is not None
+    assert binomtest(dated, 60, 0.02, alternative="greater").pvalue > 0.01
+
+
+def test_a_rise_of_power_that_follows_the_motion_is_dated():
+    """A rise by five standard deviations of the steps from second to second."""
+    rng, dated = np.random.default_rng(2), 0
+    for _ in range(40):
+        logs = lfilter([1.0], [1.0, -0.5], rng.standard_normal(160))[100:]
+        logs[40:] += 5.0  # from 80 s on
+        found = rise(np.exp(logs), 100)
+        dated += found is not None and found[0] <= 80.0 <= found[1]
+    assert binomtest(dated, 40, 0.9, alternative="less").pvalue > 0.01
 
 
 def test_a_rise_of_longer_frames_is_dated_in_seconds():

@@ -1,4 +1,4 @@
-"""Date at which a gap rose: the change point (`diagnosis.change_point`) of a channel's power before an alarm.
+"""Date at which a gap rose: the change point (`monitor.autocorrelated`) of a channel's power before an alarm.
 
 The alarm uses its own limits, so the scan does not change its rate of false alarms. The scan tells a gap that was there
 from the start from one that rose later, and dates it.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from exodrake.core.confidence import ALPHA
-from exodrake.diagnosis.change_point import LEAST, ChangePoint
+from exodrake.diagnosis.change_point import LEAST
+from exodrake.monitor.autocorrelated import AutocorrelatedChange
 
 SPAN = 60  # s before an alarm that are searched
-TINY = 1e-6  # standard deviation of a logarithm of power: below its scatter, which is then estimated alone
 SMALLEST = 1e-6  # noise variances: no logarithm of less
 
 
@@ -29,8 +29,11 @@ def rise(powers: np.ndarray, second: int, length: float = 1.0) -> tuple[float, f
         return None
     times = (second + length * (np.arange(len(powers)) - len(powers) + 0.5))[known]
     logs = np.log(np.maximum(powers[known], SMALLEST))
-    scan = ChangePoint(times, TINY**2 * np.eye(len(times)), grid=1)
-    if np.ptp(logs) <= 0.0 or scan.p_values(logs[:, None])[0] >= ALPHA:
+    if np.ptp(logs) <= 0.0:
         return None
-    change = scan(logs, np.random.default_rng(second))
+    rng = np.random.default_rng(second)
+    p, scan = AutocorrelatedChange(times, length)(logs, rng)
+    if p >= ALPHA:
+        return None
+    change = scan(logs, rng)
     return (change.began[1], change.began[2]) if change.after[0] > change.before[0] else None
