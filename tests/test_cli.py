@@ -58,6 +58,13 @@ def test_bad_input_is_one_line_and_status_two(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("words", [("simulate", "holds", "--out", ""), ("show", ""), ("analyse", "--out", "")])
+def test_an_empty_path_is_refused_and_is_not_the_current_folder(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    result = run(*words)
+    assert result.exit_code == 2 and "empty path" in result.stderr and not list(tmp_path.iterdir())
+
+
 def test_options_of_an_arm_are_refused_without_one(tmp_path):
     result = run("new-machine", tmp_path / "mine", "--form", "cable")
     assert result.exit_code == 2 and "--urdf" in result.stderr and not list(tmp_path.iterdir())

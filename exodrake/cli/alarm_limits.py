@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import AnyPath, robot_option
 from exodrake.core.progress import where_to_run
 
 
@@ -18,7 +18,7 @@ from exodrake.core.progress import where_to_run
     "--minutes", default=20.0, show_default=True, type=click.FloatRange(min=0.5, max=1440), help="Work of each robot."
 )
 @click.option(
-    "--write", type=click.Path(path_type=Path), default=None, metavar="FILE",
+    "--write", type=AnyPath(), default=None, metavar="FILE",
     help="alarm_limits.yaml in the machine's folder, where `watch` finds it.",
 )  # fmt: skip
 @where_to_run

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import OutputFile, OutputFolder, robot_changes, robot_option
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_changes, robot_option
 
 if TYPE_CHECKING:
     from exodrake.analysis.closed_loop import ClosedLoop
@@ -31,7 +31,7 @@ SHOWN = 0.3  # poles of smaller modulus are gone within a few frames
 @click.option("--draws", type=click.IntRange(0, 1000), default=12, help="Robots within the tolerances, for bands. [12]")
 @click.option(
     "--diagnosis",
-    type=click.Path(path_type=Path),
+    type=AnyPath(),
     default=None,
     metavar="FILE",
     help="Answer of `exodrake diagnose --json`: bands over its intervals, too.",

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import AnyPath
 from exodrake.core.progress import counted, where_to_run
 
 
@@ -15,8 +16,8 @@ def command() -> None:
 @command.command(short_help="Write the logs of drawn robots, their labels committed to apart.")
 @click.option("--seed", required=True, type=click.IntRange(min=0), help="Of everything in the set.")
 @click.option("--cases", required=True, type=click.IntRange(min=1), help="How many of each mix.")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder of the cases.")
-@click.option("--labels", type=click.Path(path_type=Path), default=None, help="Labels file [default: OUT-labels.json].")
+@click.option("--out", required=True, type=AnyPath(), help="Folder of the cases.")
+@click.option("--labels", type=AnyPath(), default=None, help="Labels file [default: OUT-labels.json].")
 @click.option(
     "--mix", "mixes", multiple=True, default=("standard",), show_default=True, metavar="NAME",
     help="standard, healthy, small (effects near the detection limit), half (logs half as long), no-mocap,"
@@ -46,7 +47,7 @@ def make(
 
 
 @command.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=AnyPath())
 @where_to_run
 @click.option("--redo", is_flag=True, help="Answer anew what another version or other code answered.")
 def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
@@ -66,13 +67,11 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
 
 
 @command.command(short_help="Score the diagnoses of FOLDER against the labels.")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
-@click.option(
-    "--against", type=click.Path(path_type=Path), default=None, help="Folder of other answers to the same cases."
-)
-@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write the score as JSON.")
-@click.option("--markdown", type=click.Path(path_type=Path), default=None, help="Write the score as Markdown.")
+@click.argument("folder", type=AnyPath())
+@click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
+@click.option("--against", type=AnyPath(), default=None, help="Folder of other answers to the same cases.")
+@click.option("--json", "json_file", type=AnyPath(), default=None, help="Write the score as JSON.")
+@click.option("--markdown", type=AnyPath(), default=None, help="Write the score as Markdown.")
 def score(folder: Path, labels: Path, against: Path | None, json_file: Path | None, markdown: Path | None) -> None:
     """Check the commitment and score the diagnoses of FOLDER against the labels.
 
@@ -97,8 +96,8 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
 
 
 @command.command(short_help="What a controller gains from a diagnosis.")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--labels", required=True, type=click.Path(path_type=Path), help="Labels file of the set.")
+@click.argument("folder", type=AnyPath())
+@click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
 @click.option("--cases", type=click.IntRange(min=1), default=None, help="How many, from the first [all].")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the motions and all noise.")
 @click.option(
@@ -106,8 +105,8 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
     help="Least cost of a task, or as `exodrake tune` does.",
 )  # fmt: skip
 @click.option("--jobs", default=1, show_default=True, type=click.IntRange(min=-1), help="Processes; -1 for one a core.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write all numbers as JSON.")
-@click.option("--markdown", type=click.Path(path_type=Path), default=None, help="Write the tables as Markdown.")
+@click.option("--json", "json_file", type=AnyPath(), default=None, help="Write all numbers as JSON.")
+@click.option("--markdown", type=AnyPath(), default=None, help="Write the tables as Markdown.")
 def transfer(
     folder: Path, labels: Path, cases: int | None, seed: int, tuner: str, jobs: int, json_file: Path | None,
     markdown: Path | None,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import AnyPath, robot_option
 from exodrake.core.progress import counted, where_to_run
 
 if TYPE_CHECKING:
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
 @click.option("--keep-numbers", is_flag=True, help="State the error rates of the numbers in use, and keep those.")
 @where_to_run
-@click.option(
-    "--write", type=click.Path(path_type=Path), metavar="FILE", help="calibration.yaml of the machine's folder."
-)
+@click.option("--write", type=AnyPath(), metavar="FILE", help="calibration.yaml of the machine's folder.")
 def command(
     robot: str,
     folder: str | None,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import robot_option, tried_of
+from exodrake.cli.options import AnyPath, robot_option, tried_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,11 +20,11 @@ TOP, FEW = 3, 4  # effects that are listed for each; for fewer sensors
 
 
 @click.command()
-@click.argument("case", type=click.Path(path_type=Path))
+@click.argument("case", type=AnyPath())
 @robot_option()
 @click.option("--effects", "only", default="", metavar="ID,...", help="These effects only.")
 @click.option("--without", default="", metavar="ID,...", help="Not these effects.")
-@click.option("--figure", type=click.Path(path_type=Path), default=None, metavar="FILE", help="Write the figure (PNG).")
+@click.option("--figure", type=AnyPath(), default=None, metavar="FILE", help="Write the figure (PNG).")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 def command(case: Path, robot: str, only: str, without: str, figure: Path | None, allow_outside: bool) -> None:
     """Say what CASE is good for: clocks, gaps, saturation, excitation, and which effects it could not tell apart.

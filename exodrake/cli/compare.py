@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import log_in, robot_option
+from exodrake.cli.options import AnyPath, log_in, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.machine import Machine
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("first", type=click.Path(path_type=Path), metavar="A")
-@click.argument("second", type=click.Path(path_type=Path), metavar="B")
+@click.argument("first", type=AnyPath(), metavar="A")
+@click.argument("second", type=AnyPath(), metavar="B")
 @robot_option()
-@click.option("--out", type=click.Path(path_type=Path), default=Path("compare.png"), show_default=True,
+@click.option("--out", type=AnyPath(), default=Path("compare.png"), show_default=True,
               help="Figure to write.")  # fmt: skip
-@click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="File for all numbers, in SI.")
+@click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
 def command(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
     """Overlay logs A and B, and print RMS, mean and largest difference of each signal that both have.
 

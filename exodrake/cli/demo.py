@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from exodrake.cli.options import AnyPath
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -18,7 +20,7 @@ CASE, LABELS, COMMITMENT = "case", "label.json", "commitment.txt"  # folder and 
 
 @click.command()
 @click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Which robot, and which fault.")
-@click.option("--out", type=click.Path(path_type=Path), default=Path("demo"), show_default=True, help="Folder.")
+@click.option("--out", type=AnyPath(), default=Path("demo"), show_default=True, help="Folder.")
 def command(seed: int, out: Path) -> None:
     """Simulate a grasp, inject a fault into an independent reference simulator, and find it from logs alone."""
     from rich.console import Console

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import command_line, robot_option, tried_of
+from exodrake.cli.options import AnyPath, command_line, robot_option, tried_of
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
 
-FOLDER = {"type": click.Path(path_type=Path), "default": None}
-FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+FOLDER = {"type": AnyPath(), "default": None}
+FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 
 
 @click.command()
@@ -31,7 +31,7 @@ FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
 @click.option("--out-law", metavar="FOLDER", **FOLDER, help="Write a law that was found, as a plugin with its robot.")
 @click.option("--profile", is_flag=True, help="Say which stages took the simulated time.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Of several cases: a folder for each.")
+@click.option("--out", type=AnyPath(), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
 @click.option("--allow-outside", is_flag=True, help="Read logs that lie outside the folder of their case, too.")
 @click.option("--redo", is_flag=True, help="Of several cases: answer anew what another configuration answered.")

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import AnyPath, robot_option
 
 
 @click.command()
 @robot_option()
-@click.option("--out", default="wiring.svg", show_default=True, type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--out", default="wiring.svg", show_default=True, type=AnyPath(dir_okay=False))
 def command(robot: str, out: Path) -> None:
     """Draw the robot's block diagram: parts, signals with their units, and the tasks in the slots of a frame."""
     from exodrake.core.errors import InputError

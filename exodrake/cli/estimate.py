@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import OutputFile
+from exodrake.cli.options import AnyPath, OutputFile
 
 if TYPE_CHECKING:
     from exodrake.estimator.stroke_zeros import Zeros
@@ -14,8 +14,8 @@ BAND = "black: estimate, with a band of two standard deviations; in colour: meas
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
-@click.option("--estimator", required=True, type=click.Path(path_type=Path), help="File written by `exodrake train`.")
+@click.argument("log", type=AnyPath())
+@click.option("--estimator", required=True, type=AnyPath(), help="File written by `exodrake train`.")
 @click.option("--out", type=OutputFile(), default=None, help="Write the log with angle_est and angle_std columns.")
 @click.option(
     "--figure", type=OutputFile(), default=None, metavar="PNG",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import AnyPath, robot_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from exodrake.experiment.contest import Contest
     from exodrake.experiment.design import Design
 
-FILE = {"type": click.Path(path_type=Path), "metavar": "FILE"}
+FILE = {"type": AnyPath(), "metavar": "FILE"}
 ADVICE = (
     "no motion of the free robot within its limits tells them apart for certain; measure at a known state instead: at "
     "a mechanical stop for the zero of an encoder, under known weights for a force, a clamped joint for a stiffness"
@@ -23,7 +23,7 @@ ADVICE = (
 
 
 @click.command()
-@click.argument("case", type=click.Path(path_type=Path))
+@click.argument("case", type=AnyPath())
 @click.option(
     "--out", default=Path("reference.csv"), show_default=True, help="References to be sent to the robot.", **FILE
 )

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import log_in
+from exodrake.cli.options import AnyPath, log_in
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="File to write; its ending is the format.")
+@click.argument("log", type=AnyPath())
+@click.option("--out", required=True, type=AnyPath(), help="File to write; its ending is the format.")
 @click.option("--start", type=float, default=None, help="Leave out rows before this time [s].")
 @click.option("--end", type=float, default=None, help="Leave out rows from this time on [s].")
 def command(log: Path, out: Path, start: float | None, end: float | None) -> None:

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import AnyPath
+
 LISTED, CAUSE = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
-FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 
 
 @click.command()
-@click.argument("source", type=click.Path(path_type=Path), metavar="FOLDER_OR_TABLE")
+@click.argument("source", type=AnyPath(), metavar="FOLDER_OR_TABLE")
 @click.option("--out", **FILE, help="Write the report: which robots, which causes, since when.")
 @click.option("--table", **FILE, help="Write the table, a row each case, as Parquet.")
 def command(source: Path, out: Path | None, table: Path | None) -> None:

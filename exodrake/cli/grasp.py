@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import OutputFolder, refuse_others, robot_option
+from exodrake.cli.options import AnyPath, OutputFolder, refuse_others, robot_option
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
@@ -27,7 +27,7 @@ WIDTH = 0.04  # m, of a caged cylinder across the finger in the recording
 @click.command()
 @click.argument("mode")
 @click.option("--size", required=True, metavar="SIZE", help="Diameter of the object with its unit: 60mm, '6 cm'.")
-@click.option("--estimator", "file", type=click.Path(path_type=Path), default=None, help="File of `exodrake train`.")
+@click.option("--estimator", "file", type=AnyPath(), default=None, help="File of `exodrake train`.")
 @robot_option()
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
 @click.option("--out", type=OutputFolder(), default=None, help="Folder for the files [grasps/MODE-SIZE].")

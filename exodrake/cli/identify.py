@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import OutputFile, OutputFolder
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder
 
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
@@ -19,7 +19,7 @@ def command() -> None:
 
 
 @command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=AnyPath())
 @click.option(
     "--out",
     type=OutputFolder(),
@@ -27,7 +27,7 @@ def command() -> None:
     show_default=True,
     help="Folder for the results.",
 )
-@click.option("--markers", type=click.Path(path_type=Path), help="YAML with the marker names of each segment.")
+@click.option("--markers", type=AnyPath(), help="YAML with the marker names of each segment.")
 @click.option(
     "--cutoff", type=float, default=4.0, show_default=True, help="Smoothing of marker paths [Hz]; 0 for none."
 )

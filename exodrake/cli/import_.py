@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import DEFAULT, MACHINE, machine_added
+from exodrake.cli.options import DEFAULT, MACHINE, AnyPath, machine_added
 from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from exodrake.data.foreign.import_log import Imported
     from exodrake.data.foreign.mapping import Mapped
 
-FILE = {"type": click.Path(path_type=Path), "default": None, "metavar": "FILE"}
+FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
 
 
 @click.command()
-@click.argument("recordings", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="RECORDING...")
+@click.argument("recordings", type=AnyPath(), nargs=-1, required=True, metavar="RECORDING...")
 @click.option("--map", "map_file", **FILE, help="Mapping file (YAML), see below.")
 @click.option(
     "--machine", metavar="FOLDER", expose_value=False, callback=machine_added,

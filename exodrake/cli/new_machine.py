@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from exodrake.cli.options import AnyPath
+
 SCAFFOLD = Path(__file__).parent / "scaffold"
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -16,7 +18,7 @@ SLOWEST = 10.0  # s, as the longest frame of a case
 
 
 @click.command()
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=AnyPath())
 @click.option("--joints", default="shoulder,elbow", show_default=True, metavar="A,B", help="Names of the joints.")
 @click.option("--frame", default=None, type=float, help="From one row to the next [s]. [0.02, of an arm 0.005]")
 @click.option("--urdf", default="", metavar="FILE", help="An arm: its URDF, or cable_arm, linear_axis, rotary_axis.")

@@ -35,12 +35,25 @@ OTHERS: dict[str, str] = {
 }
 
 
-class OutputFile(click.Path):
+class AnyPath(click.Path):
+    """A path, which is refused if it is empty: it would stand for the current folder."""
+
+    def __init__(self, dir_okay: bool = True) -> None:
+        super().__init__(dir_okay=dir_okay, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path."""
+        if not os.fspath(value):
+            self.fail("an empty path; a variable that is not set?", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class OutputFile(AnyPath):
     """A file to be written, which is refused before the work if it is a folder, or its own folder is absent."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the file."""
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        path = super().convert(value, param, ctx)
         if path.is_dir():
             raise InputError(f"{path}: a folder, wanted a file")
         if not path.parent.is_dir():
@@ -48,14 +61,14 @@ class OutputFile(click.Path):
         return path
 
 
-class OutputFolder(click.Path):
+class OutputFolder(AnyPath):
     """A folder to be written, which is refused before the work if it cannot be one."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Path of the folder."""
         from exodrake.core.files import check_folder
 
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
+        path = super().convert(value, param, ctx)
         check_folder(path)
         return path
 

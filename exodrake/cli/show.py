@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from exodrake.cli.options import log_in, robot_option
+from exodrake.cli.options import AnyPath, log_in, robot_option
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=AnyPath())
 @robot_option()
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="File to write [LOG with .html].")
+@click.option("--out", type=AnyPath(), default=None, help="File to write [LOG with .html].")
 @click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
 @click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
 def command(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:

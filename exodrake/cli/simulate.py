@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_changes, robot_option
+from exodrake.cli.options import AnyPath, robot_changes, robot_option
 
 if TYPE_CHECKING:
     from exodrake.compiled.inputs import Reference
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @click.option(
     "--engine", default="", metavar="NAME", help="compiled (the default) or drake: the same log to the last bit."
 )
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for the files [simulated/PROTOCOL].")
+@click.option("--out", type=AnyPath(), default=None, help="Folder for the files [simulated/PROTOCOL].")
 def command(protocol: str, reference: str, file: str, robot: str, out: Path | None, **options) -> None:
     """Run a robot on PROTOCOL and write log.csv, scenario.yaml, figure.png and recording.html.
 

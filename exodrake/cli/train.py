@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import OutputFile
+from exodrake.cli.options import AnyPath, OutputFile
 
 if TYPE_CHECKING:
     import numpy as np
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, required=True, type=AnyPath())
 @click.option("--out", required=True, type=OutputFile(), help="Estimator file to write (.npz).")
 @click.option(
     "--points", default=500, show_default=True, type=click.IntRange(50, 4000), help="Training points, equispaced."

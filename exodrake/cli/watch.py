@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import robot_option
+from exodrake.cli.options import AnyPath, robot_option
 
 if TYPE_CHECKING:
     from exodrake.monitor.watcher import Monitor
@@ -18,7 +18,7 @@ REDRAW = 4  # times a second
 
 
 @click.command()
-@click.argument("log", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument("log", type=AnyPath(dir_okay=False))
 @robot_option()
 @click.option("--until-idle", type=click.FloatRange(min=0), default=None, metavar="TIME",
               help="End when no row has come for this time [s; never]; 0 reads a complete log to its end.")  # fmt: skip
