@@ -41,6 +41,24 @@ def test_limits_and_grasps_of_a_wearer_come_back(tmp_path):
     assert tuned.grasps["narrow-pinch"] == exo.load_robot().grasps["narrow-pinch"]
 
 
+def test_tolerances_and_ranges_of_a_robots_own_file_come_back(tmp_path):
+    """A fitted robot differs from the next one of its kind by as much as the nominal one."""
+    mine = yaml.safe_load(robot_yaml("exo_index").read_text())
+    own = {"parameters": ["tendon.k.{w}"], "transform": "log", "prior_std": 0.3, "max_deviation": 0.9}
+    mine["tolerances"] = [own, *mine["tolerances"][1:]]
+    mine["parameters"] |= {
+        "controller.kp": {"value": 0.003, "unit": "m/(N.s)", "range": [0.001, 0.007], "source": "me"}
+    }
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(mine))
+    robot = exo.load_robot(tmp_path / "mine.yaml").splice("tendon.slack")
+    exo.write_robot(robot, tmp_path / "improved.yaml")
+    back = exo.load_robot(tmp_path / "improved.yaml")
+    np.testing.assert_array_equal(back.values, robot.values)
+    assert back.machine.tolerances == robot.machine.tolerances != exo.load_robot().machine.tolerances
+    assert back.ranges == robot.ranges and back.limits == robot.limits and back.grasps == robot.grasps
+    assert back.sources["controller.kp"] == "me" and robot_digest(back) == robot_digest(robot)
+
+
 @pytest.mark.parametrize("order", [("tendon.k.AF", "tendon.k"), ("tendon.k", "tendon.k.AF")])
 def test_value_of_one_channel_holds_in_whatever_order_values_come(order, tmp_path):
     values = {"tendon.k": 2500.0, "tendon.k.AF": 2600.0}
