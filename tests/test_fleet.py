@@ -134,6 +134,12 @@ def test_the_page_says_robots_causes_dates_and_failures():
     assert len(json.loads(re.search(r'id="timelines">(.*?)</script>', html)[1])) == 2
 
 
+def test_the_page_of_one_case_counts_in_the_singular():
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", fleet_html(FLEET[:1], "answers").split("<main>")[1]))
+    assert "1 robot " in text and "1 case " in text and "0 robots with a dated change" in text
+    assert "1 robots" not in text and "1 cases" not in text
+
+
 def test_a_strip_shows_the_most_frequent_verdict_of_consecutive_cases():
     cells = strip(robot("r", lambda day: 0.3 * (day >= 60), days=120))
     assert [verdict for verdict, _ in cells] == [RETUNE] * 30 + [NAMED] * 30 and "2 RETUNE" in cells[0][1]

@@ -82,12 +82,13 @@ def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]
     """Counts for the head of the report."""
     ill = [m for m in robots if m.last.verdict in (NAMED, AMBIGUOUS, UNKNOWN)]
     times = [row.run_time for row in rows if np.isfinite(row.run_time)]
+    changed, failed = sum(bool(m.changed) for m in robots), sum(row.verdict == FAILURE for row in rows)
     return [
-        (str(len(robots)), "robots"),
-        (f"{len(rows):,}", "cases"),
-        (str(len(ill)), "robots with a gap in their last case"),
-        (str(sum(bool(m.changed) for m in robots)), "robots with a dated change"),
-        (str(sum(row.verdict == FAILURE for row in rows)), "cases without an answer"),
+        (str(len(robots)), n.plural(len(robots), "robot")),
+        (f"{len(rows):,}", n.plural(len(rows), "case")),
+        (str(len(ill)), n.plural(len(ill), "robot") + " with a gap in the last case"),
+        (str(changed), n.plural(changed, "robot") + " with a dated change"),
+        (str(failed), n.plural(failed, "case") + " without an answer"),
         (f"{np.median(times):.1f} s" if times else "–", "a case, median"),
     ]
 
@@ -151,7 +152,8 @@ def causes(robots: Sequence[Member]) -> Bars | None:
         return None
     top = sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]
     most = max(*now.values(), 1)
-    rows = [(f"`{e}`", now[e] / most, f"{now[e]} robots, {ever[e]:,} cases", now[e] > 0) for e in top]
+    many = {e: f"{now[e]} {n.plural(now[e], 'robot')}, {ever[e]:,} {n.plural(ever[e], 'case')}" for e in top}
+    rows = [(f"`{e}`", now[e] / most, many[e], now[e] > 0) for e in top]
     return Bars(
         rows, "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."
     )
