@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,12 +26,14 @@ from exodrake.diagnosis.stuck import from_another_law
 from exodrake.experiment import design as search, terms as inside
 from exodrake.experiment.contest import Laws, contest_of, contributed
 from exodrake.experiment.design import design
+from exodrake.experiment.figure import difference_of
 from exodrake.experiment.information import CHANCE, UNSURE, Information, information, pair_of
 from exodrake.experiment.length import frames_of
 from exodrake.experiment.motif import random_motif
 from exodrake.experiment.refit import refitted
 from exodrake.experiment.safety import safety_of
 from exodrake.experiment.stage import limited, stage_of
+from exodrake.experiment.terms import trial_of
 from exodrake.simulation.references import from_log
 from studies.experiment_page import page
 
@@ -163,6 +166,24 @@ def test_a_snap_of_a_few_frames_counts_no_more_than_a_small_difference_of_all(co
     steady[1][:, at] = contest.problem.noise_std
     assert contest.difference(snap) == pytest.approx(0.003 * np.log(1.0 + 1e6))
     assert contest.difference(steady) == pytest.approx(np.log(2.0))
+
+
+def test_band_of_the_figure_holds_the_error_that_each_law_shows(contest):
+    """Its variance is that of noise and of the errors of both laws: (a rho)^2 times the contribution's square."""
+    reference, problem = Reference(contest.problem.fit[0].reference[:100]), contest.problem
+    nothing = np.zeros(contest.spreads[1].shape[1])
+    told = SimpleNamespace(closest=(0, 1), refit=lambda true, rival: nothing)
+    error, rho = np.array([0.5, 2.0]), calibration_of(problem.robot.machine).law_error
+    laws = replace(contest.laws, error=error)
+    found = difference_of(replace(contest, laws=laws), SimpleNamespace(reference=reference, information=told))
+    variance = np.tile(problem.noise_std**2, (100, 1))
+    for a, e in zip(error, contest.explanations, strict=True):
+        without = e.robot.copy()
+        (name,) = {*VISCOUS.parameters, *COULOMB.parameters} & {p.name for p in e.parameters if p.effect}
+        without[problem.robot.machine.index[name]] = 0.0
+        logs = problem.predict(np.array([e.robot, without]), trial_of(contest, reference.values))
+        variance += (a * rho * (logs[1] - logs[0])) ** 2
+    assert found.band**2 == pytest.approx(variance, rel=1e-6)
 
 
 def test_page_counts_each_motion_where_it_ran():

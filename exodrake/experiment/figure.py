@@ -28,7 +28,8 @@ class Difference:
     Attributes:
         true, rival: their names.
         values: (frames, columns) difference [unit of the column].
-        band: (frames, columns) standard deviation of noise and of the error of the laws [the same].
+        band: (frames, columns) standard deviation of noise and of the errors of the laws, as large as the logs show
+            [the same].
     """
 
     true: str
@@ -45,11 +46,14 @@ def difference_of(contest: Contest, design: Design) -> Difference:
     trial = trial_of(contest, design.reference.values)
     rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
     logs, machine = problem.predict(rows, trial), problem.robot.machine
-    variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
-    for one in (contest.explanations[true], e):
+    variance, limits = np.tile(problem.noise_std**2, (len(trial.reference), 1)), calibration_of(machine)
+    for k in (true, rival):
+        one = contest.explanations[k]
         (log,) = problem.predict(one.robot[None], trial)
-        for change in contributions(machine, one, lambda robots: problem.predict(robots, trial), log).values():
-            variance += calibration_of(machine).same_meaning ** 2 * np.sum(change**2, axis=0)
+        changes = contributions(machine, one, lambda robots: problem.predict(robots, trial), log)
+        for identity, change in changes.items():
+            rho = contest.laws.error[k] * limits.rho(machine.effect(identity), problem.counted)
+            variance += rho**2 * np.sum(change**2, axis=0)
     return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
 
 
