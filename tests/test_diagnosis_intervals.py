@@ -54,6 +54,23 @@ def test_pooled_value_of_independent_channels_has_the_error_of_a_mean():
     assert value == 2.0 and std == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("between", [0.0, 0.3])
+def test_pooled_value_of_channels_that_differ_has_the_error_of_its_draws(between):
+    """Own errors are correlated; where channels differ as well, that is part of their scatter, and counts once."""
+    rng, own = np.random.default_rng(3), 0.04 * (0.5 * np.eye(3) + 0.5)
+    values = rng.multivariate_normal(np.ones(3), own + between**2 * np.eye(3), 4000)
+    found = np.array([pooled(row, own) for row in values])
+    assert np.mean(found[:, 1] ** 2) == pytest.approx(np.var(found[:, 0]), rel=0.1 if between else 0.25)
+
+
+def test_error_of_a_law_is_a_share_of_what_the_effect_does(machine):
+    """A loop that is 10 % slower is known to 8 % of these 10 %, and one that is not slower does not exist."""
+    parameter = effect_parameters(machine, machine.effect("motor.slow_velocity_loop"))[0]
+    x = parameter.coordinate(0.9)
+    found = interval(parameter, x, 0.0, "-", LAW_STD)
+    assert np.log([found.low, found.high]) == pytest.approx(x + NORMAL_90 * LAW_STD * x * np.array([1.0, -1.0]))
+
+
 def test_pitch_is_reported_near_palm_down_or_palm_up(machine):
     effect = machine.effect("finger.gravity")
     parameters = effect_parameters(machine, effect)

@@ -104,11 +104,17 @@ def law_std(effect: Effect, parameter: Parameter) -> float:
 
 
 def pooled(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
-    """Common value of several channels and its standard deviation, channels that disagree widening it."""
-    if len(values) == 1:
-        return float(values[0]), float(np.sqrt(covariance[0, 0]))
-    own = float(np.sqrt(max(np.mean(covariance), 0.0)))
-    return float(np.mean(values)), float(np.hypot(own, np.std(values, ddof=1) / np.sqrt(len(values))))
+    """Common value of several channels and its standard deviation.
+
+    Channels that scatter by more than their own errors differ by a variance of their own, which is estimated by moments
+    (DerSimonian & Laird 1986).
+    """
+    count, own = len(values), float(max(np.mean(covariance), 0.0))
+    if count == 1:
+        return float(values[0]), float(np.sqrt(own))
+    expected = (np.trace(covariance) - count * own) / (count - 1)
+    between = max(float(np.var(values, ddof=1) - expected), 0.0)
+    return float(np.mean(values)), float(np.sqrt(own + between / count))
 
 
 def interval(parameter: Parameter, x: float, std: float, unit: str, law: float = ROUNDING) -> Interval:
@@ -116,7 +122,8 @@ def interval(parameter: Parameter, x: float, std: float, unit: str, law: float =
 
     An interval ends at the parameter's bounds, beyond which it has no meaning or no fit would go.
     """
-    half = NORMAL_90 * float(np.hypot(std, law if parameter.transform == "log" else law * abs(x)))
+    of_value = parameter.transform == "log" and not parameter.amplitude  # an amplitude is 0 where the effect is absent
+    half = NORMAL_90 * float(np.hypot(std, law if of_value else law * abs(x)))
     low, high = max(x - half, min(x, parameter.bounds[0])), min(x + half, max(x, parameter.bounds[1]))
     ends = [parameter.value(low), parameter.value(high)]
     return Interval(parameter.value(x), min(ends), max(ends), unit)
