@@ -13,6 +13,8 @@ from exodrake.core import parallel
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 
+HOARD = []
+
 
 def square(number):
     time.sleep(0.02 * (3 - number % 4))  # so that they do not finish in order
@@ -37,6 +39,13 @@ def threads(_):
 
     pools = [item["num_threads"] for item in threadpool_info() if item["user_api"] == "blas"]
     return max(pools), numba.get_num_threads()
+
+
+def hoard(number):
+    """The number, and the process that keeps 400 MB for good."""
+    HOARD.append(bytearray(400_000_000))
+    time.sleep(1.1)  # loky looks once a second
+    return number, os.getpid()
 
 
 def values(outcomes):
@@ -71,6 +80,12 @@ def test_a_crash_gives_up_only_the_task_that_caused_it():
     outcomes = {item.number: item for item in each(deadly, ((number,) for number in range(6)), 2)}
     assert {n: item.value for n, item in outcomes.items()} == {n: None if n == 2 else n for n in range(6)}
     assert "crashed" in outcomes[2].reason
+
+
+def test_a_worker_that_has_grown_is_replaced_in_silence(recwarn):
+    found = [outcome.value for outcome in each(hoard, [(k,) for k in range(6)], jobs=2)]
+    assert sorted(number for number, _ in found) == list(range(6)) and len({pid for _, pid in found}) > 2
+    assert not [item for item in recwarn if "worker" in str(item.message)]
 
 
 @pytest.mark.parametrize(("jobs", "simulations"), [(1, numba.get_num_threads()), (2, 1)])

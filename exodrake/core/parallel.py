@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 import traceback
+import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager, contextmanager
@@ -28,6 +29,7 @@ from exodrake.core.threads import ONE_THREAD, one_blas_thread, one_thread
 ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
 TIMEOUT = "10s"  # for a scheduler to answer
 QUEUED = 2  # tasks sent to a cluster per worker, so that no worker waits for its next task
+GROWN = "A worker stopped while some jobs"  # loky replaces one that has grown by 300 MB, as the allocator keeps memory
 CRASHED = "the worker process crashed (out of memory?)"
 
 
@@ -147,10 +149,11 @@ def cores() -> int:
 
 
 class LokyWorkers:
-    """Processes on this machine; loky starts new ones in place of those that a crash has ended."""
+    """Processes on this machine; loky starts new ones in place of those that a crash, or their size, has ended."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
+        warnings.filterwarnings("ignore", GROWN, UserWarning)
 
     def capacity(self) -> int:
         """Number of tasks to have in flight."""
