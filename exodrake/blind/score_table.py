@@ -10,6 +10,7 @@ from exodrake.blind.measures import Quantity
 from exodrake.blind.score import Group, Score
 from exodrake.blind.shares import Paired, Share
 from exodrake.core.markdown import markdown_table
+from exodrake.core.plural import plural
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -65,7 +66,7 @@ def title_of(score: Score) -> str:
 
 def counted(cases: int) -> str:
     """Number of cases in words."""
-    return f"{cases} case{'s' if cases != 1 else ''}"
+    return f"{cases} {plural(cases, 'case')}"
 
 
 def as_tables(score: Score) -> list[Table]:

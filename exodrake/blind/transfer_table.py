@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.score_table import Row
+from exodrake.blind.score_table import Row, counted
 from exodrake.blind.shares import Share
 from exodrake.blind.transfer import DEFAULT, MODELS, Transfer, Transferred
 from exodrake.core.plain import plain
@@ -127,8 +127,8 @@ def share(name: str, model: str, found: Transfer, other: str) -> Measured:
 
 def tables(found: Transfer) -> Iterator[tuple[str, Row, list[Row]]]:
     """Title, headings and rows of each table."""
-    cases = f"{len(found.cases)} case{'s' if len(found.cases) != 1 else ''}"
-    yield f"controllers tuned on diagnosed models, {cases}", MEASURES, [measured.row for measured in measures(found)]
+    title = f"controllers tuned on diagnosed models, {counted(len(found.cases))}"
+    yield title, MEASURES, [measured.row for measured in measures(found)]
     gains = ", ".join(name.split(".")[-1] for name in found.cases[0].prediction.gains[DEFAULT]) if found.cases else ""
     headings = tuple(heading.format(gains) for heading in COSTS)
     yield "controllers by case", headings, [row for case in found.cases for row in case_rows(case)]

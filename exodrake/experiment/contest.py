@@ -8,7 +8,7 @@ its parameters is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -136,10 +136,10 @@ def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
         whole, size = (sum(float(power(np.asarray(rows)).sum()) for rows in some) for some in ([own], changes.values()))
         left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
         rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left))
-    granted, own, left = np.array(rows).T
+    squares, own, left = np.array(rows).T
     least = limits.same_meaning / limits.law_error
     richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
-    return Laws(granted, own, np.clip(np.sqrt(left / granted), least, None), limits.taken, richer)
+    return Laws(squares, own, np.clip(np.sqrt(left / squares), least, None), limits.taken, richer)
 
 
 def effective(likelihood: Likelihood) -> float:
@@ -148,13 +148,20 @@ def effective(likelihood: Likelihood) -> float:
 
 
 def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """Contribution of each channel of each effect, times its rho: effect -> (channels, samples) [noise_std].
+    """Contribution of each channel of each effect to a residual, times its rho: effect -> (channels, samples)."""
+    return granted(likelihood.views[0].problem, e, likelihood.residual, residual)
 
-    rho: relative error that a diagnosis grants the law of an effect (`Calibration.rho`).
+
+def granted(
+    problem: Problem, e: Explanation, simulate: Callable[[np.ndarray], np.ndarray], whole: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Contribution (channels, ...) of each effect times its rho, the error that its law is granted (`Calibration.rho`).
+
+    simulate, whole: as in `contributions`, in whose unit the errors are.
     """
-    machine, decoded = likelihood.robot.machine, likelihood.views[0].problem.counted
-    limits, found = calibration_of(machine), contributions(machine, e, likelihood.residual, residual)
-    return {i: limits.rho(machine.effect(i), decoded) * rows for i, rows in found.items()}
+    machine = problem.robot.machine
+    limits, found = calibration_of(machine), contributions(machine, e, simulate, whole)
+    return {i: limits.rho(machine.effect(i), problem.counted) * rows for i, rows in found.items()}
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:

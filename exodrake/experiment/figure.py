@@ -9,10 +9,8 @@ import numpy as np
 
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import STYLE, new_figure, png_of
-from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply
-from exodrake.experiment.contest import Contest
+from exodrake.experiment.contest import Contest, granted
 from exodrake.experiment.design import Design
 from exodrake.experiment.terms import trial_of
 
@@ -45,15 +43,13 @@ def difference_of(contest: Contest, design: Design) -> Difference:
     moved = np.clip(e.x + contest.spreads[rival] @ z, *e.bounds)
     trial = trial_of(contest, design.reference.values)
     rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
-    logs, machine = problem.predict(rows, trial), problem.robot.machine
-    variance, limits = np.tile(problem.noise_std**2, (len(trial.reference), 1)), calibration_of(machine)
+    logs = problem.predict(rows, trial)
+    variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
     for k in (true, rival):
         one = contest.explanations[k]
         (log,) = problem.predict(one.robot[None], trial)
-        changes = contributions(machine, one, lambda robots: problem.predict(robots, trial), log)
-        for identity, change in changes.items():
-            rho = contest.laws.error[k] * limits.rho(machine.effect(identity), problem.counted)
-            variance += rho**2 * np.sum(change**2, axis=0)
+        for error in granted(problem, one, lambda robots: problem.predict(robots, trial), log).values():
+            variance += np.sum((contest.laws.error[k] * error) ** 2, axis=0)
     return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
 
 

@@ -32,7 +32,7 @@ def robot_text(robot: Robot, notes: str = "") -> str:
     unit = {} if (name := reference_unit(robot.machine)) == "-" else {"unit": name}
     content = {
         "machine" if own else "base": robot.machine.name,
-        "tolerances": [tolerance_of(t) for t in robot.machine.tolerances] if own else [],
+        "tolerances": [tolerance_entry(t) for t in robot.machine.tolerances] if own else [],
         "parameters": parameters_of(robot, None if own else base),
         "effects": effects,
         "parts": list(robot.machine.variant_names),
@@ -55,6 +55,6 @@ def parameters_of(robot: Robot, base: Robot | None) -> dict[str, dict[str, Any]]
     return found
 
 
-def tolerance_of(tolerance: Tolerance) -> dict[str, Any]:
+def tolerance_entry(tolerance: Tolerance) -> dict[str, Any]:
     """An entry of the `tolerances` list of a robot file."""
     return {**vars(tolerance), "parameters": list(tolerance.parameters)}

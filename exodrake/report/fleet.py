@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
+from exodrake.core.plural import plural
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row
 from exodrake.diagnosis.fleet_change import Trend, trends
@@ -84,11 +85,11 @@ def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]
     times = [row.run_time for row in rows if np.isfinite(row.run_time)]
     changed, failed = sum(bool(m.changed) for m in robots), sum(row.verdict == FAILURE for row in rows)
     return [
-        (str(len(robots)), n.plural(len(robots), "robot")),
-        (f"{len(rows):,}", n.plural(len(rows), "case")),
-        (str(len(ill)), n.plural(len(ill), "robot") + " with a gap in the last case"),
-        (str(changed), n.plural(changed, "robot") + " with a dated change"),
-        (str(failed), n.plural(failed, "case") + " without an answer"),
+        (str(len(robots)), plural(len(robots), "robot")),
+        (f"{len(rows):,}", plural(len(rows), "case")),
+        (str(len(ill)), plural(len(ill), "robot") + " with a gap in the last case"),
+        (str(changed), plural(changed, "robot") + " with a dated change"),
+        (str(failed), plural(failed, "case") + " without an answer"),
         (f"{np.median(times):.1f} s" if times else "–", "a case, median"),
     ]
 
@@ -152,7 +153,7 @@ def causes(robots: Sequence[Member]) -> Bars | None:
         return None
     top = sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]
     most = max(*now.values(), 1)
-    many = {e: f"{now[e]} {n.plural(now[e], 'robot')}, {ever[e]:,} {n.plural(ever[e], 'case')}" for e in top}
+    many = {e: f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}" for e in top}
     rows = [(f"`{e}`", now[e] / most, many[e], now[e] > 0) for e in top]
     return Bars(
         rows, "Robots in whose last case the cause is named, or left by an ambiguous verdict; and all such cases."

@@ -60,11 +60,6 @@ def percent_span(item: Interval) -> str:
     return f"{percent(item.low).removesuffix(' %')} to {percent(item.high)}"
 
 
-def plural(count: int, noun: str) -> str:
-    """A noun after a number: `robot` after 1, else `robots`."""
-    return noun if count == 1 else f"{noun}s"
-
-
 def listed(items: tuple[str, ...] | list[str], last: str = "and") -> str:
     """Items in a sentence: `a, b and c`."""
     items = list(items)

@@ -10,6 +10,7 @@ import numpy as np
 from exodrake.core.display import Display, display_of
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
+from exodrake.core.plural import plural
 from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.report.number_format import digits, interval, listed, percent
@@ -42,7 +43,7 @@ def split_column(name: str, machine: Machine | None) -> tuple[str, str]:
 def seat(tendons: tuple[str, ...], joints: tuple[str, ...]) -> str:
     """Tendons and joints in words; empty if there are none."""
     parts = [
-        f"{axis if len(names) == 1 else axis + 's'} {listed(names)}"
+        f"{plural(len(names), axis)} {listed(names)}"
         for axis, names in (("tendon", tendons), ("joint", joints))
         if names
     ]
