@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part, Point, module_name
@@ -61,11 +61,12 @@ def memory(words: str, variable: str, unit: str, advances: str, factor: str = ""
 BRAKED = "dragged(speed, law * mobility)"  # dry friction never turns a stop into a push
 GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack, as in effects.friction.grip
 AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
+VALUE = "{value}"  # the point's own value, whose name differs between the parts of a family: force, effort
 SLIDING = {
     "sliding.pushed": [
         curve("force over speed", "speed", "m/s", "-1.0", fine=True),
         Form("force over place", "travel", "m", "-1.0", PLACE, "settle", moves=True),
-        Form("gain over place", "travel", "m", "force", PLACE, "settle", moves=True),
+        Form("gain over place", "travel", "m", VALUE, PLACE, "settle", moves=True),
         *memory("of force over place", "travel", "m", "settle", "-1.0", moves=True),
     ],
     "sliding.braked": [
@@ -206,11 +207,16 @@ def law_points(machine: Machine) -> Iterator[LawPoint]:
                 continue
             own = arguments(part, point)
             forms = next((FORMS[n] for n in names if n in FORMS), None)
-            forms = forms if forms is not None else fallback(own)
+            forms = [for_value(f, own[0]) for f in forms] if forms is not None else fallback(own)
             advances = {a for f in forms for a in (f.advances, f.rate[0]) if a}
             known = {p.name: arguments(part, p) for p in part.points if p.name in advances}
             scale = next((SCALES[n] for n in names if n in SCALES), own[0])
             yield LawPoint(key, identity(machine, part, key, point), point, own, tuple(forms), scale, known)
+
+
+def for_value(form: Form, value: str) -> Form:
+    """A form of a family of parts with the name of the value at one part's point."""
+    return replace(form, factor=form.factor.replace(VALUE, value))
 
 
 def identity(machine: Machine, part: Part, key: str, point: Point) -> str:
