@@ -182,6 +182,89 @@ def test_command_reads_a_folder_writes_table_and_page_and_refuses_what_is_none(t
     assert run(answers, "--out", tmp_path / "no" / "x.html").exit_code == 2
 
 
+def written(folder, name, answer):
+    """A folder of an answer."""
+    (folder / name).mkdir(parents=True)
+    (folder / name / "diagnosis.json").write_text(json.dumps(answer))
+
+
+def test_a_fleet_whose_robots_were_repaired_has_a_page():
+    """One cause in January, none in February: no robot has a cause in its last case."""
+    rows = [
+        replace(row, serial="r1")
+        for row in (robot("a", lambda day: 0.3, days=1)[0], robot("b", lambda day: 0.0, days=1)[0])
+    ]
+    rows[1] = replace(rows[1], date=START + timedelta(days=30))
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", fleet_html(rows, "answers").split("<main>")[1]))
+    assert "0 robots, 1 case" in text and "0 robots with a gap in the last case" in text
+
+
+def test_a_verdict_of_a_newer_version_is_shown_as_it_is(tmp_path):
+    answer = json.loads(json.dumps(diagnosis(NAMED).to_json()))
+    written(tmp_path / "answers", "new", answer | {"verdict": "PARTLY", "serial": "exo-9", "remainder": {"value": 0.3}})
+    written(tmp_path / "answers", "old", answer | {"serial": "[/exo-1]"})
+    result = CliRunner().invoke(cli, ["fleet", str(tmp_path / "answers"), "--out", str(tmp_path / "f.html")])
+    assert result.exit_code == 0, result.output
+    assert "PARTLY" in result.output and "[/exo-1]" in result.output
+    assert "PARTLY" in (tmp_path / "f.html").read_text()
+
+
+def mutated(answer, rng):
+    """The answer with another value, or none, at one place."""
+    other = (None, 5, -1e308, "", "\ud800\n", "[/x]", [], {}, [None], {"a": 1}, True, "0001-01-01T00:00+09:00")
+    made = json.loads(json.dumps(answer))
+    here, keys = made, []
+    while isinstance(here, dict | list) and here and (not keys or rng.random() < 0.8):
+        place = here
+        key = list(here)[rng.integers(len(here))] if isinstance(here, dict) else int(rng.integers(len(here)))
+        keys.append(key)
+        here = here[key]
+    if rng.random() < 0.2 and isinstance(place, dict):
+        del place[key]
+    else:
+        place[key] = other[rng.integers(len(other))]
+    return made
+
+
+def test_no_mutated_answer_hides_the_good_ones():
+    """Whatever one place of an answer is changed to, the fleet has a row of it, a page and a table."""
+    pytest.importorskip("pyarrow")
+    good, rng, damaged = json.loads(json.dumps(diagnosis(NAMED).to_json())), np.random.default_rng(5), 0
+    for _ in range(150):
+        rows = [row_of(good, "good")]
+        try:
+            rows.append(row_of(mutated(good, rng), "mutated"))
+        except InputError as error:
+            assert str(error).startswith("mutated") and "\n" not in str(error)
+            rows.append(Row("mutated", "mutated", reason=str(error)))
+            damaged += 1
+        assert "mutated" in fleet_html(ordered(rows), "f") and table_bytes(rows).startswith(b"PAR1")
+        fleet_html(ordered(rows), "f").encode()
+    assert 10 < damaged < 140
+
+
+@pytest.mark.parametrize("column", ["serial", "verdict", "effects"])
+def test_tables_with_empty_cells_or_bytes_that_are_no_text_are_refused(tmp_path, column):
+    arrow = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as parquet
+
+    (tmp_path / "t.parquet").write_bytes(table_bytes(FLEET[:1]))
+    whole = parquet.read_table(tmp_path / "t.parquet")
+    binary = arrow.array([b"\xff\xfe"] if column != "effects" else [[b"\xff\xfe"]])
+    for spoilt in ([None] if column != "effects" else [[None]], binary):
+        at = whole.column_names.index(column)
+        made = spoilt if isinstance(spoilt, arrow.Array) else arrow.array(spoilt, whole.schema.field(column).type)
+        parquet.write_table(whole.set_column(at, column, made), tmp_path / "t.parquet")
+        with pytest.raises(InputError, match=r"t\.parquet"):
+            read_table(tmp_path / "t.parquet")
+
+
+def test_an_answer_that_is_not_whole_is_no_answer_of_a_run(tmp_path):
+    written(tmp_path, "torn", {"verdict": "NAMED"})
+    written(tmp_path, "whole", diagnosis(NAMED).to_json())
+    assert stored(tmp_path / "torn") is None and stored(tmp_path / "whole")["verdict"] == NAMED
+
+
 @pytest.mark.parametrize("torn", ['{"reason"', '["no log"]', ""])
 def test_a_torn_failure_hides_no_other_answer(tmp_path, torn):
     for name, text in (("good", '{"reason": "no log"}'), ("torn", torn)):

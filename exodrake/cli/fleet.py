@@ -23,6 +23,7 @@ def command(source: Path, out: Path | None, table: Path | None) -> None:
     --table. Cases belong to the robot that `serial:` names in their case.yaml, and are ordered by `date:`.
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from exodrake.cli.diagnose import check_target
     from exodrake.core.files import write_bytes, write_text
@@ -38,7 +39,10 @@ def command(source: Path, out: Path | None, table: Path | None) -> None:
     if out is not None:
         write_text(out, fleet_html(rows, source.resolve().name))
     shown = robot_table(members(rows))
-    titles, cells = shown.header[:LISTED], [[cell.replace("`", "") for cell in row[:LISTED]] for row in shown.rows]
+    titles, cells = (
+        shown.header[:LISTED],
+        [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows],
+    )
     Console(highlight=False).print(table_of(titles, cells, wrapped=CAUSE))
     for path in (table, out):
         if path is not None:

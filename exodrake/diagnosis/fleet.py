@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.child import in_child
-from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes
+from exodrake.core.errors import InputError, printable
+from exodrake.core.files import is_file, is_folder, read_bytes
 from exodrake.core.json_file import read_json
-from exodrake.data.case import date_of
 from exodrake.data.formats.parquet import parse_rows, pyarrow_of
+from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.many import ANSWER, FAILED
 
 FAILURE = "FAILED"  # verdict of a case without an answer
@@ -81,49 +81,47 @@ class Row:
 
 
 def row_of(answer: Mapping[str, Any], name: str) -> Row:
-    """The row of a diagnosis.json. InputError naming the case if it is none."""
-    try:
-        made, rms = answer.get("provenance") or {}, answer["closure"].get("rms") or {}
-        case = str(answer.get("case") or name)
-        began = (answer.get("since") or {}).get("began") or {}
-        return Row(
-            case=name,
-            serial=str(answer.get("serial") or case),
-            machine=str(made.get("robot", "")),
-            date=date_of(answer["date"]) if answer.get("date") else None,
-            verdict=str(answer["verdict"]),
-            block=str(answer["where"]["block"]),
-            effects=tuple(answer["equivalents"] or [e["id"] for e in answer["effects"]]),
-            amounts=tuple(amount for effect in answer["effects"] for amount in amounts_of(effect)),
-            closure=number(answer["closure"]["overall"]["value"]),
-            before=number(rms.get("before")),
-            after=number(rms.get("after")),
-            began=str(began.get("value", "")),
-            run_time=number(answer.get("seconds")),
-            reason="; ".join(answer.get("reasons", [])),
-            version=str(made.get("version", "")),
-            code=str(made.get("code", "")),
-        )
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise InputError(f"{name}: {UNREADABLE} ({type(error).__name__}: {error})") from None
+    """The row of a diagnosis.json. InputError naming the case, and the key of what is damaged."""
+    found = check_answer(answer, name)
+    made, rms = found.get("provenance") or {}, found["closure"].get("rms") or {}
+    began = (found.get("since") or {}).get("began") or {}
+    return Row(
+        case=name,
+        serial=found.get("serial") or found.get("case") or name,
+        machine=made.get("robot") or "",
+        date=found.get("date"),
+        verdict=found["verdict"],
+        block=found["where"]["block"],
+        effects=tuple(found["equivalents"] or [e["id"] for e in found["effects"]]),
+        amounts=tuple(amount for effect in found["effects"] for amount in amounts_of(effect)),
+        closure=real(found["closure"]["overall"].get("value")),
+        before=real(rms.get("before")),
+        after=real(rms.get("after")),
+        began=began.get("value") or "",
+        run_time=real(found.get("seconds")),
+        reason="; ".join(found.get("reasons") or []),
+        version=made.get("version") or "",
+        code=str(made.get("code") or ""),
+    )
 
 
 def amounts_of(effect: Mapping[str, Any]) -> list[Amount]:
     """The first parameter of an effect, channel by channel where it has several."""
     for name, item in effect["parameters"].items():
         each = effect["channels"].get(name) or {"": item}
-        return [Amount(effect["id"], name, c, *ends(one), str(one["unit"])) for c, one in each.items()]
+        head = effect["id"], printable(name)
+        return [Amount(*head, printable(c), *ends(one), one["unit"]) for c, one in each.items()]
     return []
 
 
 def ends(item: Mapping[str, Any]) -> tuple[float, float, float]:
     """Value, low and high of an interval."""
-    return number(item["value"]), number(item["low"]), number(item["high"])
+    return real(item.get("value")), real(item.get("low")), real(item.get("high"))
 
 
-def number(value: Any) -> float:
-    """A number of a JSON file, whose null is NaN."""
-    return float("nan") if value is None else float(value)
+def real(value: float | None) -> float:
+    """A number of a file, whose null is NaN."""
+    return float("nan") if value is None else value
 
 
 def read_answers(folder: str | Path) -> list[Row]:
@@ -133,14 +131,15 @@ def read_answers(folder: str | Path) -> list[Row]:
         InputError: if the folder has no answers.
     """
     folder, rows = Path(folder), []
-    for place in sorted(path for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else ():
-        if (place / ANSWER).is_file():
+    for place in sorted(path for path in folder.iterdir() if is_folder(path)) if is_folder(folder) else ():
+        name = printable(place.name)
+        if is_file(place / ANSWER):
             try:
-                rows.append(row_of(read_json(place / ANSWER), place.name))
+                rows.append(row_of(read_json(place / ANSWER), name))
             except InputError as error:
-                rows.append(Row(place.name, place.name, reason=str(error)))
-        elif (place / FAILED).is_file():
-            rows.append(Row(place.name, place.name, reason=failure_of(place / FAILED)))
+                rows.append(Row(name, name, reason=str(error)))
+        elif is_file(place / FAILED):
+            rows.append(Row(name, name, reason=failure_of(place / FAILED)))
     if not rows:
         raise InputError(f"{folder}: no answers in it (folders with {ANSWER}, as `exodrake diagnose --out` writes)")
     return ordered(rows)
@@ -152,7 +151,7 @@ def failure_of(path: Path) -> str:
         failure = read_json(path)
     except InputError as error:
         return str(error)
-    return str(failure.get("reason", "")) if isinstance(failure, Mapping) else f"{path}: {UNREADABLE}"
+    return printable(str(failure.get("reason", ""))) if isinstance(failure, Mapping) else f"{path}: {UNREADABLE}"
 
 
 def ordered(rows: Iterable[Row]) -> list[Row]:
@@ -189,11 +188,25 @@ def read_table(path: str | Path) -> list[Row]:
         raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
     wanted = schema(pyarrow_of(str(path))[0])
     found = in_child(parse_rows, data, str(path), wanted, source=str(path), size=len(data))
-    return ordered(map(row_from, found))
+    return ordered(row_from(values, str(path)) for values in found)
 
 
-def row_from(values: dict[str, Any]) -> Row:
-    """A row of the table."""
-    amounts = tuple(Amount(**item) for item in values["amounts"] or ())
+def row_from(values: dict[str, Any], source: str) -> Row:
+    """A row of the table. InputError, saying where it comes from, for a cell or an item that is empty."""
     date = values["date"] and values["date"].astimezone(UTC)
-    return Row(**(values | {"effects": tuple(values["effects"] or ()), "amounts": amounts, "date": date}))
+    effects, items = values["effects"] or (), values["amounts"] or ()
+    if None in effects or None in items:
+        raise InputError(f"{source}: column {'effects' if None in effects else 'amounts'!r}: an item is empty")
+    amounts = tuple(Amount(**cells_of(Amount, item, source)) for item in items)
+    found = {"effects": tuple(map(printable, effects)), "amounts": amounts, "date": date}
+    return Row(**cells_of(Row, values, source) | found)
+
+
+def cells_of(kind: type[Row] | type[Amount], values: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Texts and numbers of a row or an amount by name."""
+    found = {}
+    for name, what in ((f.name, f.type) for f in fields(kind) if f.type in ("str", "float")):
+        if values[name] is None and what == "str":
+            raise InputError(f"{source}: column {name!r}: a cell is empty, wanted text")
+        found[name] = printable(values[name]) if what == "str" else real(values[name])
+    return found

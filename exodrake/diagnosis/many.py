@@ -21,6 +21,7 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
+from exodrake.diagnosis.answer import check_answer
 from exodrake.machines.robot_file import load_robot
 
 ANSWER, FAILED = "diagnosis.json", "failed.json"
@@ -28,12 +29,13 @@ RETUNED, IMPROVED = "retuned.yaml", "improved.yaml"  # robot files beside an ans
 
 
 def stored(folder: Path) -> dict[str, Any] | None:
-    """Read the answer in a folder; None if there is none that can be read."""
+    """Read the answer in a folder; None if there is none that is whole."""
     try:
         answer = read_json(folder / ANSWER)
+        check_answer(answer, ANSWER)
     except InputError:
         return None
-    return answer if isinstance(answer, dict) and "verdict" in answer else None
+    return answer
 
 
 def configured(robot: str, tried: frozenset[str] | None = None) -> dict[str, str]:

@@ -28,6 +28,7 @@ from exodrake.report.timeline import timeline
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN, FAILURE)
 WORST_FIRST = (UNKNOWN, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
+GREY = "#475467"  # of failures and of verdicts that a newer version gave
 CELLS = 60  # of a robot's strip of verdicts
 DRAWN = 24  # trends that are drawn
 LISTED = 30  # failed cases that are listed
@@ -63,16 +64,22 @@ def members(rows: Sequence[Row]) -> list[Member]:
     """Robots with their cases, those whose last verdict is worst first."""
     grouped = ((serial, tuple(own)) for serial, own in groupby(rows, key=lambda row: row.serial))
     found = [Member(serial, own, tuple(trends(own))) for serial, own in grouped]
-    return sorted(found, key=lambda m: (WORST_FIRST.index(m.last.verdict), m.serial))
+    return sorted(found, key=lambda m: (urgency(m.last.verdict), m.serial))
+
+
+def urgency(verdict: str) -> int:
+    """Place of a verdict in the order of robots: one that is unknown here, of a newer version, comes first."""
+    return WORST_FIRST.index(verdict) if verdict in WORST_FIRST else -1
 
 
 def fleet_html(rows: Sequence[Row], source: str) -> str:
     """The report of the rows of a table; source: folder or file that they come from."""
     robots = members(rows)
     shown = [t for m in robots for t in m.changed][:DRAWN]
+    words = tuple(dict.fromkeys((*VERDICTS, *sorted({row.verdict for row in rows}))))
     return render(
         "fleet.html", title=f"Fleet: {source}", version=__version__, colour=COLOURS[NAMED], source=source,
-        tiles=tiles(rows, robots), colours=COLOURS | {FAILURE: "#475467"}, verdicts=VERDICTS,
+        tiles=tiles(rows, robots), colours=dict.fromkeys(words, GREY) | COLOURS, verdicts=words,
         strips=[(m.serial, strip(m.rows)) for m in robots], robots=robot_table(robots), causes=causes(robots),
         timelines=[drawn(t) for t in shown], rest=sum(len(m.changed) for m in robots) - len(shown),
         failed=failures(rows), dates=span(rows),
@@ -81,7 +88,7 @@ def fleet_html(rows: Sequence[Row], source: str) -> str:
 
 def tiles(rows: Sequence[Row], robots: Sequence[Member]) -> list[tuple[str, str]]:
     """Counts for the head of the report."""
-    ill = [m for m in robots if m.last.verdict in (NAMED, AMBIGUOUS, UNKNOWN)]
+    ill = [m for m in robots if m.last.verdict not in (NO_GAP, RETUNE, FAILURE)]
     times = [row.run_time for row in rows if np.isfinite(row.run_time)]
     changed, failed = sum(bool(m.changed) for m in robots), sum(row.verdict == FAILURE for row in rows)
     return [
@@ -152,7 +159,7 @@ def causes(robots: Sequence[Member]) -> Bars | None:
     if not ever:
         return None
     top = sorted(ever, key=lambda e: (-now[e], -ever[e]))[:CAUSES]
-    most = max(*now.values(), 1)
+    most = max([1, *now.values()])
     many = {e: f"{now[e]} {plural(now[e], 'robot')}, {ever[e]:,} {plural(ever[e], 'case')}" for e in top}
     rows = [(f"`{e}`", now[e] / most, many[e], now[e] > 0) for e in top]
     return Bars(

@@ -54,18 +54,20 @@ def parse_rows(data: bytes, source: str, wanted: Any) -> list[dict[str, Any]]:
     Raises:
         InputError: for a damaged file, and naming a column that is missing; for values of another type.
     """
-    arrow, parquet = pyarrow_of(source)
+    _, parquet = pyarrow_of(source)
     try:
         found = parquet.read_table(io.BytesIO(data))
+        names = found.column_names  # bytes that are no text raise here
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
     for name in wanted.names:
-        if name not in found.column_names:
+        if name not in names:
             raise InputError(f"{source}: column {name!r} is missing")
     try:
         return found.select(wanted.names).cast(wanted).to_pylist()
-    except (arrow.ArrowInvalid, arrow.ArrowNotImplementedError, TypeError, ValueError) as error:
-        raise InputError(f"{source}: a column has another type ({str(error).splitlines()[0]})") from None
+    except Exception as error:  # of types that do not suit, and of bytes that are no text
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise InputError(f"{source}: a column has another type or is damaged ({reason})") from None
 
 
 def write(log: Log) -> bytes:
