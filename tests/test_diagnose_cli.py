@@ -10,11 +10,15 @@ from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
 from exodrake.core.progress import Stage, fraction
+from exodrake.data.case import Case, CaseLog
 from exodrake.data.case_folder import read_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED
 from exodrake.machines.robot_file import load_robot
+from exodrake.simulation import protocols
+from exodrake.simulation.references import on_machine
+from exodrake.simulation.simulate import simulate
 
 
 @pytest.fixture
@@ -32,7 +36,7 @@ def answered(monkeypatch):
     """Puts a ready answer in place of the diagnosis."""
 
     def put(verdict):
-        def ready(case, robot=None, progress=lambda *_: None, tried=None, discovers=None):
+        def ready(case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None):
             for stage in Stage:
                 progress(stage, "")
             return diagnosis(verdict)
@@ -117,6 +121,36 @@ def test_an_error_in_the_report_loses_no_answer(case, answered, tmp_path, monkey
     assert isinstance(result.exception, RuntimeError)
     assert "NAMED" in result.output
     assert {path.name for path in tmp_path.iterdir()} == {"case", "a.json"}
+
+
+@pytest.mark.parametrize("ending", [KeyboardInterrupt, RuntimeError])
+def test_an_answer_is_kept_before_a_missing_law_is_sought(case, tmp_path, monkeypatch, ending):
+    """The search for a law is interrupted: answer, robot file and report are there, and the summary is printed."""
+
+    def interrupted_search(case, robot=None, progress=lambda *_: None, tried=None, discovers=None, answered=None):
+        answered(diagnosis(UNKNOWN))
+        raise ending
+
+    monkeypatch.setattr(pipeline, "diagnose", interrupted_search)
+    files = {"--json": "a.json", "--out-robot": "r.yaml", "--report": "r.html"}
+    result = run("diagnose", case, *(x for o, name in files.items() for x in (o, tmp_path / name)))
+    assert result.exit_code != 0 and "UNKNOWN" in result.output and "written" in result.output
+    assert json.loads((tmp_path / "a.json").read_text())["verdict"] == "UNKNOWN"
+    assert load_robot(tmp_path / "r.yaml") and "no effect of the library" in (tmp_path / "r.html").read_text()
+
+
+def test_a_search_for_a_law_that_fails_becomes_a_note(monkeypatch):
+    def fails(*_, **__):
+        raise NameError("name 'force' is not defined")
+
+    robot, kept = load_robot("tendon_sheath"), []
+    motion = on_machine(protocols.random_motion, robot, duration=4.0, seed=1, fastest=1.0)
+    items = (CaseLog(simulate(robot, motion, seed=1), "random", "fit", None, "a.csv"),)
+    monkeypatch.setattr(pipeline, "discover", fails)
+    sheath = Case("sheath", {}, items, robot.machine.frame)
+    found = pipeline.diagnose(sheath, robot, discovers=lambda _: True, answered=kept.append)
+    assert found.verdict == kept[0].verdict and found.missing_law is None
+    assert "the search for a missing law failed (NameError: name 'force' is not defined)" in found.notes
 
 
 def test_bar_only_goes_forward():

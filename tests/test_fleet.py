@@ -209,6 +209,11 @@ def test_a_verdict_of_a_newer_version_is_shown_as_it_is(tmp_path):
     assert "PARTLY" in (tmp_path / "f.html").read_text()
 
 
+def test_the_page_names_an_error_that_grew():
+    rows = [replace(robot("a", lambda day: 0.3, days=1)[0], closure=-47018.64)]
+    assert "NAMED: the error grew by a factor of 47,000" in fleet_html(rows, "answers")
+
+
 def mutated(answer, rng):
     """The answer with another value, or none, at one place."""
     other = (None, 5, -1e308, "", "\ud800\n", "[/x]", [], {}, [None], {"a": 1}, True, "0001-01-01T00:00+09:00")

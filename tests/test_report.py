@@ -18,6 +18,7 @@ from rich.console import Console
 from exodrake.data.envelope import envelope, stretch_of
 from exodrake.data.log import Log
 from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.pipeline import notes_on_confirmation
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report import number_format, wording
 from exodrake.report.curves import LEVELS, MOST, curves
@@ -371,3 +372,43 @@ def test_page_of_a_robot_that_diverges_says_so_by_gaps():
     assert "Capstan friction" in visible(html_of(diagnosis(), runs))
     (log,) = curves(runs, ROBOTS)["logs"]
     assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()
+
+
+GREW = Interval(-47018.64, -405258.23, -16610.85)  # closure of a robot's logs judged by logs of another robot
+
+
+def test_an_error_that_grows_is_called_so_and_never_a_percentage():
+    """Of a closure C the excess error is 1 - C of what it was."""
+    assert number_format.closure(GREW.value) == "grew by a factor of 47,000"
+    assert number_format.closure_span(GREW) == "grew by a factor of 17,000 to 410,000"
+    assert number_format.closure_span(Interval(-0.2, -1.5, 0.3)) == "grew by a factor of 2.5 to 30 % gone"
+    assert number_format.closure(-0.001) == "0 %" and number_format.closure(0.962) == "96 %"
+    assert number_format.closure_span(Interval(0.96, 0.93, 0.98)) == "93 to 98 %"
+
+
+def test_no_place_prints_a_percentage_below_minus_100():
+    """Terminal and page of an answer each of whose closures is negative."""
+    found = diagnosis()
+    signals = {name: replace(gap, closure=-3.2e4) for name, gap in found.closure.signals.items()}
+    closure = replace(found.closure, overall=GREW, retune=GREW, effect=GREW, signals=signals)
+    closure = replace(closure, measured_on=("grasps",), motions={"sweeps": GREW})
+    candidates = tuple(replace(c, score=-470.0) for c in found.candidates)
+    runs = simulated_logs(frames=600)
+    found = replace(found, closure=closure, candidates=candidates, problem=runs.problem)
+    html = re.sub(r"<style.*?</style>|<svg.*?</svg>|<script.*?</script>", " ", html_of(found, runs), flags=re.S)
+    console = Console(record=True, width=200, file=StringIO())
+    print_summary(found, console)
+    for text in (html, console.export_text()):
+        assert not re.search(r"[-−][\d,]{3,} ?%", text) and "grew by a factor of 47,000" in text
+
+
+def test_held_out_motion_that_contradicts_the_verdict_is_said():
+    problem = simulated_logs().problem
+    for step, confirmed in ((Interval(-0.13, -0.67, -0.03), False), (Interval(0.95, 0.91, 0.97), True)):
+        found = replace(diagnosis(), problem=problem)
+        found = replace(found, closure=replace(found.closure, effect=step))
+        assert found.to_json()["confirmed"] is confirmed
+        assert ("held-out motion does not confirm" in wording.headline(found)) is not confirmed
+        said = notes_on_confirmation(found)
+        assert len(said) == (not confirmed) and all("contradicts" in s and "grasps.csv.gz" in s for s in said)
+    assert replace(found, problem=replace(problem, holdout=())).confirmed is None

@@ -84,22 +84,32 @@ def diagnose_case(
     nominal = load_robot(robot) if robot else load_robot()
     tried = tried_of(robot, *choice)
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame, allow_outside)
-    with stages() as progress:
-        from exodrake.diagnosis.pipeline import diagnose
-        from exodrake.diagnosis.result import UNKNOWN
+    known: list[Diagnosis] = []
+    written: dict[Path, None] = {}
 
-        discovers, folder = law
-        wanted = (lambda verdict: verdict == UNKNOWN) if discovers is None else (lambda _: bool(discovers))
-        found = with_command(diagnose(read, nominal, progress, tried, wanted))
-    written = write_all(contents_of(found, json_file, out_robot)) + law_files(found, folder)
-    try:
+    def keep(found: Diagnosis) -> None:
+        """Writes the answer, and the report last: an error in it loses nothing."""
+        known[:] = [with_command(found)]
+        written.update(dict.fromkeys(write_all(contents_of(known[0], json_file, out_robot))))
         if report is not None:
-            written += write_all({report: report_of(found, read, nominal)})
-    finally:
-        print_summary(found)
-        if profile:
-            print_profile(found)
-        say_written(written)
+            written.update(dict.fromkeys(write_all({report: report_of(known[0], read, nominal)})))
+
+    try:
+        with stages() as progress:
+            from exodrake.diagnosis.pipeline import diagnose
+            from exodrake.diagnosis.result import UNKNOWN
+
+            discovers, folder = law
+            wanted = (lambda verdict: verdict == UNKNOWN) if discovers is None else (lambda _: bool(discovers))
+            found = diagnose(read, nominal, progress, tried, wanted, answered=keep)
+        keep(found)
+        written.update(dict.fromkeys(law_files(found, folder)))
+    finally:  # also of a search for a law, or a report, that is interrupted or fails
+        if known:
+            print_summary(known[0])
+            if profile:
+                print_profile(known[0])
+            say_written(list(written))
 
 
 def law_files(found: Diagnosis, folder: Path | None) -> list[Path]:

@@ -54,6 +54,8 @@ def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
     from rich.markup import escape
     from rich.table import Table
 
+    from exodrake.report.number_format import closure
+
     table = Table("case", "verdict", "effects", "closure")
     for name, answer in answers.items():
         name = escape(name)
@@ -61,6 +63,8 @@ def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
             table.add_row(name, "[red]failed[/red]", "", "")
             continue
         effects = ", ".join(effect["id"] for effect in answer["effects"])
-        value = answer["closure"]["overall"]["value"] if effects else None
-        table.add_row(name, answer["verdict"], effects, "" if value is None else f"{value:.3f}")
+        value = answer["closure"]["overall"].get("value") if effects else None
+        said = "" if value is None else closure(value)
+        refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
+        table.add_row(name, answer["verdict"] + refuted, effects, said)
     return table

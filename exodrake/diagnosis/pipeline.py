@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.argument import argument
+from exodrake.core.errors import printable, shortened
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS
@@ -50,6 +51,7 @@ def diagnose(
     progress: StageProgress = no_progress,
     tried: frozenset[str] | None = None,
     discovers: Callable[[str], bool] = lambda verdict: False,
+    answered: Callable[[Diagnosis], None] = lambda found: None,
 ) -> Diagnosis:
     """Diagnosis of a case: location of the gap, effects that cause it, and its reduction by them.
 
@@ -58,7 +60,9 @@ def diagnose(
         robot: the nominal robot; the built-in one if None.
         progress: called with the stage and what it works on, such as the name of an effect.
         tried: ids of the effects to try (`candidates.chosen`); by default all that are not `not_tried`.
-        discovers: whether to look for a missing law after a verdict (`discovery`).
+        discovers: whether to look for a missing law after a verdict (`discovery`). A failure of this search becomes a
+            note.
+        answered: called with the answer before a missing law is sought, to keep it whatever comes.
 
     Raises:
         InputError: for a case or a log that cannot be read, naming file, column and row.
@@ -74,8 +78,14 @@ def diagnose(
         made = answer(problem, found, decision, started, progress)
         if not discovers(made.verdict):
             return made
-        law = discover(problem, found, progress, where=made.where.block if made.verdict == UNKNOWN else "")
-        return replace(with_law(problem, made, law), run_time=time.perf_counter() - started)
+        answered(made)
+        try:
+            law = discover(problem, found, progress, where=made.where.block if made.verdict == UNKNOWN else "")
+            made = with_law(problem, made, law)
+        except Exception as error:  # whatever the search or generated code raises, the verdict stands
+            reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
+            made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
+        return replace(made, run_time=time.perf_counter() - started)
 
 
 def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
@@ -196,7 +206,7 @@ def answer(problem: Problem, found: Isolation, decided: Decision, started: float
     moves = retuned(found)
     progress(Stage.LOCALISE, "")
     class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)
-    return Diagnosis(
+    made = Diagnosis(
         case=case.name,
         verdict=decision.verdict,
         where=localise(problem, found, decision.verdict, effects),
@@ -218,6 +228,17 @@ def answer(problem: Problem, found: Isolation, decided: Decision, started: float
         provenance=provenance_of(problem),
         problem=problem,
     )
+    return replace(made, notes=(*notes_on_confirmation(made), *made.notes))
+
+
+def notes_on_confirmation(made: Diagnosis) -> tuple[str, ...]:
+    """Says of an answer that held-out logs contradict it, or do not confirm it."""
+    if made.confirmed is not False or made.problem is None:
+        return ()
+    logs, step = ", ".join(trial.name for trial in made.problem.holdout), made.closure.effect
+    if step.high < 0.0:
+        return (f"held-out motion contradicts the verdict: in {logs} the named effects make the error larger",)
+    return (f"held-out motion does not confirm the verdict: in {logs} the named effects may leave the error as it is",)
 
 
 def notes_of(problem: Problem, best: Tested) -> tuple[str, ...]:

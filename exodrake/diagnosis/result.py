@@ -160,19 +160,30 @@ class Diagnosis:
         """The robot to go on with: the improved one; for UNKNOWN the retuned one, since no candidate is accepted."""
         return self.robots["retuned" if self.verdict == UNKNOWN else "improved"]
 
+    @property
+    def confirmed(self) -> bool | None:
+        """Whether held-out logs confirm the named effects: their closure beyond retuning is positive by its interval.
+
+        None without held-out logs or effects, and where retuning leaves nothing to close.
+        """
+        step = self.closure.effect
+        if self.problem is None or not self.problem.holdout or not self.effects or step.value != step.value:
+            return None
+        return step.low > 0.0
+
     def robot_file(self, robot: Robot) -> str:
         """Text of a robot file for one of the robots."""
         return robot_text(robot, f"{self.verdict}, fitted to {self.case} by exodrake diagnose")
 
     def to_json(self) -> dict[str, Any]:
-        """The answer in SI as plain data; adds `serial`, `date`, `simulated_seconds`, `next_experiment` and `rms`."""
+        """The answer in SI as plain data; adds `serial`, `date`, `confirmed`, `next_experiment`, `rms` and times."""
         answer = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_JSON}
         closure = plain(self.closure) | {"rms": self.closure.rms}
         closure["signals"] = {name: gap.to_json() for name, gap in self.closure.signals.items()}
         case = None if self.problem is None else self.problem.case
         dates = [item.date for item in case.logs if item.date is not None] if case else []
         robot = {"serial": case.serial if case else "", "date": max(dates).isoformat() if dates else None}
-        more = {"next_experiment": self.next_experiment, "seconds": self.run_time}
+        more = {"confirmed": self.confirmed, "next_experiment": self.next_experiment, "seconds": self.run_time}
         more["simulated_seconds"] = self.simulated_time
         return plain(answer | robot | {"closure": closure} | more)
 

@@ -129,7 +129,10 @@ def robot_table(robots: Sequence[Member]) -> Table:
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
         cells = (words(trend), amount(trend)) if trend else ("–", "–")
         last = m.last.date.date().isoformat() if m.last.date else "no date"
-        rows.append((m.serial, m.last.verdict, cause or "–", *cells, last, f"{len(m.rows):,}"))
+        verdict = m.last.verdict + (
+            f": the error {n.closure(m.last.closure)}" if n.rounds_below(m.last.closure) else ""
+        )
+        rows.append((m.serial, verdict, cause or "–", *cells, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Last case", "Cases")
     return Table(header, rows, words=6)
 

@@ -59,7 +59,7 @@ def gap_table(diagnosis: Diagnosis) -> Table:
 def gap_row(title: str, gap: SignalGap, unit: str, robots: list[str]) -> tuple[str, ...]:
     """Cells of a row of the gap table."""
     gaps = [getattr(gap, name) for name in robots]
-    closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
+    closed = n.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
     cells = [n.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
     return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
 

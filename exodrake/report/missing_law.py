@@ -27,7 +27,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
         "data the curve is what smoothness makes of its neighbours."
     )
     figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
-    rows = [(f"`{r.id}`", r.words, n.percent(r.share)) for r in law.others]
+    rows = [(f"`{r.id}`", r.words, n.closure(r.share)) for r in law.others]
     header = ("Law at", "what over what", "share of the excess removed, fitted logs")
     table = Table(header, rows, words=2, wide=False)
     return {
@@ -49,14 +49,13 @@ def law_lines(law: MissingLaw | None) -> list[str]:
     lines = [f"law     {law.id}: {law.words}{seat}", f"        {law.reason}"]
     if law.closure is not None and np.isfinite(law.closure.value):
         logs = "held-out logs" if law.held_out else "fitted logs"
-        span = f"{n.percent(law.closure.value)} ({n.percent_span(law.closure)})"
-        lines.append(f"        {span} of what retuning leaves is gone on the {logs}")
+        lines.append(f"        {n.closure_words(law.closure, 'what retuning leaves', f'on the {logs}')}")
     for name, curve in law.curves.items():
         if curve.formula:
             lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
     if law.runner_up is not None:
         apart = "rejected" if law.distinguished else "not distinguished by these logs"
-        other = f"{law.runner_up.id} ({law.runner_up.words}, {n.percent(law.runner_up.share)})"
+        other = f"{law.runner_up.id} ({law.runner_up.words}, {n.closure(law.runner_up.share)})"
         lines.append(
             f"        runner-up {other}: {apart} (the law takes up {n.percent(max(law.lead, 0.0))} of what it leaves)"
         )

@@ -55,9 +55,42 @@ def percent(fraction: float) -> str:
     return f"{100 * fraction:.0f} %"
 
 
-def percent_span(item: Interval) -> str:
-    """Ends of an interval of fractions: `93 to 98 %`."""
-    return f"{percent(item.low).removesuffix(' %')} to {percent(item.high)}"
+def closure(fraction: float) -> str:
+    """A closure: a fraction as per cent; of an error that grew, by what factor: -2.5 is `grew by a factor of 3.5`."""
+    return f"grew by a factor of {factor(1.0 - fraction)}" if rounds_below(fraction) else percent(abs(fraction))
+
+
+def closure_span(item: Interval) -> str:
+    """Ends of an interval of closures: `93 to 98 %`, `grew by a factor of 2.1 to 5.0`, or one of each."""
+    if not rounds_below(item.low):
+        return f"{closure(item.low).removesuffix(' %')} to {closure(item.high)}"
+    if rounds_below(item.high):
+        return f"grew by a factor of {factor(1.0 - item.high)} to {factor(1.0 - item.low)}"
+    return f"{closure(item.low)} to {percent(abs(item.high))} gone"
+
+
+def closure_words(item: Interval, error: str, where: str = "") -> str:
+    """A closure with its interval in a sentence.
+
+    Args:
+        item: the closure.
+        error: what is gone or grew: "the excess error".
+        where: end of the sentence: "with the improved robot".
+    """
+    value, span, rest = closure(item.value), closure_span(item), f" {where}" if where else ""
+    return (
+        f"{error} {value} ({span}){rest}" if rounds_below(item.value) else f"{value} ({span}) of {error} is gone{rest}"
+    )
+
+
+def rounds_below(fraction: float) -> bool:
+    """Whether a fraction is negative once it is rounded to per cent."""
+    return math.isfinite(fraction) and round(100 * fraction) < 0
+
+
+def factor(ratio: float) -> str:
+    """A ratio with two figures: `1.13`, `47`, `47,000`."""
+    return f"{ratio:.2f}" if ratio < 2.0 else f"{ratio:.1f}" if ratio < 10.0 else f"{float(f'{ratio:.2g}'):,.0f}"
 
 
 def listed(items: tuple[str, ...] | list[str], last: str = "and") -> str:

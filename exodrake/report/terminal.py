@@ -99,7 +99,7 @@ def gap_table(diagnosis: Diagnosis) -> Table:
         gap = found.gap
         gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
         cells = [n.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = n.percent(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
+        closed = n.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
         rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
     return table(("gap (RMS)", *titles), rows)
@@ -110,12 +110,11 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
     lines = []
     if diagnosis.verdict != NO_GAP:
         overall, rms = diagnosis.closure.overall, diagnosis.closure.rms
-        closed = f"{n.percent(overall.value)} ({n.percent_span(overall)})"
-        lines.append(f"closure [bold]{closed}[/bold] of the excess error is gone with the {w.last_robot(diagnosis)}")
+        said = n.closure_words(overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
+        lines.append(f"closure [bold]{said}[/bold]")
         step = diagnosis.closure.effect
         if diagnosis.effects and step.value == step.value:
-            of_rest = f"[bold]{n.percent(step.value)}[/bold] ({n.percent_span(step)})"
-            lines.append(f"        {of_rest} of what retuning alone leaves")
+            lines.append(f"        {n.closure_words(step, 'what retuning alone leaves')}")
         lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
         robots = ", ".join(f"{name} {n.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")

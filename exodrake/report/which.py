@@ -87,7 +87,7 @@ def candidate_row(c: Candidate) -> tuple[str, ...]:
     """Cells of a candidate."""
     prediction = n.digits(c.prediction_chi2) if np.isfinite(c.prediction_chi2) else "–"
     kept = "not rejected" if c.left else "rejected"
-    return (f"`{c.id}`", n.percent(c.score), n.digits(c.chi2), prediction, p_value(c.fit).removeprefix("= "), kept)
+    return (f"`{c.id}`", n.closure(c.score), n.digits(c.chi2), prediction, p_value(c.fit).removeprefix("= "), kept)
 
 
 def close_candidates(diagnosis: Diagnosis) -> str:

@@ -13,7 +13,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.plural import plural
 from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
-from exodrake.report.number_format import digits, interval, listed, percent
+from exodrake.report.number_format import closure, digits, interval, listed, percent
 
 MOST_MOVED = 4  # parameters that the terminal lists
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
@@ -101,11 +101,17 @@ def headline(diagnosis: Diagnosis, values: bool = True) -> str:
         within = f" in the {where.block}" if where.block != "none" else ""
         return f"There is a gap{within}{f' ({place})' if place else ''} that no effect of the library explains."
     if diagnosis.verdict == AMBIGUOUS:
-        return f"The logs cannot tell apart: {listed([name_of(i) for i in class_of(diagnosis)], 'or')}."
+        names = listed([name_of(i) for i in class_of(diagnosis)], "or")
+        return f"The logs cannot tell apart: {names}{unconfirmed(diagnosis)}."
     words = [effect_words(e) + (f": {value_words(e)}" if values else "") for e in diagnosis.effects]
     text = ("; and " if values else " and ").join(words)
     closed = "" if diagnosis.closure.overall.value > 0.0 else ": the cause is found, the gap is not closed"
-    return f"{text[:1].upper()}{text[1:]}{closed}."
+    return f"{text[:1].upper()}{text[1:]}{unconfirmed(diagnosis)}{closed}."
+
+
+def unconfirmed(diagnosis: Diagnosis) -> str:
+    """Says of effects that held-out motion does not confirm them; empty of others."""
+    return ", which held-out motion does not confirm" if diagnosis.confirmed is False else ""
 
 
 def class_of(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -161,11 +167,11 @@ def kind_gaps(diagnosis: Diagnosis) -> list[KindGap]:
 
 def motion_words(diagnosis: Diagnosis) -> str:
     """Kinds of motion that the closure was measured on, and closures of kinds left out of the fit."""
-    closure = diagnosis.closure
-    if not closure.motions or not diagnosis.effects:
+    found = diagnosis.closure
+    if not found.motions or not diagnosis.effects:
         return ""
-    each = ", ".join(f"{kind} {percent(c.value)}" for kind, c in closure.motions.items())
-    return f"measured on {', '.join(closure.measured_on)}; kinds of motion left out of the fit, one at a time: {each}"
+    each = ", ".join(f"{kind} {closure(c.value)}" for kind, c in found.motions.items())
+    return f"measured on {', '.join(found.measured_on)}; kinds of motion left out of the fit, one at a time: {each}"
 
 
 def experiment_words(diagnosis: Diagnosis) -> str:
