@@ -12,6 +12,8 @@ from exodrake.core.schema import anything, listing, mapping, names, number, opti
 from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.data.case import ROLES, Case, date_of
 from exodrake.data.formats import ending
+from exodrake.data.log_file import read_table
+from exodrake.data.simulated import robot_logs
 
 LONGEST_FRAME = 10.0  # s; a longer one is a mistaken unit: quasi-static logs have frames of a second
 
@@ -68,15 +70,25 @@ def read_case_file(path: Path) -> CaseFile:
     return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
 
 
+def log_names(folder: Path) -> list[str]:
+    """Files of a folder that are logs by their ending, in order; hidden ones are none."""
+    return sorted(item.name for item in folder.iterdir() if ending(item) and item.is_file() and item.name[0] != ".")
+
+
 def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Logs of a folder without case.yaml, and a note on what was assumed; InputError for a folder without logs."""
-    files = sorted(item.name for item in folder.iterdir() if ending(item) and item.is_file() and item.name[0] != ".")
+    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out.
+
+    InputError for a folder without logs of a robot.
+    """
+    files = log_names(folder)
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")
+    tables = {name: read_table(folder / name) for name in files}
+    files, notes = robot_logs(tables, str(folder))
     held_out = files[-1] if len(files) > 1 else None
-    logs = [{"file": name, "role": "holdout" if name == held_out else "fit"} for name in files]
+    logs = [{"file": name, "role": "holdout" if name == held_out else "fit", "table": tables[name]} for name in files]
     roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
-    return logs, [f"{folder.resolve().name}: no case.yaml; {roles}"]
+    return logs, [f"{folder.resolve().name}: no case.yaml; {roles}", *notes]
 
 
 def case_text(case: Case) -> str:

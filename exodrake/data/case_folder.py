@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,13 @@ from exodrake.core.errors import InputError, printable
 from exodrake.core.files import is_file, is_folder, sha256_of, write_folder
 from exodrake.core.schema import refusal, shown
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
-from exodrake.data.case_file import CaseFile, case_text, find_logs, read_case_file
+from exodrake.data.case_file import CaseFile, case_text, find_logs, log_names, read_case_file
 from exodrake.data.clock import regularise
 from exodrake.data.columns import check_columns
 from exodrake.data.formats import stem
-from exodrake.data.log import Log
 from exodrake.data.log_file import log_bytes, read_table
 from exodrake.data.notes import read_notes
+from exodrake.data.simulated import simulated_notes
 
 
 def read_case(
@@ -46,6 +47,8 @@ def read_case(
     if is_file(place / FILE):
         content, notes, read_from = read_case_file(place / FILE), [], place / FILE
     else:
+        for file in log_names(place) if not allow_outside else ():
+            check_inside(place, file, str(folder))
         (entries, notes), read_from = find_logs(place), None
         content = CaseFile(None, {}, None, tuple(entries))
     name = printable(content.name or place.resolve().name)
@@ -91,22 +94,20 @@ def _case(
     for entry in entries:
         path, repeats = place / entry["file"], entry.get("repeats")
         file = _relative(entry["file"], place)
-        log, faults = _read(path, required, period)
+        table = entry["table"] if "table" in entry else read_table(path)
+        check_columns(table, required)
+        log, faults = regularise(table, period)
+        log = replace(log, simulated=table.simulated)
         hashes[file] = sha256_of(path)
         said += read_notes(path)
         said += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol = entry.get("protocol") or stem(file)
         repeats = repeats and _relative(repeats, place)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
+    said += simulated_notes({item.file: item.log for item in logs}, name)
     return Case(name, robot, tuple(logs), period, tuple(said), hashes, serial)
 
 
 def _relative(file: str, place: Path) -> str:
     """A log's name seen from the folder of its case, since answers hold it: no absolute path."""
     return os.path.relpath(file, place) if os.path.isabs(file) else file
-
-
-def _read(path: Path, required: Sequence[str], period: float) -> tuple[Log, list[str]]:
-    log = read_table(path)
-    check_columns(log, required)
-    return regularise(log, period)

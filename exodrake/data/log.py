@@ -31,6 +31,7 @@ class Log:
         signals: column name -> (n,) float64 in SI, NaN where a sample is missing.
         units: column name -> SI unit; columns left out get the unit of their kind.
         source: file the log came from, or "".
+        simulated: 0, or by which kind of robot exodrake simulated it (`data.simulated`).
 
     Raises:
         InputError: for a column of another length than time, or a unit that does not suit its kind.
@@ -40,6 +41,7 @@ class Log:
     signals: dict[str, np.ndarray]
     units: dict[str, str] = field(default_factory=dict)
     source: str = ""
+    simulated: int = 0
 
     def __post_init__(self) -> None:
         time = _vector(self.time, "time", self.source)

@@ -11,6 +11,7 @@ from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, 
 from exodrake.data.columns import check_columns, check_writable
 from exodrake.data.formats import format_of
 from exodrake.data.log import Log, check_clock
+from exodrake.data.simulated import with_mark, without_mark
 
 
 def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[str] = ()) -> Log:
@@ -37,7 +38,7 @@ def read_table(path: str | Path) -> Log:
     refuse_special(path)
     if not is_file(path):
         raise InputError(f"{path}: {'a folder, wanted a log' if is_folder(path) else 'no such file'}")
-    return format_of(path).read(read_bytes(path), str(path))
+    return without_mark(format_of(path).read(read_bytes(path), str(path)))
 
 
 def write_log(log: Log, path: str | Path) -> None:
@@ -54,4 +55,4 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
     """
     module = format_of(path)
     check_writable(log, str(path))
-    return module.write(log)
+    return module.write(with_mark(log))

@@ -13,7 +13,7 @@ engine: compiled
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from exodrake.core.schema import anything, mapping, optional, text
 from exodrake.core.units import quantity
 from exodrake.core.yaml_file import dump_yaml, parse_yaml, read_yaml
 from exodrake.data.log import Log
+from exodrake.data.simulated import CHANGED, MODEL
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options
 from exodrake.simulation.simulate import simulate
@@ -96,8 +97,10 @@ class Scenario:
         return robot, self.simulate(robot, self.build_reference(robot))
 
     def simulate(self, robot: Robot, reference: Reference) -> Log:
-        """The log of a robot built by `build_robot` on a reference."""
-        return simulate(robot, reference, self.seed, self.quantisation, self.engine)
+        """The log of a robot built by `build_robot` on a reference; its mark says whether the scenario changes it."""
+        log = simulate(robot, reference, self.seed, self.quantisation, self.engine)
+        changed = self.effects or self.parameters or self.parts
+        return replace(log, simulated=CHANGED if changed else MODEL)
 
 
 def channels_of(given: Mapping[str, Any]) -> list[str]:

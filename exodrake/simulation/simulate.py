@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.data.log import Log
+from exodrake.data.simulated import CHANGED, MODEL
 from exodrake.simulation.delayed_samples import delay_samples
 from exodrake.simulation.references import protocol
 
@@ -128,11 +129,12 @@ def rows_of(
 
 def log_of(recording: Recording) -> Log:
     """The log that the robot would have written: the columns of its machine."""
-    return log_of_signals(recording.robot.machine, recording.time, recording.signals, recording.reference.name)
+    log = log_of_signals(recording.robot.machine, recording.time, recording.signals, recording.reference.name)
+    return replace(log, simulated=CHANGED) if recording.robot.effects() else log
 
 
 def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.ndarray], source: str) -> Log:
-    """The columns of a machine that there are signals for.
+    """The columns of a machine that there are signals for, marked as simulated.
 
     Args:
         machine: the machine.
@@ -145,7 +147,7 @@ def log_of_signals(machine: Machine, time: np.ndarray, signals: Mapping[str, np.
         names = machine.log_names([column])
         found |= dict(zip(names, signals[column.signal].T, strict=True))
         units |= dict.fromkeys(names, machine.signal[column.signal].unit)
-    return Log(time, found, units, source=source)
+    return Log(time, found, units, source=source, simulated=MODEL)
 
 
 def simulate(
