@@ -15,6 +15,7 @@
       - {file: later.csv.gz, date: 2026-03-05}                           # a later session of the same robot
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
+Logs that exodrake simulated are left out beside measured ones (`data.simulated`).
 """
 
 from dataclasses import dataclass, field
