@@ -5,6 +5,7 @@ from math import cos, exp, pi, sin
 import numpy as np
 import pytest
 
+import exodrake as exo
 from exodrake.effects import (
     finger_co_activation,
     finger_contact,
@@ -61,6 +62,7 @@ from exodrake.effects.signal import (
 from exodrake.systems.finger import inertia
 from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from exodrake.systems.sensor import followed
+from exodrake.systems.tendon import slid
 
 DT = 0.002
 LENGTH, MASS, RADIUS = (0.04264, 0.02014, 0.01872), (0.0119, 0.0045, 0.0032), (0.009, 0.008, 0.007)
@@ -76,9 +78,22 @@ def test_dead_zone_starts_above_its_width_and_stops_below_its_release() -> None:
     assert followed == [0.0, -1.1e-3, -0.9e-3, 0.0, 0.0]
 
 
-def test_speed_droop_falls_with_load() -> None:
+def test_speed_droop_falls_with_load_that_is_pulled_and_rises_with_one_that_pulls() -> None:
     assert motor_speed_droop.command(0.2, 10.0, 0.1, 0.002) == pytest.approx(0.08)
-    assert motor_speed_droop.command(-0.2, 60.0, 0.1, 0.002) == 0.0
+    assert motor_speed_droop.command(0.2, 60.0, 0.1, 0.002) == 0.0
+    assert motor_speed_droop.command(-0.2, 60.0, 0.1, 0.002) == -0.2
+    assert motor_speed_droop.command(-0.3, 60.0, 0.1, 0.002) == pytest.approx(-0.22)
+
+
+def test_no_load_locks_a_wire_that_is_let_out() -> None:
+    """Flexor at 11 N, of which the supply can pull none (0.02 m/s, 2 mm/s per N), let go to 0.3 N for 2 s."""
+    slow = exo.load_robot().splice("motor.speed_droop", {"limit": 0.02, "coefficient": 0.0})
+    drooping = exo.load_robot().splice("motor.speed_droop", {"limit": 0.02, "coefficient": 0.002})
+    reference = np.full((300, 3), 0.3)
+    reference[:200, 0] = np.minimum(11.0, np.linspace(0.3, 20.0, 200))
+    slow, drooping = (exo.simulate(robot, exo.Reference(reference), seed=1) for robot in (slow, drooping))
+    assert drooping["tension_AF"][199] > 8.0
+    assert drooping["tension_AF"][-1] < slow["tension_AF"][-1] + 0.1 and drooping["tension_AF"][-1] < 2.0
 
 
 def test_current_limit_never_raises_it() -> None:
@@ -107,8 +122,8 @@ def test_motor_friction_saturates_at_its_torque() -> None:
 
 
 def test_gear_loop_is_the_square_of_efficiency() -> None:
-    winding = motor_gear_efficiency.load(8.0, 0.0, 0.65, 1.0)
-    unwinding = motor_gear_efficiency.load(8.0, 0.0, 0.65, -1.0)
+    winding, *wound = motor_gear_efficiency.load(8.0, 0.01, 0.65, 0.0, 0.0)
+    unwinding, *_ = motor_gear_efficiency.load(8.0, 0.0, 0.65, *wound)
     assert winding == pytest.approx(8.0 / 0.65)
     assert unwinding / winding == pytest.approx(0.65**2)
 
@@ -123,8 +138,8 @@ def test_spool_winds_without_loss_of_power(module, parameters) -> None:
 
 
 def test_capstan_ratio_in_a_slow_pull() -> None:
-    pull = tendon_capstan_friction.transmit(6.0, 1.0, 0.0, 1e-4, 0.3)
-    release = tendon_capstan_friction.transmit(6.0, -1.0, 0.0, -1e-4, 0.3)
+    pull = tendon_capstan_friction.transmit(6.0, 0.0, 0.01, 1e-4, 0.3, 0.0)
+    release = tendon_capstan_friction.transmit(6.0, 0.0, -0.01, -1e-4, 0.3, 0.0)
     assert pull / 6.0 == pytest.approx(exp(-0.3))
     assert release / pull == pytest.approx(exp(0.6))
 
@@ -136,7 +151,8 @@ def test_coulomb_loop_has_twice_the_force_at_every_load() -> None:
 
 
 def test_friction_fades_on_a_slack_wire() -> None:
-    assert tendon_coulomb_friction.transmit(0.0, -1.0, 0.0, 0.0, 0.4) == 0.0
+    slide = slid(-1.0, 0.0, 5e-5, 0.0)
+    assert tendon_coulomb_friction.transmit(0.0, slide, 0.0, 0.0, 0.4) == 0.0
 
 
 def test_stribeck_levels() -> None:
@@ -170,7 +186,7 @@ def test_stops_dissipate(amplitude: float) -> None:
     force, distance, stops = 0.4, 5e-4, [0.0, 0.0, 0.0]
 
     def step(travel: float) -> float:
-        stops[:] = tendon_prandtl_ishlinskii.moved(travel, distance, *stops)
+        stops[:] = tendon_prandtl_ishlinskii.moved(5.0, travel, distance, *stops)
         return force * tendon_prandtl_ishlinskii.mean_stop(*stops)
 
     work = closed_loop_work(step, amplitude)
@@ -293,9 +309,9 @@ def test_nonlinearity_vanishes_at_both_ends() -> None:
 
 
 def test_pulley_friction_over_half_a_turn() -> None:
-    ends = [sensor_pulley_friction.settle(DT, 8.0, 8.0, way, 0.04, 1e-4, 0.0) for way in (0.01, -0.01)]
-    pull, release = (sensor_pulley_friction.felt(8.0, 0.0, 0.04, 1e-4, bristle) for bristle in ends)
-    assert pull == pytest.approx(4.0 * (1.0 + exp(-0.04 * pi)))
+    ends = [sensor_pulley_friction.settle(DT, 0.0, 8.0, 8.0, way, 0.04, 1e-4, 0.0, 0.0) for way in (0.01, -0.01)]
+    pull, release = (sensor_pulley_friction.at_cell(8.0, 0.04, 1e-4, *state) for state in ends)
+    assert pull == pytest.approx(4.0 * (1.0 + exp(0.04 * pi)))
     assert (release - 4.0) * (pull - 4.0) == pytest.approx(16.0)
 
 
@@ -448,13 +464,13 @@ def test_a_slow_drive_lags_by_its_own_loop_time() -> None:
 def test_latency_counts_frames() -> None:
     history = np.arange(36.0)
     for frames, wanted in ((1.0, 13.0), (3.0, 15.0), (2.5, 14.5), (99.0, 22.0)):
-        assert timing_command_latency.sent(12.0, history, 12, 0.0, 0.5, frames) == pytest.approx(wanted)
+        assert timing_command_latency.sent(12.0, history, 12, 0.0, 0.5, 0.5, frames) == pytest.approx(wanted)
 
 
 def test_uniform_draws_decide_on_lost_frames() -> None:
-    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.1, 0.15) == 0.5
-    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.2, 0.15) == 1.0
-    assert timing_jitter.sent(1.0, (1.0, 0.0), 0, 0.0, 0.5, 0.5) == pytest.approx(0.75)
+    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.1, 0.9, 0.15) == 0.5
+    assert timing_dropped_commands.sent(1.0, (), 0, 0.5, 0.2, 0.0, 0.15) == 1.0
+    assert timing_jitter.sent(1.0, (1.0, 0.0), 0, 0.0, 0.9, 0.5, 0.5) == pytest.approx(0.75)
 
 
 def test_late_pictures_add_up() -> None:

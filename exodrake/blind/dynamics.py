@@ -126,7 +126,7 @@ def wires(p, y, dy, u, command, torque, arms):
         taken = route(p, y, u, wire, sine, cosine, arms)
         speed = arms[wire, 0] * y[RATE] + arms[wire, 1] * y[RATE + 1] + arms[wire, 2] * y[RATE + 2]
         tension, radius = paths.pull(p, y, dy, u, wire, taken)
-        spool_speed = motor(p, y, dy, u, wire, command[wire], tension, radius)
+        spool_speed = motor(p, y, dy, u, wire, command[wire], tension + paths.at_pulley(p, y, wire, tension), radius)
         cell(p, y, dy, wire, paths.at_cell(p, y, dy, wire, tension, spool_speed))
         at_finger = paths.through_sheath(p, y, dy, wire, tension, taken, speed)
         if wire == 0:

@@ -16,12 +16,12 @@ TOLERANCES = {
     "cell": 1e-3,  # N
     "cell_second": 1e-3,  # N
     "command_lag": 1.0,  # rad/s
-    "capstan": 5e-3,
+    "capstan": 2e-3,  # N
     "bristle": 1e-7,  # m
     "creep_fast": 1e-6,  # m
     "creep_slow": 1e-6,  # m
     "garment": 1e-6,  # m
-    "pulley": 5e-3,
+    "pulley": 2e-3,  # N
     "mount": 1e-6,  # m
     "mount_rate": 1e-4,  # m/s
     "felt_tension": 1e-2,  # N

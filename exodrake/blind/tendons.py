@@ -20,6 +20,7 @@ from exodrake.blind.records import (  # fmt: skip
 
 FULL_TURN = 6.283185307179586
 TYPICAL_LOAD, LIGHTEST = 4.0, 0.2  # N; a polymer sheath's friction coefficient falls slowly with load [A]
+SLIP_TIME = 2e-3  # s, over which a contact lets go of what its load no longer holds [A]
 
 
 @njit(cache=True)
@@ -105,10 +106,24 @@ def rise_of_routers(p, y, u, wire):
 
 
 @njit(cache=True)
-def bristle_rate(z, speed, travel):
-    """Ductile Dahl bristle (exponent 3/2) in [-1, 1] that yields over a travel [m]."""
-    left = 1.0 - z if speed > 0.0 else 1.0 + z
-    return speed / travel * left * sqrt(left) if left > 0.0 else 0.0
+def rub_rate(force, speed, tension, level, stiffness):
+    """Rate [N/s] of the force that an elastic contact holds, whose level [N] follows the tension [N].
+
+    Ductile Dahl law (exponent 3/2) of constant stiffness [N/m]: the energy that it stores, force^2 / (2 stiffness), is
+    the same at every tension, so no course of tension and motion gains work. What the tension no longer holds is let
+    go, as all of it is where the wire is nearly slack.
+    """
+    if tension < LIGHTEST:
+        return -force / SLIP_TIME
+    left = 1.0 - (force if speed > 0.0 else -force) / level
+    rate = stiffness * speed * left * sqrt(left) if left > 0.0 else 0.0
+    return rate - (force - held(force, level)) / SLIP_TIME
+
+
+@njit(cache=True)
+def held(force, level):
+    """What of a force acts [N] where friction holds no more than `level` [N]."""
+    return min(max(force, -level), level)
 
 
 @njit(cache=True)
@@ -118,9 +133,12 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
     The losses: capstan (Dahl), Coulomb and Stribeck (LuGre), viscous (shear-thinning), and a snag.
     """
     if p.capstan[wire] > 0.0:
-        dy[CAPSTAN + wire] = bristle_rate(y[CAPSTAN + wire], speed, p.capstan_travel)
-        lighter = (max(tension, LIGHTEST) / TYPICAL_LOAD) ** -0.1
-        tension *= exp(-p.capstan[wire] * lighter * y[CAPSTAN + wire])
+        force = y[CAPSTAN + wire]
+        angle = p.capstan[wire] * (max(tension, LIGHTEST) / TYPICAL_LOAD) ** -0.1
+        level = tension * (1.0 - exp(-angle) if force > 0.0 else exp(angle) - 1.0)
+        stiffness = p.capstan[wire] * TYPICAL_LOAD / p.capstan_travel
+        dy[CAPSTAN + wire] = rub_rate(force, speed, tension, level, stiffness)
+        tension -= held(force, level)
     loss = 0.0
     if p.coulomb[wire] > 0.0:
         z = y[BRISTLE + wire]
@@ -140,12 +158,23 @@ def through_sheath(p, y, dy, wire, tension, taken, speed):
 
 
 @njit(cache=True)
+def at_pulley(p, y, wire, tension):
+    """Friction of the sensing pulley in the wire [N], against which the motor pulls.
+
+    The pulley turns on a plain bearing: the friction is proportional to the load, alike both ways.
+    """
+    return held(y[PULLEY + wire], 0.5 * FULL_TURN * p.pulley[wire] * tension)
+
+
+@njit(cache=True)
 def at_cell(p, y, dy, wire, tension, spool_speed):
-    """Load on the cell [N]: sensing-pulley friction splits the two strands."""
+    """Load on the cell [N]: the mean of the pulley's two strands, of which the farther one has the wire's tension."""
     if p.pulley[wire] == 0.0:
         return tension
-    dy[PULLEY + wire] = bristle_rate(y[PULLEY + wire], spool_speed, p.pulley_travel[wire])
-    return 0.5 * tension * (1.0 + exp(-0.5 * FULL_TURN * p.pulley[wire] * y[PULLEY + wire]))
+    friction = 0.5 * FULL_TURN * p.pulley[wire]
+    stiffness = friction * TYPICAL_LOAD / p.pulley_travel[wire]
+    dy[PULLEY + wire] = rub_rate(y[PULLEY + wire], spool_speed, tension, friction * tension, stiffness)
+    return tension + 0.5 * at_pulley(p, y, wire, tension)
 
 
 @njit(cache=True)

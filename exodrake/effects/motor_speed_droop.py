@@ -1,6 +1,6 @@
-"""The supply cannot drive the motor faster than a speed that falls with load.
+"""The supply cannot drive the motor faster than a speed that falls with load; a load that pulls the wire out helps it.
 
-|v| <= limit - coefficient T_c
+-(limit + coefficient T_c) <= v <= max(0, limit - coefficient T_c)          v > 0 while the spool takes wire in
 """
 
 from math import inf
@@ -11,14 +11,14 @@ from exodrake.core.signal import TENDONS
 
 def command(speed, tension, limit, coefficient):
     """Speed that the drive follows [m/s]."""
-    bound = max(limit - coefficient * tension, 0.0)
-    return min(max(speed, -bound), bound)
+    drop = coefficient * tension
+    return min(max(speed, -limit - drop), max(limit - drop, 0.0))
 
 
 EFFECT = Effect(
     id="motor.speed_droop",
-    summary="supply limits the speed, the more the higher the load",
-    signature="stroke rate levels off in large steps, at a lower level under load; slow motion untouched",
+    summary="supply limits the speed: the less of it is left to pull, the more to let out, the higher the load",
+    signature="stroke rate levels off in large steps, under load at a lower level inwards; slow motion untouched",
     source="physics.md 4.A; 70-150 mm/s no-load, stall at 42 N gives 2-3 mm/s per N; above 50 mm/s it hardly shows",
     at={"motor.command": command},
     parameters=(

@@ -14,11 +14,12 @@ class Parameters(NamedTuple):
 DEPTH = 12  # commands remembered per wire, the newest first
 
 
-def sent(e, z, j, command, history, first, applied, packet_arrival):
+def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
     """Point: speed [m/s] that reaches drive j.
 
     command: the newest [m/s]; history: commands of all tendons [m/s], the newest of this one at `first`, older ones
-    after it; applied: speed held so far [m/s]; packet_arrival: uniform draw in 0 .. 1 of this frame.
+    after it; applied: speed held so far [m/s]; packet_arrival: uniform draw in 0 .. 1 of this frame and drive;
+    frame_arrival: of this frame, the same for all drives.
     """
     return command
 
@@ -28,7 +29,8 @@ def write(x, z, n, e, j, speed_cmd, packet_arrival):
     for k in range(DEPTH - 1, 0, -1):
         x[DEPTH * j + k] = x[DEPTH * j + k - 1]
     x[DEPTH * j] = speed_cmd[j]
-    x[3 * DEPTH + j] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[3 * DEPTH + j], packet_arrival[j])
+    applied = 3 * DEPTH + j
+    x[applied] = sent(e, z, j, speed_cmd[j], x, DEPTH * j, x[applied], packet_arrival[j], packet_arrival[0])
 
 
 def output(x, z, n, e, speed_applied):

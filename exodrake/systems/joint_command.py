@@ -18,11 +18,11 @@ class Parameters(NamedTuple):
 DEPTH = 12  # commands remembered per joint, the newest first: as many as the motor bus remembers
 
 
-def sent(e, z, j, command, history, first, applied, packet_arrival):
+def sent(e, z, j, command, history, first, applied, packet_arrival, frame_arrival):
     """Point: angle [rad] that reaches drive j.
 
     Args: history: commands of all joints, the newest of this one at `first`, older ones after it; applied: angle held
-        so far [rad]; packet_arrival: 1, as no command is ever lost here.
+        so far [rad]; packet_arrival, frame_arrival: 1, as no command is ever lost or late here.
     """
     return command
 
@@ -35,7 +35,7 @@ def take(x, z, n, e, angle_ref, angle_start):
             x[DEPTH * j + k] = x[DEPTH * j + k - 1] if x[(DEPTH + 3) * joints] > 0.0 else angle_ref[j]
         x[DEPTH * j] = angle_ref[j]
         held = DEPTH * joints + j
-        x[held] = sent(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0)
+        x[held] = sent(e, z, j, angle_ref[j], x, DEPTH * j, x[held], 1.0, 1.0)
         x[held + joints] = angle_start[j]
     x[(DEPTH + 3) * joints] = 1.0
 

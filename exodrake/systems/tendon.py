@@ -5,8 +5,11 @@
     T_c                            tension at the load cell and at the spool, nominally
 
 Sheath friction needs to know where in its travel the wire slides: `slide` is the wire's displacement since the last
-reversal, clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in.
+reversal, clipped to +-presliding, over presliding: -1 .. 1, +1 while the finger takes wire in. A wire that goes slack
+lets go of its sheath: slide is then kept within `grip`.
 """
+
+TAUT = 0.1  # tension above which the wire lies against its sheath [N]; assumed
 
 
 def stretch(e, z, j, extension, tension_finger):
@@ -66,9 +69,15 @@ def cell_tension(e, z, j, stretched, travel, k):
     return near_end(e, z, j, whole, stretched, travel)
 
 
-def slid(slide, travel, presliding):
-    """Slide [-1 .. 1] after the finger took in `travel` more wire [m]."""
-    return min(max(slide + travel / presliding, -1.0), 1.0)
+def grip(tension):
+    """Share of its dry friction [0 .. 1] that a wire under this tension [N] has against its sheath."""
+    return min(1.0, tension / TAUT)
+
+
+def slid(slide, travel, presliding, tension):
+    """Slide [-1 .. 1] after the finger took in `travel` more wire [m]; tension at the cell's end, 0 or more [N]."""
+    most = grip(tension)
+    return min(max(slide + travel / presliding, -most), most)
 
 
 def finger_tension(e, z, j, tension, stretched, slide, travel, speed):

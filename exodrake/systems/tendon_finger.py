@@ -64,7 +64,8 @@ def pulled(e, z, j, n, x, extension, travel, dt):
     """Tension at the finger [N] of wire j, extended by `extension` [m], after a tick that took in `travel` [m]."""
     stretched = stretched_by(e, z, j, extension, x[PULL + j])
     tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-    return finger_tension(e, z, j, tension, stretched, slid(x[SLIDE + j], travel, n.presliding), travel, travel / dt)
+    slide = slid(x[SLIDE + j], travel, n.presliding, tension)
+    return finger_tension(e, z, j, tension, stretched, slide, travel, travel / dt)
 
 
 def newton_step(e, z, n, x, ends, angle, rate, rate_from, constants, high, dt, lag):
@@ -174,7 +175,7 @@ def arrive(x, z, n, e, ends, high, dt):
         travel = taken[j] - x[TAKEN + j]
         stretched = stretched_by(e, z, j, ends[j] - taken[j], x[PULL + j])
         tension = cell_tension(e, z, j, stretched, travel, n.k[j])
-        x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding)
+        x[SLIDE + j] = slid(x[SLIDE + j], travel, n.presliding, tension)
         x[PULL + j] = finger_tension(e, z, j, tension, stretched, x[SLIDE + j], travel, travel / dt)
         x[TAKEN + j] = taken[j]
         settle(e, z, j, dt, stretched, tension, x[PULL + j], travel)

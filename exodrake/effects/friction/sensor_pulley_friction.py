@@ -1,9 +1,10 @@
-"""Friction at the sensing pulley, where the wire turns round by pi: the reading depends on direction.
+"""Friction at the sensing pulley, where the wire turns round by pi; the motor does its work.
 
-F = T (1 + exp(-mu pi z)) / 2        dz/ds = (1 - z sgn(s')) / presliding       z -> +1 while the spool takes wire in
+    T_spool = T + F          T (exp(-mu pi) - 1) <= F <= T (exp(mu pi) - 1)          F of `friction.jenkins`
+    reading = (T_spool + T) / 2
 
-The vocabulary's law and the reference simulator's: an error of the reading alone, with the wire's tension T on both
-sides. The pulley that takes its work from the motor is `sensor.pulley_capstan`.
+T is the tension of the wire beyond the pulley. While the spool takes wire in T_spool = T exp(mu pi), while it gives
+wire back T_spool = T exp(-mu pi): the finger gets less than the reading says, then more.
 """
 
 from math import exp, pi
@@ -11,31 +12,42 @@ from math import exp, pi
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
-from exodrake.effects.friction.bristle import bent
+from exodrake.effects.friction.jenkins import spring, yielded
 
 
-def felt(tension, slide, mu, presliding, bristle):
-    """Load on the cell, as tension [N]."""
-    return 0.5 * tension * (1.0 + exp(-mu * pi * bristle))
+def rubbed(tension, travel, mu, presliding, force):
+    """Force of friction [N] after the spool took in a further travel [m]."""
+    low, high = tension * (exp(-mu * pi) - 1.0), tension * (exp(mu * pi) - 1.0)
+    return yielded(force, travel, spring(mu * pi, presliding), low, high)
 
 
-def settle(dt, load, cell, travel, mu, presliding, bristle):
-    """Bristle [-1 .. 1]."""
-    return bent(bristle, travel, presliding)
+def at_spool(tension, mu, presliding, force, stretch_before):
+    """Tension at the spool [N]."""
+    return tension + rubbed(tension, 0.0, mu, presliding, force)
+
+
+def at_cell(tension, mu, presliding, force, stretch_before):
+    """Load on the cell, as tension [N]: the mean of both strands."""
+    return tension + 0.5 * rubbed(tension, 0.0, mu, presliding, force)
+
+
+def settle(dt, stretched, tension, tension_finger, travel, mu, presliding, force, stretch_before):
+    """Force of friction [N] after the wire at the spool moved, and the stretch it has seen [m]."""
+    return rubbed(tension, travel + stretched - stretch_before, mu, presliding, force), stretched
 
 
 EFFECT = Effect(
     id="sensor.pulley_friction",
     summary="friction at the sensing pulley: the reading depends on direction",
-    signature="reading turns over in proportion to tension once the spool reverses; rate-free",
-    source="physics.md 4.C; 1-5 %; presliding travel assumed",
-    at={"sensor.felt": felt, "sensor.settle": settle},
+    signature="the finger gets less than the reading says while the spool pulls and more while it gives; rate-free",
+    source="physics.md 4.C; capstan equation over half a turn, 1-5 %; presliding travel assumed",
+    at={"tendon.at_spool": at_spool, "tendon.at_cell": at_cell, "tendon.settle": settle},
     parameters=(
         EffectParameter("mu", "-", null=0.0, low=0.003, high=0.15, axis=TENDONS, default=0.04),
         EffectParameter("presliding", "m", null=5e-5, low=1e-5, high=2e-3, axis=TENDONS, default=5e-5, transform="log"),
     ),
-    states=(State("bristle", TENDONS),),
-    advances=("sensor.settle",),
+    states=(State("force", TENDONS, unit="N"), State("stretch_before", TENDONS, unit="m")),
+    advances=("tendon.settle",),
     family="friction",
     order=305,
 )

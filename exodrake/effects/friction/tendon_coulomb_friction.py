@@ -5,12 +5,11 @@ T_d = T_c - force slide        slide -> +1 while the finger takes wire in, -1 wh
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.signal import TENDONS
-from exodrake.effects.friction.grip import gripped
 
 
 def transmit(tension, slide, travel, speed, force):
     """Tension at the finger [N]."""
-    return tension - gripped(force, tension) * slide
+    return tension - force * slide
 
 
 EFFECT = Effect(

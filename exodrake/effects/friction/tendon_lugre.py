@@ -8,20 +8,27 @@ The part sigma_2 v is `tendon.viscous_friction`.
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
-from exodrake.effects.friction.grip import gripped
+from exodrake.effects.friction.grip import gripped, kept
 from exodrake.effects.friction.lugre import deflected, force
 from exodrake.effects.friction.stribeck import level
+
+
+def gripped_to(z, tension, most):
+    """Deflection [m] that a wire under this tension [N] holds, `most` of a taut one."""
+    return most * kept(z / most, tension)
 
 
 def transmit(tension, slide, travel, speed, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Tension at the finger [N]."""
     after = deflected(z, travel, level(speed, coulomb, ratio, stribeck_speed), stiffness)
-    return tension - gripped(force(z, after, travel, speed, stiffness, damping), tension)
+    damped = force(z, after, travel, speed, 0.0, gripped(damping, tension))
+    return tension - damped - stiffness * gripped_to(after, tension, ratio * coulomb / stiffness)
 
 
 def settle(dt, stretched, tension, tension_finger, travel, coulomb, ratio, stribeck_speed, stiffness, damping, z):
     """Deflection of the bristle [m]."""
-    return deflected(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
+    after = deflected(z, travel, level(travel / dt, coulomb, ratio, stribeck_speed), stiffness)
+    return gripped_to(after, tension, ratio * coulomb / stiffness)
 
 
 EFFECT = Effect(

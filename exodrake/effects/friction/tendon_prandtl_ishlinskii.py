@@ -7,7 +7,7 @@ from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.friction.bristle import clipped
-from exodrake.effects.friction.grip import gripped
+from exodrake.effects.friction.grip import kept
 
 STOPS = 3.0
 
@@ -17,24 +17,24 @@ def mean_stop(first, second, third):
     return (first + second + third) / STOPS
 
 
-def moved(travel, distance, first, second, third):
-    """The stops after a further travel [m]."""
+def moved(tension, travel, distance, first, second, third):
+    """The stops after a further travel [m] of a wire under this tension [N]."""
     return (
-        clipped(first, travel, distance),
-        clipped(second, travel, 2.0 * distance),
-        clipped(third, travel, STOPS * distance),
+        kept(clipped(first, travel, distance), tension),
+        kept(clipped(second, travel, 2.0 * distance), tension),
+        kept(clipped(third, travel, STOPS * distance), tension),
     )
 
 
 def transmit(tension, slide, travel, speed, force, distance, first, second, third):
     """Tension at the finger [N]."""
-    stops = moved(travel, distance, first, second, third)
-    return tension - gripped(force, tension) * mean_stop(stops[0], stops[1], stops[2])
+    stops = moved(tension, travel, distance, first, second, third)
+    return tension - force * mean_stop(stops[0], stops[1], stops[2])
 
 
 def settle(dt, stretched, tension, tension_finger, travel, force, distance, first, second, third):
     """The stops [-1 .. 1]."""
-    return moved(travel, distance, first, second, third)
+    return moved(tension, travel, distance, first, second, third)
 
 
 EFFECT = Effect(

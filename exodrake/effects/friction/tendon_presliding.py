@@ -7,17 +7,17 @@ from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
 from exodrake.effects.friction.bristle import bent
-from exodrake.effects.friction.grip import gripped
+from exodrake.effects.friction.grip import kept
 
 
 def transmit(tension, slide, travel, speed, force, stiffness, bristle):
     """Tension at the finger [N]."""
-    return tension - gripped(force, tension) * bent(bristle, travel, force / stiffness)
+    return tension - force * kept(bent(bristle, travel, force / stiffness), tension)
 
 
 def settle(dt, stretched, tension, tension_finger, travel, force, stiffness, bristle):
     """Bristle [-1 .. 1]."""
-    return bent(bristle, travel, force / stiffness)
+    return kept(bent(bristle, travel, force / stiffness), tension)
 
 
 EFFECT = Effect(

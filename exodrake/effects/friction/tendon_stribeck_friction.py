@@ -9,7 +9,6 @@ The level follows the speed with a short frictional memory (frictional lag: Arms
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
-from exodrake.effects.friction.grip import gripped
 from exodrake.effects.friction.stribeck import level
 from exodrake.effects.relaxation import relaxed
 
@@ -18,7 +17,7 @@ MEMORY = 4e-3  # time constant of the frictional memory [s]; assumed
 
 def transmit(tension, slide, travel, speed, force, ratio, stribeck_speed, remembered):
     """Tension at the finger [N]."""
-    return tension - gripped(level(remembered, force, ratio, stribeck_speed), tension) * slide
+    return tension - level(remembered, force, ratio, stribeck_speed) * slide
 
 
 def settle(dt, stretched, tension, tension_finger, travel, force, ratio, stribeck_speed, remembered):

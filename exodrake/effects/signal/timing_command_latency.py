@@ -8,7 +8,7 @@ from exodrake.core.effect import Effect, EffectParameter
 REMEMBERED = 12  # commands that the bus remembers [-]
 
 
-def sent(command, history, first, applied, packet_arrival, frames):
+def sent(command, history, first, applied, packet_arrival, frame_arrival, frames):
     """Speed that reaches the drive [m/s]."""
     late = min(max(frames, 0.0), REMEMBERED - 2.0)
     whole = int(late)

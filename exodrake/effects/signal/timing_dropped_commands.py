@@ -6,7 +6,7 @@ v(n) = v(n - 1) where packet_arrival < probability, else v_cmd(n)
 from exodrake.core.effect import Effect, EffectParameter
 
 
-def sent(command, history, first, applied, packet_arrival, probability):
+def sent(command, history, first, applied, packet_arrival, frame_arrival, probability):
     """Speed that reaches the drive [m/s]."""
     return applied if packet_arrival < probability else command
 

@@ -1,14 +1,16 @@
 """Commands reach the drive late by a random part of a frame, as seen by a drive that ramps between them.
 
 v = (1 - spread u) v_cmd(n) + spread u v_cmd(n - 1)          u: uniform in 0 .. 1, one per frame
+
+One draw for all drives: what delays a frame is the computer or the bus that they share.
 """
 
 from exodrake.core.effect import Effect, EffectParameter
 
 
-def sent(command, history, first, applied, packet_arrival, spread):
+def sent(command, history, first, applied, packet_arrival, frame_arrival, spread):
     """Speed that reaches the drive [m/s]."""
-    late = spread * packet_arrival
+    late = spread * frame_arrival
     return (1.0 - late) * command + late * history[first + 1]
 
 
