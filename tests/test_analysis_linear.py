@@ -12,6 +12,7 @@ from exodrake.analysis.linear_model import best_slopes, linearise, matters, pole
 from exodrake.analysis.operating_point import operating_point
 from exodrake.analysis.stability_map import latency_sweep, stability_limit, stability_map
 from exodrake.analysis.step_response import step_figures
+from exodrake.cli.analyse import course
 
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
 
@@ -46,6 +47,14 @@ def test_poles_read_as_in_continuous_time():
     pole = pole_of(np.exp(s * period), period)
     assert pole.frequency == pytest.approx(5.0 / (2.0 * np.pi))
     assert (pole.damping, pole.time_constant) == (pytest.approx(0.6), pytest.approx(1.0 / 3.0))
+
+
+def test_a_mode_on_the_unit_circle_neither_decays_nor_grows():
+    """exp(s T) of s = +4 1/s grows e-fold in 0.25 s; what rounding leaves of |z| = 1 is no time constant."""
+    assert course(pole_of(np.exp(4.0 * 0.02 + 0.3j), 0.02).time_constant) == "grows in 0.25 s"
+    assert course(pole_of(np.exp(-4.0 * 0.02 + 0j), 0.02).time_constant) == "decays in 0.25 s"
+    for z in (1.0 - 2.5e-13, 1.0 + 2.5e-13, np.exp(0.7j) * (1.0 + 1e-15)):
+        assert course(pole_of(complex(z), 0.02).time_constant) == "stays"
 
 
 def test_operating_point_is_at_rest(loop, point):

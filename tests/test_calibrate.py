@@ -1,5 +1,6 @@
 """Calibration: conformal quantiles and binomial intervals by hand, its file, and robots drawn for it."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -209,6 +210,9 @@ def test_command_prints_and_writes_the_calibration(tmp_path):
     assert "false alarm on healthy" in result.stdout and "of 1" in result.stdout
     written, in_use = read_yaml(file), calibration_of(load_robot(SHEATH).machine)
     assert written["source"].startswith("exodrake calibrate --robot tendon_sheath --case case --cases 3 --seed 0")
+    for name in NUMBERS:  # what the robots gave is said beside what stays
+        assert re.search(rf"found .*{name} \d", written["source"]), name
+    assert "the numbers in use were kept" in written["source"]
     assert {name: written[name] for name in NUMBERS} == pytest.approx(
         {n: getattr(in_use, n) for n in NUMBERS}, rel=1e-3
     )
@@ -221,6 +225,7 @@ def test_shipped_calibration_states_its_command_and_rates(name):
     machine, file = load_robot(name).machine, calibration.machine_folders()[name] / "calibration.yaml"
     found, content = calibration_of(machine), read_yaml(file)
     words = found.source.split(", ")[0].split()
+    assert "the numbers in use, of development robots of the Exo-Index, were kept" in found.source
     assert words[:4] == ["exodrake", "calibrate", "--robot", name] and not calibration_notes(machine)
     assert found == Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
     for counted in content["rates"].values():

@@ -115,7 +115,7 @@ def test_library_is_well_formed() -> None:
     for effect in EFFECTS:
         assert set(effect.at) <= points, effect.id
         assert set(effect.advances) <= set(effect.at)
-        assert bool(effect.states) == bool(effect.advances), effect.id
+        assert bool(effect.states) == bool(effect.advances or effect.filters), effect.id
         for text in (effect.summary, effect.signature, effect.source, effect.family):
             assert text
         for function in effect.at.values():

@@ -135,11 +135,13 @@ def lugre_law(load, travel, state):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     "law, states, heaviest",
-    [(capstan, 1, 12.0), (pulley, 2, 12.0), (gear, 2, 12.0)]
-    + [(coulomb, 1, 0.12), (dahl, 1, 0.12), (stops, 3, 0.12), (lugre_law, 1, 0.12)],
-)
+    [
+        (capstan, 1, 12.0), (pulley, 2, 12.0), (gear, 2, 12.0),
+        (coulomb, 1, 0.12), (dahl, 1, 0.12), (stops, 3, 0.12), (lugre_law, 1, 0.12),
+    ],
+)  # fmt: skip
 def test_no_cycle_of_load_and_motion_gains_energy(law, states, heaviest, seed) -> None:
-    """A contact that was never loaded has nothing to give: in under a light load and out under a heavy one, at random."""
+    """What was never loaded has nothing to give: in under a light load and out under a heavy one, at random."""
     rng, state, work, least = np.random.default_rng(seed), (0.0,) * states, 0.0, 0.0
     for _ in range(400):
         light, heavy = np.sort(rng.uniform(0.0, heaviest, 2))

@@ -102,7 +102,10 @@ def used(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.nda
 
 @dataclass(frozen=True)
 class Pole:
-    """A pole of the sampled loop: `z`, natural frequency [Hz], damping ratio, time constant [s], state most in it."""
+    """A pole of the sampled loop: `z`, natural frequency [Hz], damping ratio, time constant [s], state most in it.
+
+    The time constant is that of the decay by e; negative of a growth by e, infinite where |z| is 1 but for rounding.
+    """
 
     z: complex
     frequency: float
@@ -199,12 +202,15 @@ def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> 
     return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
 
 
+ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
+
+
 def pole_of(z: complex, period: float, state: str = "") -> Pole:
     """A pole with its continuous-time reading s = ln(z) / T."""
     if abs(z) < 1e-12:
         return Pole(z, np.inf, 1.0, 0.0, state)
     s = np.log(z) / period
-    decay = -1.0 / s.real if s.real != 0.0 else np.inf
+    decay = np.inf if abs(abs(z) - 1.0) < ON_CIRCLE else -1.0 / s.real
     damping = -s.real / abs(s) if s != 0.0 else 0.0
     return Pole(z, float(abs(s)) / (2.0 * np.pi), float(damping), float(decay), state)
 

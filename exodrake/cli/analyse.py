@@ -160,14 +160,21 @@ def show(result: ClosedLoop) -> None:
     for pole in result.model.poles():
         if abs(pole.z) >= SHOWN and pole.z.imag >= 0.0:
             place = f"{pole.z.real:+.3f}" + (f" ±{pole.z.imag:.3f}i" if pole.z.imag else "")
-            rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping, pole.time_constant))
-            poles.append((f"{abs(pole.z):.4f}", place, *rest, pole.state))
+            rest = (f"{v:.3g}" for v in (pole.frequency, pole.damping))
+            poles.append((f"{abs(pole.z):.4f}", place, *rest, course(pole.time_constant), pole.state))
     console.print(table(("channel", *(f">{name}\n\\[{unit}]" for name, unit in FIGURES.items())), rows))
-    titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", ">decays in\n\\[s]", "mostly in")
+    titles = (">|z|", ">z", ">frequency\n\\[Hz]", ">damping\n\\[-]", "e-fold\n", "mostly in")
     console.print()
     console.print(table(titles, poles))
     for line in (*robust_lines(result), verdict(result), *(f"note: {note}" for note in result.notes)):
         click.echo(line)
+
+
+def course(time_constant: float) -> str:
+    """What becomes of a mode, from its time constant [s]; by e in the time that is said."""
+    if math.isinf(time_constant):
+        return "stays"
+    return f"grows in {-time_constant:.3g} s" if time_constant < 0.0 else f"decays in {time_constant:.3g} s"
 
 
 def robust_lines(result: ClosedLoop) -> list[str]:

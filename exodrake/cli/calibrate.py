@@ -44,7 +44,7 @@ def command(
     from exodrake.core.files import write_text
     from exodrake.data.case_folder import read_case
     from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
-    from exodrake.diagnosis.calibration import calibration_of, calibration_text
+    from exodrake.diagnosis.calibration import NUMBERS, calibration_of, calibration_text
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 
@@ -58,7 +58,9 @@ def command(
     rates = rates_of(records)
     print_calibration(found, rests_on, rates)
     if keep_numbers:
-        found, rests_on = replace(calibration_of(machine), source=found.source), {}
+        measured = ", ".join(f"{name} {getattr(found, name):.3g}" for name in NUMBERS)
+        source = f"{found.source}, gave the rates and found {measured}; the numbers in use were kept"
+        found, rests_on = replace(calibration_of(machine), source=source), {}
     if write:
         write_text(write, calibration_text(found, rests_on, rates))
         click.echo(f"wrote {write}")

@@ -57,7 +57,7 @@ def level_table(t: Tested, limits: Calibration) -> tuple[LevelTest, ...]:
 
 
 def decision_numbers(machine: Machine) -> list[tuple[str, str, str]]:
-    """Every number of the decision: meaning, value and source."""
+    """The numbers of the tests of an explanation: meaning, value and source. The search for it has its own."""
     limits = calibration_of(machine)
     source = limits.source or "development robots of the Exo-Index"
     return [

@@ -15,7 +15,9 @@ import numpy as np
 from exodrake.diagnosis.p_values import exceeding
 from exodrake.diagnosis.projection import Projection
 
-PROMISING = 0.1  # p-value and share of the excess from which a further effect is tried; it steers the cost alone
+# p-value and share of the excess from which a further effect is tried. Without one that promises as much a search ends,
+# so that it decides on UNKNOWN (`levels`, `isolate`) and on whether a missing law is found (`discovery`)
+PROMISING = 0.1
 
 
 class Gain(NamedTuple):
