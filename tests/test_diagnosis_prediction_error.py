@@ -65,13 +65,13 @@ def test_a_log_without_commands_cannot_steer(nominal):
 
 @pytest.mark.parametrize(
     ("identity", "parameters"),
-    [("sensor.pulley_friction", {"mu": 0.04}), ("motor.dead_zone", {"width": 2.5e-3, "release": 1.0})],
+    [("sensor.pulley_friction", {"mu": 0.05}), ("motor.dead_zone", {"width": 2.5e-3, "release": 1.0})],
 )
 def test_noise_in_a_hunting_loop_is_repeated_in_prediction_error(nominal, identity, parameters):
     robot = nominal.splice(identity, parameters)
     problem = make_problem(case_of(robot, 5), nominal)
     prediction_error = problem.prediction_error()
-    assert chi2(prediction_error, robot) < 1.6 < 0.25 * chi2(problem, robot)
+    assert chi2(prediction_error, robot) < 2.0 < 0.25 * chi2(problem, robot)
 
 
 def test_an_effect_of_one_part_stays_in_its_part_in_prediction_error(nominal):
