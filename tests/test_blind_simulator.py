@@ -121,3 +121,18 @@ def test_parameters_bear_the_librarys_names():
     assert len(both) > len(LIBRARY) // 2
     for effect_id in both:
         assert set(LIBRARY[effect_id].ranges) <= theirs[effect_id], effect_id
+
+
+def test_friction_gains_no_energy_from_a_load_that_changes():
+    """In under 2 N, out under 10 N, within the presliding travel: work done on the contact never falls below 0."""
+    from exodrake.blind.tendons import held, rub_rate
+
+    friction, stiffness, dt = 0.2, 4000.0, 2e-5
+    force = work = least = 0.0
+    for k in range(20000):
+        there = k // 200 % 2 == 0
+        tension, speed = (2.0, 0.01) if there else (10.0, -0.01)
+        work += held(force, friction * tension) * speed * dt
+        force += rub_rate(force, speed, tension, friction * tension, stiffness) * dt
+        least = min(least, work)
+    assert least > -1e-9 and work > 1e-5
