@@ -10,7 +10,7 @@ from exodrake.core.short_repr import short_repr
 from exodrake.data.case import Case
 from exodrake.data.case_folder import read_case
 from exodrake.diagnosis.calibration import calibration_notes
-from exodrake.diagnosis.checks import check_case, suspicions
+from exodrake.diagnosis.checks import check_case, suspicions_of
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.problem import columns_of, required_of
 from exodrake.preflight.identifiability import Identifiability, identifiability
@@ -60,5 +60,5 @@ def preflight(
     comparison = compare(case, robot)
     parts = clocks(Path(path), robot.machine.frame), channels(comparison), excitations(case, robot)
     sentences = [sentence for part in parts for item in part for sentence in item.problems()]
-    problems = (*case.notes, *sentences, *suspicions(case, robot), *calibration_notes(robot.machine))
+    problems = (*case.notes, *sentences, *suspicions_of(comparison), *calibration_notes(robot.machine))
     return Preflight(case, *parts, identifiability(case, robot, tried), tuple(dict.fromkeys(problems)))

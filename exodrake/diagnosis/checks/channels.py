@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from exodrake.diagnosis.checks.compare import LONG, Channel, Comparison, places
-from exodrake.diagnosis.checks.noise import LEAST_MOTION, ORDER, carries_noise, moves, rounding_step
-from exodrake.diagnosis.checks.scale import unit_factor
+from exodrake.diagnosis.checks.compare import LONG, Channel, Comparison, few, places
+from exodrake.diagnosis.checks.noise import CLEAR, LEAST_MOTION, ORDER, carries_noise, louder, moves, rounding_step
+from exodrake.diagnosis.checks.others import SMALL, UNLIKE, OtherLogs
 
 BEYOND = 3.0  # times the nominal robot's longest run, largest step or loudest window (assumed)
+HELD = 3  # samples in a row that count as held: noise repeats a rounded value now and then
+SATURATED = 0.05  # of the samples: less hardly matters (assumed)
+ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
 
@@ -32,24 +35,102 @@ def gaps(comparison: Comparison) -> list[str]:
 
 
 def frozen_channels(comparison: Comparison) -> list[str]:
-    """A channel repeats one value for long while the nominal robot's changes, other than by rest or saturation."""
-    found = [c for c in comparison.channels if is_frozen(c)]
-    return [f"{places(found)} are frozen: one value repeats where the nominal robot's changes"] if found else []
+    """A channel repeats one value for long while its noise, or what the other logs say of it, goes on.
 
-
-def is_frozen(channel: Channel) -> bool:
-    """Whether the longest run of one value is far longer than the nominal robot's, and neither rest nor saturation.
-
-    Noise would change the samples of a robot at rest, and a channel that was frozen jumps where it goes on.
+    A robot that sticks or rests does so in other logs, too.
     """
-    values = channel.measured
-    start, length = longest_run(values)
-    if length < max(LONG, BEYOND * longest_run(channel.nominal)[1]) or length == len(values):
-        return length == len(values) and np.ptp(channel.nominal) > 0.0
-    changes, steps = np.abs(np.diff(values)), np.abs(np.diff(channel.nominal))
-    jump = changes[max(start - 1, 0) : start + length].max() / abs(unit_factor(channel))
-    saturated = values[start] in (values.min(), values.max())
-    return bool(jump > BEYOND * steps.max() or (carries_noise(channel) and not saturated))
+    other = OtherLogs(comparison)
+    found = [f"{c} of {place}" for i, c in enumerate(comparison.columns) for place in frozen_logs(other, i)]
+    verb = "are" if len(found) > 1 else "is"
+    said = f"{few(found)} {verb} frozen: one value repeats where the channel should move or be noisy"
+    return [said] if found else []
+
+
+def frozen_logs(other: OtherLogs, column: int) -> list[str]:
+    """The logs in which a column is frozen, and where."""
+    pairs = other.comparison.pairs
+    values = [pair.measured[:, column] for pair in pairs]
+    if np.ptp(np.concatenate(values)) == 0.0:
+        return ["every log"] if any(np.ptp(pair.nominal[:, column]) > 0.0 for pair in pairs) else []
+    runs = [(k, *run) for k, one in enumerate(values) for run in long_runs(one)]
+    if not runs:
+        return []
+    predicted = {k: other.predicted(column, k) for k in {run[0] for run in runs}}
+    moved = [float(np.std(predicted[k][start : start + n])) for k, start, n in runs]
+    found = {}
+    for (k, start, n), own in zip(runs, moved, strict=True):
+        if (start, n) != longest_run(values[k]):
+            continue
+        stuck = [m for m, (log, *_) in zip(moved, runs, strict=True) if log != k]
+        usual = max([SMALL, *stuck, *other.errors(column, k)])
+        if own > UNLIKE * usual or noise_stops(other.comparison, column, k, start, n):
+            found[k] = f"{pairs[k].item.file} from {pairs[k].item.log.time[start]:.6g} s on for {n} frames"
+    return list(found.values())
+
+
+def long_runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """Starts and lengths of all runs of `LONG` or more equal values (n,)."""
+    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    lengths = np.diff(starts, append=len(values))
+    return [(int(a), int(n)) for a, n in zip(starts, lengths, strict=True) if n >= LONG]
+
+
+def noise_stops(comparison: Comparison, column: int, log: int, start: int, length: int) -> bool:
+    """Whether the samples of a channel change all the time but in a run of one value, which is no end of its range."""
+    pair, name = comparison.pairs[log], comparison.columns[column]
+    values, nominal = pair.measured[:, column], pair.nominal[:, column]
+    rest = np.ones(len(values), dtype=bool)
+    rest[start : start + length] = False
+    if rest.sum() < LONG or length < BEYOND * max(longest_run(nominal)[1], longest_run(values[rest])[1]):
+        return False
+    outside = Channel(name, pair.item.file, pair.item.log.time[rest], values[rest], nominal[rest])
+    noisy = carries_noise(outside) and louder(outside) > 1.0 / CLEAR
+    return noisy and values[start] not in (values.min(), values.max())
+
+
+def clipped_channels(comparison: Comparison) -> list[str]:
+    """A channel that else hardly repeats a value stays at an end of its range again and again."""
+    found = [c for c in comparison.channels if is_clipped(c)]
+    if not found:
+        return []
+    return [f"{places(found)} again and again stay at one value at an end of their range: is the signal clipped?"]
+
+
+def is_clipped(channel: Channel) -> bool:
+    """Whether a channel is held at an end of its range far more than elsewhere, and than the nominal robot's."""
+    (ends, elsewhere), (nominal, _) = held_shares(channel.measured), held_shares(channel.nominal)
+    return ends > max(SATURATED, BEYOND * nominal, BEYOND * elsewhere)
+
+
+def held_shares(values: np.ndarray) -> tuple[float, float]:
+    """Shares of a signal's (n,) samples that repeat for `HELD` or more: visits to an end of the range, and elsewhere.
+
+    One visit is none: so looks a robot at rest, and a channel that died.
+    """
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
+    lengths = np.diff(starts, append=len(values))
+    held = lengths >= HELD
+    visits = [held & (values[starts] == end) for end in (values.min(), values.max())]
+    ends = [one if one.sum() > 1 else np.zeros_like(one) for one in visits]
+    at_ends = ends[0] | ends[1]
+    return tuple(float(lengths[rows].sum()) / len(values) for rows in (at_ends, held & ~at_ends))
+
+
+def references_beyond_limits(comparison: Comparison) -> list[str]:
+    """A command is far beyond the limits that the robot file states; a measured motion has none."""
+    machine, found = comparison.machine, []
+    command = machine.references[0].kind.endswith("_ref")
+    if not (command and machine.reference_limits and comparison.robot.limits):
+        return []
+    low, high = comparison.robot.reference_limits()
+    columns = machine.log_names(machine.references[:1])
+    for pair in comparison.pairs:
+        for k, column in enumerate(columns):
+            largest = np.abs(pair.reference[:, k]).max()
+            limit = max(abs(low[k]), abs(high[k]))
+            if limit > 0.0 and largest > ANOTHER_UNIT * limit:
+                found.append(f"{column} of {pair.item.file} reaches {largest:.4g}, its limit is {limit:.4g}")
+    return [f"{few(found)}: another unit?"] if found else []
 
 
 def longest_run(values: np.ndarray, of: object = None) -> tuple[int, int]:

@@ -66,10 +66,15 @@ class Comparison:
     """All logs of a case beside the nominal robot's; `columns` are the compared ones that every log has."""
 
     case: Case
-    machine: Machine
+    robot: Robot
     columns: tuple[str, ...]
     pairs: tuple[LogPair, ...]
     channels: tuple[Channel, ...]
+
+    @property
+    def machine(self) -> Machine:
+        """The robot's machine."""
+        return self.robot.machine
 
     @property
     def kinds(self) -> dict[str, list[int]]:
@@ -101,7 +106,7 @@ def compare(case: Case, robot: Robot) -> Comparison:
             if (rows := known[:, i]).sum() >= FEWEST:
                 values = (x[rows] for x in (item.log.time, measured[:, i], nominal[:, i]))
                 channels.append(Channel(column, item.file, *values))
-    return Comparison(case, machine, columns, tuple(pairs), tuple(channels))
+    return Comparison(case, robot, columns, tuple(pairs), tuple(channels))
 
 
 def compared_columns(machine: Machine, logs: list[Log]) -> tuple[str, ...]:

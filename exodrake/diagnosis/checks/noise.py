@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.core.display import in_words
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.checks.compare import Channel, Comparison, few, places, white_share
 from exodrake.diagnosis.checks.scale import unit_factor
@@ -12,7 +13,7 @@ from exodrake.diagnosis.noise import robust_std
 HALF = 0.5  # of the variance: more noise than motion, a signal-to-noise ratio of 1
 CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent samples on (F test); of shares: assumed
 EXACT = 1e-9  # of a signal's range: smaller steps are rounding of the computer
-ABOVE = 1.1  # of the nominal fast noise in every channel of a sensor; healthy robots and most faults stay below 1.04
+ABOVE = 1.1  # ratio to the nominal fast noise in every channel of a sensor; healthy robots lie between 0.94 and 1.04
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
 GAIN = 70.0  # of differences of that order on white noise: the sum of squared binomial coefficients
@@ -32,7 +33,7 @@ def unrepeatable(comparison: Comparison) -> list[Channel]:
     """Channels whose repeats differ by more than half of their variance, unlike the nominal robot's."""
     found = []
     for column in comparison.columns:
-        channels = comparison.of(column)
+        channels = audible(comparison.of(column))
         variance, nominal_variance = (sum(np.var(getattr(c, x)) for c in channels) for x in ("measured", "nominal"))
         for group in comparison.case.repeat_groups:
             runs = [c for c in channels if c.file in [item.file for item in group]]
@@ -51,50 +52,92 @@ def repeat_variance(runs: list[np.ndarray]) -> float:
     return robust_std(runs[0][:rows] - runs[-1][:rows]) ** 2 / 2.0
 
 
-def noise_far_below_sensor(comparison: Comparison) -> list[str]:
-    """The fast noise of a channel is less than half of the nominal robot's, as in logs that were smoothed."""
-    found = []
-    for column in comparison.columns:
-        channels = [c for c in comparison.of(column) if carries_noise(c)]
-        if channels and np.median([louder(c) for c in channels]) < 1.0 / CLEAR:
-            found.append(column)
-    if not found:
-        return []
-    return [
-        f"fast noise of {few(found)} is less than half of what the robot file says: were the logs smoothed? A fit may "
-        "look too good"
-    ]
-
-
-def noise_above_sensor(comparison: Comparison) -> list[str]:
-    """The fast noise of all channels that a sensor's noise reaches is larger than the nominal robot's.
+def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
+    """The fast noise of all channels of a sensor is larger, or less, than the nominal robot's; what to set then.
 
     A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
-    With a noisier sensor no explanation leaves as little as it should.
+    With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
     if noise_as_large_as_motion(comparison):
         return []
-    found = []
-    for parameter, reached in noise_parameters(comparison.machine).items():
-        kinds = [kind for kind in comparison.kinds if kind in reached]
-        columns = [comparison.columns[i] for kind in kinds for i in comparison.kinds[kind]]
-        logs = [[louder(c) for c in comparison.of(column) if carries_noise(c)] for column in columns]
-        least = min((float(np.median(ratios)) if ratios else 0.0 for ratios in logs), default=0.0)
-        if least > ABOVE:
-            found.append(
-                f"fast noise of {few(kinds)} is {least:.2g} times what the robot file says: a vibration, or noisier "
-                f"sensors, whose {parameter} then belongs under `robot:` in case.yaml"
-            )
-    return found
+    found: dict[tuple[str, str], list[str]] = {}
+    for parameter, columns in noise_parameters(comparison.machine).items():
+        shown = [c for c in columns if c in comparison.columns]
+        ratios = [ratio for ratio in (noise_ratio(comparison.of(c)) for c in shown) if ratio is not None]
+        if not ratios or len(ratios) < len(shown):
+            continue
+        counted = min(counted_ratio(comparison, parameter, comparison.of(c)) for c in shown)
+        word = "vibration, or noisier sensors" if min(ratios) > ABOVE else ""
+        if max(ratios) < 1.0 / ABOVE and counted < 1.0 / CLEAR:
+            word = "smoothed logs, or quieter sensors"
+        if word:
+            general = ".".join(parameter.split(".")[:2])
+            found.setdefault((general, word), []).extend(shown)
+    return [noise_sentence(comparison, parameter, word, shown) for (parameter, word), shown in found.items()]
+
+
+def counted_ratio(comparison: Comparison, parameter: str, channels: list[Channel]) -> float:
+    """Fast noise of a column over what a diagnosis counts: the nominal robot's or, if larger, its repeatability."""
+    repeats = repeatability(comparison, parameter)
+    heard = audible(channels)
+    return float(np.median([fast_noise(c.measured / unit_factor(c)) / max(least_noise(c), repeats) for c in heard]))
+
+
+def repeatability(comparison: Comparison, parameter: str) -> float:
+    """By how much runs differ by the robot file [SI], of the part that a noise parameter is of; 0 for none."""
+    name = f"{parameter.split('.')[0]}.repeatability"
+    return float(comparison.robot[name]) if name in comparison.machine.index else 0.0
+
+
+def noise_sentence(comparison: Comparison, parameter: str, word: str, columns: list[str]) -> str:
+    """What the logs show, what the robot file states, and what to set."""
+    column = columns[0]
+    kind = column.rsplit("_", 1)[0]
+    unit = comparison.machine.signal[comparison.machine.column(kind).signal].unit
+    channels = audible(comparison.of(column))
+    logged = in_words(float(np.median([fast_noise(c.measured / unit_factor(c)) for c in channels])), unit)
+    stated = in_words(float(np.median([fast_noise(c.nominal) for c in channels])), unit)
+    repeats = repeatability(comparison, parameter)
+    also = f"{parameter.split('.')[0]}.repeatability" if repeats else ""
+    return (
+        f"noise in the logs is {logged} in {few(columns)}, the robot file states {stated}"
+        + (f" and {in_words(repeats, unit)} ({also})" if also else "")
+        + f": {word}? Set {parameter}"
+        + (f" and {also}" if also else "")
+    )
 
 
 def noise_parameters(machine: Machine) -> dict[str, list[str]]:
-    """Noise parameters of sensors -> the kinds of signal whose noise depends on them; none where none is stated."""
-    if machine.noise_std is None:
-        return {}
-    plain = machine.noise_std(lambda name: 1.0)
-    doubled = {p: machine.noise_std(lambda name, p=p: 2.0 if name == p else 1.0) for p in machine.noise}
-    return {p: [kind for kind, std in stds.items() if std > plain[kind]] for p, stds in doubled.items()}
+    """Noise parameters of sensors -> the columns whose readings they make noisy.
+
+    A parameter `part.name`, or `part.name.channel`, is of the part that writes the readings.
+    """
+    written = {part.name: {name for output in part.outputs for name in output.writes} for part in machine.parts}
+    found: dict[str, list[str]] = {}
+    for parameter in machine.noise:
+        part, _, *channel = parameter.split(".")
+        shown = [c for c in machine.columns if c.signal in written.get(part, ()) and c.kind in machine.compared]
+        names = machine.log_names(shown)
+        found[parameter] = [n for n in names if not channel or n.endswith(f"_{channel[0]}")]
+    return found
+
+
+def noise_ratio(channels: list[Channel]) -> float | None:
+    """Fast noise of a column over the nominal robot's, the median of its logs; None where rounding hides either."""
+    ratios = [fast_noise(c.measured / unit_factor(c)) / least_noise(c) for c in audible(channels)]
+    return float(np.median(ratios)) if ratios else None
+
+
+def audible(channels: list[Channel]) -> list[Channel]:
+    """The channels in which rounding hides neither the nominal noise nor a larger one that is measured."""
+    changing = [c for c in channels if np.median(np.abs(np.diff(c.measured))) > 0.0]
+    heard = [c for c in changing if least_noise(c) > EXACT * np.ptp(c.measured)]
+    return [c for c in heard if carries_noise(c) or fast_noise(c.measured) > ABOVE * least_noise(c)]
+
+
+def least_noise(channel: Channel) -> float:
+    """Nominal fast noise; of a rounded channel two steps, below which rounding may be taken for noise."""
+    return max(fast_noise(channel.nominal), CLEAR * rounding_step(channel.nominal))
 
 
 def louder(channel: Channel) -> float:

@@ -7,7 +7,7 @@ from textwrap import shorten
 
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.diagnosis.checks import channels, logs, noise, robots, scale
+from exodrake.diagnosis.checks import channels, logs, noise, others, robots, scale
 from exodrake.diagnosis.checks.compare import Comparison, compare
 
 CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
@@ -16,14 +16,17 @@ CHECKS: tuple[Callable[[Comparison], list[str]], ...] = (
     scale.another_unit,
     scale.exchanged_columns,
     channels.gaps,
+    channels.references_beyond_limits,
     channels.frozen_channels,
+    channels.clipped_channels,
     channels.nothing_moves,
     channels.bursts,
     noise.noise_as_large_as_motion,
-    noise.noise_above_sensor,
-    noise.noise_far_below_sensor,
+    noise.noise_unlike_robot_file,
     robots.changed_between_repeats,
     robots.logs_of_other_robots,
+    others.unlike_other_logs,
+    others.drifting_clocks,
 )
 LONGEST = 300  # characters of a sentence
 
@@ -35,5 +38,9 @@ def suspicions(case: Case, robot: Robot) -> tuple[str, ...]:
         case: a case that `check_case` lets pass.
         robot: the nominal robot with the case's overrides.
     """
-    comparison = compare(case, robot)
+    return suspicions_of(compare(case, robot))
+
+
+def suspicions_of(comparison: Comparison) -> tuple[str, ...]:
+    """The same of a comparison that is there already."""
     return tuple(shorten(sentence, LONGEST) for check in CHECKS for sentence in check(comparison))

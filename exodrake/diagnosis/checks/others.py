@@ -1,0 +1,263 @@
+"""Each log of a case beside the other logs: another unit, zero, clock or robot in one of them.
+
+A channel of one log is predicted by a linear model that is fitted on the other logs: from the references, what the
+nominal robot does on them, and the log's channels of other kinds. An effect of the robot acts on all logs and so is in
+the model, as far as it is linear; what is wrong with one log is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from exodrake.diagnosis.checks.compare import LONG, Comparison, few
+
+# Times the largest error of the other logs: with few logs an error three times the largest is rare in any law without
+# heavy tails, and healthy robots, simulated and real, stay below 2.7
+UNLIKE = 3.0
+SMALL = 0.03  # of the motion: the scatter of nominal parameters; predictions are not trusted further
+RIDGE = 1e-3  # of the variance: columns that move alike share their weight
+BLOCKS = 10  # of a log, in each of which a delay is taken: the scatter about a line then says how sure its slope is
+DRIFTING = 7.0  # standard errors of a slope; predictions err alike for long, so that healthy robots reach 6
+STILL = 1e-6  # of a column's motion over all logs: less in most of them is rounding, and the column rests there
+ALONE = 0.75  # of an error, from which its cause is named
+
+
+@dataclass(frozen=True, eq=False)
+class OtherLogs:
+    """Predictions of the channels of each log from the other logs; values in units of `scale` about `middle`.
+
+    Attributes:
+        comparison: the logs.
+    """
+
+    comparison: Comparison
+
+    @cached_property
+    def raw(self) -> list[np.ndarray]:
+        """References, nominal and measured columns of each log (n, c) [SI]."""
+        return [np.hstack([p.reference, p.nominal, p.measured]) for p in self.comparison.pairs]
+
+    @cached_property
+    def middle(self) -> np.ndarray:
+        """(c,) median over logs of the columns' means [SI]."""
+        return np.median([rows.mean(axis=0) for rows in self.raw], axis=0)
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """(c,) typical motion of the columns in the logs, that of a measured one no less than the nominal's [SI]."""
+        spread, width = np.median([rows.std(axis=0) for rows in self.raw], axis=0), len(self.comparison.columns)
+        spread[-width:] = np.maximum(spread[-width:], spread[-2 * width : -width])
+        largest = np.vstack(self.raw).std(axis=0)
+        return np.where(spread > STILL * largest, spread, np.where(largest > 0.0, largest, 1.0))
+
+    @cached_property
+    def rows(self) -> list[np.ndarray]:
+        """A one and the scaled columns of each log (n, 1 + c)."""
+        return [np.column_stack([np.ones(len(raw)), (raw - self.middle) / self.scale]) for raw in self.raw]
+
+    @cached_property
+    def moments(self) -> np.ndarray:
+        """Mean products of the columns of each log (logs, 1 + c, 1 + c)."""
+        return np.array([rows.T @ rows / len(rows) for rows in self.rows])
+
+    @cached_property
+    def kinds(self) -> np.ndarray:
+        """Kind of each compared column."""
+        return np.array([column.rsplit("_", 1)[0] for column in self.comparison.columns])
+
+    def place(self, column: int) -> int:
+        """Where a compared column stands in `rows`."""
+        return self.moments.shape[1] - len(self.kinds) + column
+
+    def weights(self, column: int, logs: Sequence[int], without: Sequence[str] = ()) -> np.ndarray:
+        """Weights (1 + c,) that predict a column, fitted on some logs; kinds that take no part, its own among them."""
+        first = self.place(0)
+        others = first + np.flatnonzero(~np.isin(self.kinds, [self.kinds[column], *without]))
+        used = np.concatenate([np.arange(first), others])
+        moments = self.moments[list(logs)].mean(axis=0)
+        ridge = np.full(len(used), RIDGE)
+        ridge[0] = 0.0
+        found = np.zeros(len(moments))
+        found[used] = np.linalg.solve(moments[np.ix_(used, used)] + np.diag(ridge), moments[used, self.place(column)])
+        return found
+
+    def error(self, column: int, log: int, logs: Sequence[int], without: Sequence[str] = ()) -> float:
+        """RMS error of a column of a log by a fit on some logs [motions]."""
+        off = -self.weights(column, logs, without)
+        off[self.place(column)] += 1.0
+        return float(np.sqrt(max(off @ self.moments[log] @ off, 0.0)))
+
+    def usual(self, column: int, log: int, without: Sequence[str] = ()) -> float:
+        """Largest error of a column in any other log, by fits that know neither of both; at least `SMALL`."""
+        return max([SMALL, *self.errors(column, log, without)])
+
+    def errors(self, column: int, log: int, without: Sequence[str] = ()) -> list[float]:
+        """Errors of a column in each other log, by fits that know neither of both; none with fewer than three logs."""
+        found = []
+        for k in range(len(self.rows)):
+            known = [m for m in range(len(self.rows)) if m not in (k, log) and not self.repeats(k, m)]
+            found += [self.error(column, k, known, without)] if k != log and known else []
+        return found
+
+    def repeats(self, one: int, other: int) -> bool:
+        """Whether two logs follow one reference, so that either predicts the other too well to tell what is usual."""
+        a, b = (self.comparison.pairs[k].reference for k in (one, other))
+        rows = min(len(a), len(b))
+        return bool(np.allclose(a[:rows], b[:rows], rtol=0.0, atol=1e-9 * float(np.abs(a).max(initial=1e-9))))
+
+    def predicted(self, column: int, log: int, without: Sequence[str] = ()) -> np.ndarray:
+        """A column of a log (n,) by a fit on the others; the nominal robot's where there is no other."""
+        others = [k for k in range(len(self.rows)) if k != log]
+        if not others:
+            nominal = self.comparison.pairs[log].nominal[:, column]
+            return (nominal - self.middle[self.place(column) - 1]) / self.scale[self.place(column) - 1]
+        return self.rows[log] @ self.weights(column, others, without)
+
+    def measured(self, column: int, log: int) -> np.ndarray:
+        """A column of a log (n,)."""
+        return self.rows[log][:, self.place(column)]
+
+    def unlike(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
+        """How many times the usual error is the part of a column's error that a gain, offset or delay explains; which.
+
+        What none of them explains is left to the robot: an effect may show in one motion alone.
+        """
+        if not self.errors(column, log, without):
+            return 0.0, ""
+        usual = self.usual(column, log, without)
+        others = [k for k in range(len(self.rows)) if k != log]
+        if self.error(column, log, others, without) <= UNLIKE * usual:
+            return 0.0, ""
+        share, words = self.explained(column, log, without)
+        return self.error(column, log, others, without) * float(np.sqrt(share)) / usual, words
+
+    def explained(self, column: int, log: int, without: Sequence[str] = ()) -> tuple[float, str]:
+        """Share of a column's error in a log that a gain, an offset and a delay explain, and the one that suffices."""
+        place = self.place(column) - 1
+        unit = self.comparison.pairs[log].item.log.units[self.comparison.columns[column]]
+        h, y = self.predicted(column, log, without), self.measured(column, log)
+        error = y - h
+        total = float(error @ error)
+        late = shift_of(y, h)
+        shifted = np.roll(h, late)
+        shifted[: max(late, 0)], shifted[len(h) + min(late, 0) :] = h[0], h[-1]
+        true = h + self.middle[place] / self.scale[place]
+        gain = float(true @ (y + self.middle[place] / self.scale[place]) / (true @ true))
+        both = np.column_stack([h, np.ones(len(h))])
+        linear = error - both @ np.linalg.lstsq(both, error, rcond=None)[0]
+        left = {
+            f"about {gain:.3g} times what they say": error - (gain - 1.0) * true,
+            f"{error.mean() * self.scale[place]:+.3g} {unit} apart": error - error.mean(),
+            f"{late * self.comparison.machine.frame:+.3g} s late": y - shifted,
+        }
+        shares = {words: 1.0 - float(rest @ rest) / total for words, rest in left.items()}
+        best = max(shares, key=lambda words: shares[words])
+        share = max(shares[best], 1.0 - float(linear @ linear) / total)
+        return share, best if shares[best] > ALONE else ""
+
+
+def shift_of(measured: np.ndarray, predicted: np.ndarray) -> int:
+    """Frames by which a signal (n,) comes later than its prediction: the largest correlation, up to a quarter of it."""
+    n, most = len(measured), len(measured) // 4
+    a, b = (np.fft.rfft(x - x.mean(), 2 * n) for x in (measured, predicted))
+    correlation = np.fft.irfft(a * b.conj(), 2 * n)
+    lags = np.arange(-most, most + 1)
+    return int(lags[np.argmax(correlation[lags])])
+
+
+def unlike_other_logs(comparison: Comparison) -> list[str]:
+    """Channels of one log err by a gain, offset or delay, several times as far as those of any other log.
+
+    With fewer than three logs nothing says what is usual. Of channels that predict each other, those count that still
+    err when the others take no part.
+    """
+    if len(comparison.pairs) < 3:
+        return []
+    other, strength = OtherLogs(comparison), {}
+    for log in range(len(comparison.pairs)):
+        found = [c for c in range(len(comparison.columns)) if other.unlike(c, log)[0] > UNLIKE]
+        kinds = list(dict.fromkeys(other.kinds[found]))
+        alone = {c: other.unlike(c, log, [kind for kind in kinds if kind != other.kinds[c]]) for c in found}
+        strength[log] = {c: one for c, one in alone.items() if one[0] > UNLIKE} or strongest_kind(other, log, found)
+    sums = {log: sum(np.log(one[0]) for one in found.values()) for log, found in strength.items() if found}
+    return [sentence_of(other, log, strength[log]) for log in sorted(sums, key=lambda log: -sums[log])[:1]]
+
+
+def strongest_kind(other: OtherLogs, log: int, columns: list[int]) -> dict[int, tuple[float, str]]:
+    """Those of some columns that are of one kind with the one that is most unlike: strength and words of each."""
+    found = {c: other.unlike(c, log) for c in columns}
+    kind = other.kinds[max(found, key=lambda c: found[c][0])] if found else ""
+    return {c: one for c, one in found.items() if other.kinds[c] == kind}
+
+
+def sentence_of(other: OtherLogs, log: int, found: dict[int, tuple[float, str]]) -> str:
+    """What is unlike in a log: columns with their strengths and words."""
+    strongest = sorted(found, key=lambda c: -found[c][0])
+    words = next((found[c][1] for c in strongest if found[c][1]), "")
+    kinds = dict.fromkeys(other.kinds[sorted(found)])
+    ask = (
+        "another robot?" if len(kinds) > 1 else "another unit, zero or clock, a clipped or dead channel, another robot?"
+    )
+    names = few(other.comparison.columns[c] for c in sorted(found))
+    return (
+        f"{names} of {other.comparison.pairs[log].item.file} do not follow from the other logs"
+        + (f" ({other.comparison.columns[next(c for c in strongest if found[c][1])]}: {words})" if words else "")
+        + f": {ask}"
+    )
+
+
+def drifting_clocks(comparison: Comparison) -> list[str]:
+    """The channels of one kind come ever later, or earlier, in one log, as those of no other log do."""
+    if len(comparison.pairs) < 3:
+        return []
+    other, found = OtherLogs(comparison), []
+    for kind in dict.fromkeys(other.kinds):
+        slopes = [slope_of_delay(other, str(kind), log) for log in range(len(comparison.pairs))]
+        for log, (slope, sure) in enumerate(slopes):
+            rest = np.array([s for k, (s, _) in enumerate(slopes) if k != log])
+            own = slope - np.median(rest)
+            grows = abs(own) * len(other.rows[log])
+            if sure > DRIFTING and grows > 1.0 and abs(own) > UNLIKE * np.abs(rest - np.median(rest)).max():
+                file, word = comparison.pairs[log].item.file, "later" if own > 0.0 else "earlier"
+                names = few(c for c, k in zip(comparison.columns, other.kinds, strict=True) if k == kind)
+                found.append(
+                    f"{names} of {file} come ever {word}, by {grows:.2g} frames at its end ({1e6 * abs(own):.0f} ppm), "
+                    "unlike in the other logs: a clock of its own?"
+                )
+    return found
+
+
+def slope_of_delay(other: OtherLogs, kind: str, log: int) -> tuple[float, float]:
+    """By how much the delay of a kind of channel grows in a log [frames/frame], and that over its standard error.
+
+    In each block of the log the error is fitted by offset, gain and delay; a line goes through the delays.
+    """
+    times, delays, weights = [], [], []
+    for column in np.flatnonzero(other.kinds == kind):
+        predicted = other.predicted(int(column), log)
+        error = other.measured(int(column), log) - predicted
+        speed = np.gradient(np.convolve(np.pad(predicted, 2, mode="edge"), np.ones(5) / 5.0, "valid"))
+        for block in np.array_split(np.arange(len(predicted)), BLOCKS):
+            if len(block) < LONG or not np.ptp(speed[block]) > 0.0:
+                continue
+            level = predicted[block] - predicted[block].mean()
+            shape = np.column_stack([np.ones(len(block)), level, speed[block]])
+            inverse = np.linalg.pinv(shape.T @ shape)
+            fitted = inverse @ (shape.T @ error[block])
+            left = np.mean((error[block] - shape @ fitted) ** 2)
+            if inverse[2, 2] > 0.0 and left > 0.0:
+                times.append(block.mean())
+                delays.append(-fitted[2])
+                weights.append(1.0 / (inverse[2, 2] * left))
+    if len(times) < BLOCKS // 2:
+        return 0.0, 0.0
+    time, delay, weight = map(np.array, (times, delays, weights))
+    time, delay = (x - np.average(x, weights=weight) for x in (time, delay))
+    spread = weight @ time**2
+    slope = float(weight @ (time * delay) / spread) if spread > 0.0 else 0.0
+    error = np.sqrt(weight @ (delay - slope * time) ** 2 / (len(time) - 2) / spread) if spread > 0.0 else np.inf
+    return slope, abs(slope) / float(error) if error > 0.0 else 0.0
