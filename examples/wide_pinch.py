@@ -1,7 +1,10 @@
-"""Wide pinch: flexor against extensor bends the PIP alone, until the DIP snaps into flexion.
+"""Wide pinch: flexor against extensor bends the PIP alone, if the DIP is stiff enough to stay.
 
-The flexors' moment arms grow with flexion and the extensor's shrinks, so pulling both against each other softens the
-DIP, whose own spring is the weakest. Run: python examples/wide_pinch.py [FOLDER]
+A flexor's moment arm grows with flexion and an extensor's shrinks, so that both together soften a joint by some 4.4 mm
+times the tension of AF. The nominal DIP has no stiffness left at 8.1 N; the robot `exo_index/wide_pinch` has a stiffer
+DIP and a softer PIP. Each is pulled along the line on which AE balances AF at the resting DIP, and beyond it.
+
+Run: python examples/wide_pinch.py [FOLDER]
 """
 
 import sys
@@ -14,28 +17,29 @@ import exodrake as exo
 from exodrake.data.plot import save_png
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-robot = exo.load_robot()
-pinch = robot.grasps["wide-pinch"]
-shares = np.linspace(0.60, 0.88, 15)  # tension of AE over tension of AF
+pulls = np.arange(1.0, 10.51, 0.5)  # tension of AF [N]
 
-held = []
-for share in shares:
-    reference = exo.grasp("wide-pinch", robot, {**pinch, "AE": share * pinch["AF"]}, hold=6.0)
-    log = exo.simulate(robot, reference, seed=None, quantisation=False)
-    held.append(log.array("angle")[360])  # [rad] at 7.2 s, near the end of the hold
-held = np.array(held)
+figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+panels = figure.subplots(1, 2, sharey=True)
+for name, axes in zip(("exo_index", "exo_index/wide_pinch"), panels):
+    robot = exo.load_robot(name)
+    rest, pinch = robot.channels("finger.q0"), robot.grasps["wide-pinch"]
+    share = pinch["AE"] / pinch["AF"]
 
-at = int(np.abs(shares - pinch["AE"] / pinch["AF"]).argmin())
-print(f"AE at {shares[at]:.2f} of AF: MCP {held[at, 0]:.2f}, PIP {held[at, 1]:.2f}, DIP {held[at, 2]:.2f} rad")
-jump = int(np.abs(np.diff(held[:, 2])).argmax())
-before, after = held[jump, 2], held[jump + 1, 2]
-print(f"between {shares[jump]:.2f} and {shares[jump + 1]:.2f} the DIP goes from {before:.2f} to {after:.2f} rad")
+    bends = []
+    for pull in pulls:
+        reference = exo.grasp("wide-pinch", robot, {"AF": pull, "MF": 0.3, "AE": share * pull}, hold=6.0)
+        log = exo.simulate(robot, reference, seed=None, quantisation=False)
+        bends.append(log.array("angle")[360] - rest)  # [rad] at 7.2 s, near the end of the hold
+    bends = np.array(bends)
 
-figure = Figure(figsize=(5.5, 3.4), layout="constrained")
-axes = figure.subplots()
-for i, joint in enumerate(robot.machine.axes.joints):
-    axes.plot(shares, held[:, i], "o-", ms=3.5, color=robot.machine.colours[joint], label=joint)
-axes.axvline(pinch["AE"] / pinch["AF"], color="#888", ls=":", label="wide pinch")
-axes.set(xlabel="Tension of AE over tension of AF", ylabel="Joint angle [rad]", title="Wide pinch, AF at 9 N")
-axes.legend(frameon=False)
+    at = int(np.abs(pulls - pinch["AF"]).argmin())
+    moved = ", ".join(f"{joint} {bend:+.2f}" for joint, bend in zip(robot.machine.axes.joints, bends[at]))
+    print(f"{name}: AF {pulls[at]:g} N, AE {share * pulls[at]:.2f} N bend {moved} rad from rest")
+    for i, joint in enumerate(robot.machine.axes.joints):
+        axes.plot(pulls, bends[:, i], "o-", ms=3.5, color=robot.machine.colours[joint], label=joint)
+    axes.axvline(pinch["AF"], color="#888", ls=":", label="wide pinch")
+    axes.set(xlabel=f"Tension of AF, AE {share:.2f} times that [N]", title=name)
+panels[0].set_ylabel("Joint angle less rest [rad]")
+panels[0].legend(frameon=False)
 save_png(figure, folder / "wide_pinch.png")

@@ -17,14 +17,25 @@ from exodrake.grasping.inverse_kinematics import candidates
 from exodrake.grasping.inverse_statics import tensions_for
 from exodrake.grasping.run import run_plan
 from exodrake.grasping.trial import at_hold
+from exodrake.systems import finger_statics as statics
 from exodrake.systems.finger_statics import parameters_of
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
 LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # model.md
 FEASIBLE = {  # mm, measured: what a change of planner or robot may not take away unseen
-    "narrow-pinch": range(20, 95, 5),
-    "wide-pinch": range(50, 75, 5),
+    "narrow-pinch": range(25, 70, 5),
+    "wide-pinch": range(55, 65, 5),
     "caging": range(25, 65, 5),
+}
+REST = np.array([0.20, 0.30, 0.15])  # rad, model.md
+# Paper, Section 2.2.2, by robot and grasp: least and largest bend of MCP, PIP, DIP from rest [rad].
+POSTURES = {
+    ("exo_index", "caging"): ((0.3, 0.4, 0.4), (0.9, 1.2, 1.0)),
+    ("exo_index", "narrow-pinch"): ((0.3, -0.05, -0.05), (0.9, 0.05, 0.05)),
+    ("exo_index", "wide-pinch"): ((-0.05, 0.1, -0.05), (0.05, 0.2, 0.05)),
+    ("exo_index/wide_pinch", "caging"): ((0.3, 0.4, 0.4), (0.9, 1.2, 1.0)),
+    ("exo_index/wide_pinch", "narrow-pinch"): ((0.3, -0.05, -0.05), (0.9, 0.05, 0.05)),
+    ("exo_index/wide_pinch", "wide-pinch"): ((-0.05, 0.4, -0.05), (0.05, 0.9, 0.05)),
 }
 
 
@@ -84,21 +95,84 @@ def test_wanted_posture_touches_the_object(mode):
             assert thumb < 1e-9
 
 
+def equilibrium(tension, kappa):
+    """Angles (3,) [rad] at tensions AF, MF, AE [N] and their stiffness (3,) [N m/rad], by model.md's equations alone.
+
+    Each joint follows its torque from rest, as a slow finger does.
+    """
+    flexor, extensor = np.hypot(5e-3, 3e-3), np.hypot(5e-3, 5e-3)
+    pull = np.array([tension[0] + tension[1], tension[0], tension[0]])
+
+    def torque(q):
+        arms = flexor * np.sin(np.arctan2(3, 5) + q / 2), extensor * np.sin(np.arctan2(5, 5) - q / 2)
+        ends = np.exp(12 * np.maximum(q - [1.3, 1.5, 0.95], 0)) - np.exp(12 * np.maximum([-0.3, 0, 0] - q, 0))
+        return pull * arms[0] - tension[2] * arms[1] - kappa * (q - REST) - 0.002 * ends
+
+    q = REST.copy()
+    for _ in range(20000):
+        q = q + np.clip(0.5 * torque(q), -1e-3, 1e-3)
+    return q, (torque(q - 1e-5) - torque(q + 1e-5)) / 2e-5
+
+
+@pytest.mark.parametrize("name, mode", POSTURES)
+def test_each_grasp_bends_the_joints_that_the_paper_names_and_no_other(name, mode):
+    one = exo.load_robot(name)
+    low, high = POSTURES[name, mode]
+    log = exo.simulate(one, exo.grasp(mode, one, hold=8.0), seed=None, quantisation=False)
+    bend = at_hold(log, "angle", ("MCP", "PIP", "DIP")) - REST  # at 3.5 to 4.0 s, as without the longer hold
+    assert (bend > low).all() and (bend < high).all()
+    kappa = np.array([0.080, 0.060, 0.035] if name == "exo_index" else [0.080, 0.045, 0.060])
+    wanted, firm = equilibrium([one.grasps[mode][w] for w in ("AF", "MF", "AE")], kappa)
+    np.testing.assert_allclose(log.array("angle")[470], wanted, atol=0.005)  # rad, at 9.4 s of 9.5
+    assert (firm > 0.2 * kappa).all()
+
+
+def test_no_order_of_the_tendons_holds_the_nominal_dip_at_rest_beyond_8_newtons():
+    """Issue 37.10: AE = R_f/R_e AF balances the resting DIP, and R_f' + R_f/R_e R_e' times AF softens it."""
+    q = 0.15
+    flexor, extensor = 5 * np.sin(q / 2) + 3 * np.cos(q / 2), 5 * np.cos(q / 2) - 5 * np.sin(q / 2)
+    share = flexor / extensor
+    softening = 1e-3 * ((5 * np.cos(q / 2) - 3 * np.sin(q / 2)) + share * 5 * (np.sin(q / 2) + np.cos(q / 2))) / 2
+    limit = 0.035 / softening
+    assert limit == pytest.approx(8.1, abs=0.05)
+    low = np.full(3, 0.3)
+    for pull, stays in ((0.8 * limit, True), (1.05 * limit, False)):
+        target = np.array([pull, 0.3, share * pull])
+        for leader in ([0, 1, 2], [2, 0, 1], [0, 2, 1]):
+            course = [low]
+            for wire in leader:  # one tendon after the other, then all held
+                course += list(np.linspace(course[-1], np.where(np.arange(3) == wire, target, course[-1]), 40))
+            held = statics.follow(np.array(course), parameters_of(robot()))[-1]
+            assert (abs(held[2] - 0.15) < 0.05) == stays
+
+
 def test_modes_look_as_the_paper_says():
     rest = robot().channels("finger.q0")
     for mode, sizes in FEASIBLE.items():
         for size in sizes:
             bend = np.array(plan(mode, size / 1e3).wanted) - rest
             if mode == "narrow-pinch":
-                assert (bend[1:] < 0.11).all()  # a straight finger
+                assert (np.abs(bend[1:]) < 0.11).all()  # PIP and DIP as at rest
             elif mode == "wide-pinch":
-                assert bend[0] < 0.11 and bend[1] > -1e-9 and bend[2] < 0.11  # the PIP alone bends
+                assert (np.abs(bend[[0, 2]]) < 0.11).all() and bend[1] > -1e-9  # the PIP alone bends
             else:
                 assert (bend > 0.15).all()  # all joints curl
 
 
+def test_the_robot_for_the_wide_pinch_holds_objects_in_all_three_modes():
+    one = exo.load_robot("exo_index/wide_pinch")
+    changed = {n for n, v in one.parameters().items() if v != robot().parameters()[n]}
+    assert changed == {"finger.kappa.PIP", "finger.kappa.DIP"}
+    for mode, size in (("narrow-pinch", 0.03), ("wide-pinch", 0.05), ("caging", 0.03)):
+        made = exo.plan_grasp(mode, size, one)
+        reached = at_hold(exo.simulate(one, made.reference(one)), "angle", made.joints)
+        assert made.feasible
+        np.testing.assert_allclose(reached, made.wanted, atol=0.05)
+
+
 def test_larger_objects_open_the_hand():
-    tips = [np.hypot(*np.subtract(plan("narrow-pinch", s).target, (0.03, 0.09))) for s in SIZES]
+    sizes = [size / 1e3 for size in FEASIBLE["narrow-pinch"]]
+    tips = [np.hypot(*np.subtract(plan("narrow-pinch", size).target, (0.03, 0.09))) for size in sizes]
     assert (np.diff(tips) > 0).all()
 
 

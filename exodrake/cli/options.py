@@ -105,7 +105,7 @@ def robot_option(name: str = "robot", default: str = DEFAULT) -> Callable[[Calla
         )  # fmt: skip
         robot = click.option(
             "--robot", name, default=default, metavar="FILE", callback=robot_named,
-            help="Robot file, or the name of a machine.",
+            help="Robot file, or the name of a machine or built-in robot.",
         )  # fmt: skip
         return robot(machine(command))
 

@@ -59,9 +59,10 @@ class Mode:
 
 
 # Paper, Section 2.2.2: "wide pinch, which only bends the PIP joint", narrow pinch by MCP flexion, caging by all joints.
-# By how much the others may bend with it is assumed.
-NARROW = Mode("narrow-pinch", (-FREE, -FREE, -FREE), (FREE, 0.1, 0.1), (0.0, 1.0, 1.0))
-WIDE = Mode("wide-pinch", (-FREE, 0.0, -FREE), (0.1, FREE, 0.1), (1.0, 0.0, 1.0))
+# The others stay within STILL of rest, in flexion and in extension.
+STILL = 0.1  # rad, assumed
+NARROW = Mode("narrow-pinch", (-FREE, -STILL, -STILL), (FREE, STILL, STILL), (0.0, 1.0, 1.0))
+WIDE = Mode("wide-pinch", (-STILL, 0.0, -STILL), (STILL, FREE, STILL), (1.0, 0.0, 1.0))
 CAGING = Mode("caging", (-FREE, -FREE, -FREE), (FREE, FREE, FREE), (0.0, 0.0, 0.0), wraps=True)
 MODES = {mode.name: mode for mode in (CAGING, NARROW, WIDE)}
 

@@ -1,4 +1,8 @@
-"""The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins."""
+"""The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
+
+A folder `robots` in a machine's folder holds further robots of the machine, `exo_index/wide_pinch` for
+`exo_index/robots/wide_pinch.yaml`.
+"""
 
 from __future__ import annotations
 
@@ -36,10 +40,18 @@ def recorded_machines() -> tuple[str, ...]:
     return tuple(name for name, folder in machine_folders().items() if (folder / "recordings.py").is_file())
 
 
+def robot_files() -> dict[str, Path]:
+    """Robot file of each built-in robot by name: `machine` for the nominal one, `machine/robot` for the others."""
+    found: dict[str, Path] = {}
+    for name, folder in machine_folders().items():
+        found[name] = folder / plugins.ROBOT
+        found |= {f"{name}/{file.stem}": file for file in sorted(folder.glob("robots/*.yaml"))}
+    return found
+
+
 def robot_yaml(name: str) -> Path | None:
-    """The robot file of a machine, or None if there is no machine of that name."""
-    folder = machine_folders().get(name)
-    return folder / plugins.ROBOT if folder else None
+    """The robot file of a built-in robot, or None if there is none of that name."""
+    return robot_files().get(name)
 
 
 @cache

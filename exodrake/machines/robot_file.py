@@ -36,7 +36,7 @@ from exodrake.core.schema import anything, either, listing, mapping, names, numb
 from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
 from exodrake.core.yaml_file import parse_yaml
-from exodrake.machines.library import machine_named, machine_names, robot_yaml
+from exodrake.machines.library import machine_named, robot_files, robot_yaml
 
 TRANSFORMS = ("relative", "additive", "log")
 
@@ -98,7 +98,7 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     """The robot of a file, or of a machine by its name.
 
     Args:
-        path: robot file, or name of a machine.
+        path: robot file, or name of a machine or of another built-in robot, such as `exo_index/wide_pinch`.
         above: files whose base this one is, for the message about a ring.
 
     Raises:
@@ -110,7 +110,8 @@ def load_robot(path: str | Path = "exo_index", above: tuple[str, ...] = ()) -> R
     else:
         file = Path(path)
         if not is_file(file):
-            near, there = nearest(str(path), list(machine_names())), ", ".join(machine_names())
+            names = list(robot_files())
+            near, there = nearest(str(path), names), ", ".join(names)
             raise InputError(f"no robot file {str(path)!r}, nor a machine of that name{near or f'; there are {there}'}")
         source, data = file.name, read_bytes(file)
     return build(parse_yaml(data, source), source, above or (str(path),))
