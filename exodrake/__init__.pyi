@@ -35,6 +35,7 @@ from exodrake.diagrams.parts import (
 from exodrake.diagrams.signal_log import logged_signals as logged_signals
 from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.posture_loop import posture_controller as posture_controller
+from exodrake.identification.maximum_tension import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot
 from exodrake.machines.write_robot import write_robot as write_robot
 from exodrake.simulation.diagram_log import diagram_log as diagram_log
@@ -42,6 +43,7 @@ from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,
     holds as holds,
+    maximum_tension as maximum_tension,
     multisine as multisine,
     random_motion as random_motion,
     short_sweeps as short_sweeps,

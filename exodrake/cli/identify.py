@@ -1,4 +1,4 @@
-"""`exodrake identify`: kinematics from marker recordings, and synthetic recordings with known truth."""
+"""`exodrake identify`: kinematics from marker recordings, synthetic ones with known truth, and maximum tensions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_option
 
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @click.group()
 def command() -> None:
-    """Find kinematics from recordings, or make synthetic recordings."""
+    """Find kinematics and maximum tensions from recordings, or make synthetic recordings."""
 
 
 @command.command(short_help="Joint axes, centres, angles and phalanx lengths.")
@@ -116,3 +116,26 @@ def synthesise(
     write_bytes(file, data)
     write_bytes(file.with_name(file.name + ".truth.yaml"), truth_yaml(truth).encode())
     click.echo(f"wrote {file}: {len(recording.time)} frames, {len(recording.names)} markers; truth beside it")
+
+
+@command.command("maximum-tension", short_help="Tension of each tendon beyond which the joints hardly move.")
+@click.argument("log", type=AnyPath())
+@robot_option()
+def maximum_tension(log: Path, robot: str) -> None:
+    r"""The tension of each tendon that maximises the movement, from LOG of the protocol `maximum-tension`.
+
+    \b
+    exodrake simulate maximum-tension --out ramps
+    exodrake identify maximum-tension ramps/log.csv
+    """
+    from exodrake.data.log_file import read_log
+    from exodrake.identification.maximum_tension import find_maximum_tension
+    from exodrake.machines.robot_file import load_robot
+
+    found = find_maximum_tension(read_log(log), load_robot(robot))
+    for one in found:
+        moved = ", ".join(f"{joint} {angle:+.2f}" for joint, angle in one.travel.items())
+        state = "" if one.saturated else "; the joints still move there"
+        click.echo(f"{one.tendon}: {one.tension:.1f} N, moved {moved} rad{state}")
+    limits = ", ".join(f"{one.tendon}: {one.tension:.1f}" for one in found)
+    click.echo(f"robot file: limits: {{F_max: {{{limits}}}}}")

@@ -38,7 +38,9 @@ def command(protocol: str, reference: str, file: str, robot: str, out: Path | No
     the recording.
 
     PROTOCOL is a grasp mode (caging, narrow-pinch, wide-pinch) or one of sweeps, short-sweeps, chirp, holds, steps,
-    multisine, random-motion; options of its own follow a colon: `caging:hold=4`, `chirp:low=0.1,high=1.5`.
+    multisine, random-motion, maximum-tension; options of its own follow a colon: `caging:hold=4`,
+    `chirp:low=0.1,high=1.5`. The wide pinch of the nominal robot is slight; `--robot exo_index/wide_pinch` bends the
+    PIP by 0.4 rad.
     """
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 

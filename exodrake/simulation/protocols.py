@@ -126,6 +126,18 @@ def short_sweeps(robot: Robot | None = None, *, period: float = 5.0) -> Referenc
     return above_minimum(robot, np.concatenate(chosen), "short-sweeps")
 
 
+def maximum_tension(robot: Robot | None = None, *, ramp: float = 10.0, dwell: float = 2.0) -> Reference:
+    """First step of the paper's Section 2.3: each wire in turn ramps slowly to F_max and back, the others slack-free.
+
+    `identification.maximum_tension` reads from the log at which tension of each wire the joints stop moving. The limits
+    F_max of the robot file are then what is safe. ramp: duration up, and down [s]; dwell: before it, and at F_max [s].
+    """
+    robot = robot_or_default(robot)
+    time, frame = clock(robot, rest=dwell, up=ramp, dwell=dwell, down=ramp), robot.machine.frame
+    course = np.clip(np.minimum(time - dwell, 2.0 * (ramp + dwell) - time) / max(ramp, frame), 0.0, 1.0)
+    return above_minimum(robot, one_by_one(robot.reference_limits()[1], 0.0, course), "maximum-tension")
+
+
 def chirp(
     robot: Robot | None = None,
     *,

@@ -26,6 +26,7 @@ ALIKE = 1e-6  # [s] two clocks closer than this are the same
 PROTOCOLS: dict[str, Callable[..., Reference]] = {
     "sweeps": protocols.sweeps,
     "short-sweeps": protocols.short_sweeps,
+    "maximum-tension": protocols.maximum_tension,
     "chirp": protocols.chirp,
     "holds": protocols.holds,
     "steps": protocols.steps,
@@ -36,7 +37,7 @@ PROTOCOLS: dict[str, Callable[..., Reference]] = {
 
 # SI unit of the options of protocols; those without one are shares and counts
 UNITS = {
-    **dict.fromkeys(("rest", "approach", "hold", "release", "period", "span", "dwell", "duration"), "s"),
+    **dict.fromkeys(("rest", "approach", "hold", "release", "period", "span", "dwell", "duration", "ramp"), "s"),
     **dict.fromkeys(("low", "high", "fastest"), "Hz"),
 }
 
