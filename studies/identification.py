@@ -166,6 +166,23 @@ Mean RMSE of the angles [deg]: {angles}.
 The intervals count what markers can show. Skin that slides with the angle deforms the triads, which widens the
 intervals, but it also moves joint centres, which no marker shows.
 
+## The paper's equations
+
+Corrected as on [the page about the paper](paper.md), they are functions of `exodrake.identification`. The package itself
+uses other methods:
+
+| paper | function | used instead |
+|---|---|---|
+| Eq. 7-13, joint centre | `kinematics.screws.joint_centre` | bundle adjustment (a) |
+| Eq. 14-18, MCP angles by Newton | `kinematics.screws.joint_angles` | bundle adjustment (a) |
+| Eq. 21, tension to angle | `joint_compliance.compliance` | nonlinear statics (b) |
+| Eq. 22, angle to tension | `joint_compliance.tension_map` | `exodrake grasp` (b) |
+| 2.3, maximum tension | `maximum_tension.find_maximum_tension` | - |
+
+(a) The centre of a single frame has an error that grows as 1/angle, and Newton's iteration takes axes as known and poses
+as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals. (b) Arms and
+stiffness depend on the angle, tensions are bounded, and a posture must be stable and reached from rest.
+
 ## Zeros of a new session
 
 Re-donning shifts the zeros of the strokes. From tensions and strokes alone, `exodrake estimate` finds the shift of a

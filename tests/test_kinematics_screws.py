@@ -4,21 +4,24 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, logm
 
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, across, chain_pose, joint_points
 from exodrake.identification.kinematics.hinge import angle_about, centres
 from exodrake.identification.kinematics.rigid import apply, hat, inverse, motion, rotation, turned_by
-from exodrake.identification.kinematics.triads import kabsch
-from studies.paper.printed_equations import g_inverse_as_printed
-from studies.paper.screw_theory import (
+from exodrake.identification.kinematics.screws import (
     adjoint,
     exponential,
     g_inverse,
     g_matrix,
+    joint_angles,
+    joint_centre,
     logarithm,
     newton_step,
     rotation_vector,
     velocity,
 )
+from exodrake.identification.kinematics.triads import kabsch
+from studies.paper.printed_equations import g_inverse_as_printed
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0
 
@@ -139,6 +142,41 @@ def test_newton_on_the_space_jacobian_converges_quadratically_and_diverges_with_
     assert errors[0] < 0.2 and errors[2] < 1e-4 and errors[4] < 1e-14
     assert errors[2] < 10 * errors[1] ** 2
     assert np.max(np.abs(bad - wanted)) > 1
+
+
+def test_joint_angles_of_a_two_axis_joint_are_found_where_there_is_a_pose():
+    """The MCP: abduction about y, then flexion about -z, as products of matrix exponentials (Eq. 14)."""
+    axes = (
+        Axis(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.002]), np.zeros(3)),
+        Axis(np.array([0.0, 0.0, -1.0]), np.array([0.035, 0.005, 0.0]), np.zeros(3)),
+    )
+    wanted = np.random.default_rng(2).uniform((-0.3, -0.3), (0.3, 1.4), (40, 2))
+    screw = [np.r_[a.direction, -np.cross(a.direction, a.point)] for a in axes]
+    turns = np.array([expm(_bracket(screw[0]) * a) @ expm(_bracket(screw[1]) * b) for a, b in wanted])
+    turns[7] = np.nan
+    found = joint_angles(axes, turns)
+    assert np.isnan(found[7]).all()
+    np.testing.assert_allclose(np.delete(found, 7, axis=0), np.delete(wanted, 7, axis=0), atol=1e-12)
+    np.testing.assert_allclose(joint_angles(axes, turns[:7], wanted[:7] + 0.2), wanted[:7], atol=1e-12)
+
+
+def test_joint_angles_that_do_not_converge_are_refused():
+    """A single axis, moved across itself by half a turn: no angle about it is near, and the steps do not end."""
+    axes = (Axis(np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3)),) * 2
+    far = motion(rotation(np.array([1.0, 0.0, 0.0]), np.pi - 1e-6), np.array([1.0, 0.0, 0.0]))
+    spun = joint_angles(axes[:1], motion(rotation(axes[0].direction, np.array([0.3])), np.zeros((1, 3))))
+    assert spun[0, 0] == pytest.approx(0.3)
+    with pytest.raises(InputError, match="does not converge in 1 of 1 frames"):
+        joint_angles(axes[:1], far[None], np.array([[1.0]]))
+
+
+def test_joint_centre_is_the_axis_point_nearest_the_origin():
+    centre = across(np.array([0.03, 0.01, -0.02]), TILTED)
+    turns = Axis(TILTED, centre, np.zeros(3)).pose(np.array([-0.4, 0.9, 0.0]))
+    turns[0, :3, 3] += 0.004 * TILTED  # a slide along the axis
+    found = joint_centre(turns)
+    np.testing.assert_allclose(found[:2], [centre] * 2, atol=1e-14)
+    assert np.isnan(found[2]).all()
 
 
 def test_moving_axis_velocity_is_the_derivative_of_its_pose():

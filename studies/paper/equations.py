@@ -2,21 +2,20 @@
 
 import numpy as np
 
+from exodrake.identification.joint_compliance import compliance, router_arms, tension_map
 from exodrake.identification.kinematics.axis import Axis, chain_pose
+from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
 from exodrake.report.blocks import Drawing, Heading, Table
 from exodrake.systems.finger_statics import parameters_of, posture
 from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
-from studies.paper.joint_compliance import compliance, router_arms, tension_map
 from studies.paper.printed_equations import g_inverse_as_printed, tension_map_as_printed
-from studies.paper.screw_theory import g_inverse, g_matrix, newton_step
 
 DEGREES = (5, 10, 30, 60, 89)  # angles at which Eq. 9 is tried
 CENTRE = np.array([0.035, 0.005, 0.0])  # m, a joint centre in the proximal frame
 SLIDE = 0.004  # m/rad along the axis
 PIP_ONLY = 0.7  # rad the PIP alone is bent by
 LIKELY = 1e-9  # agreement to rounding
-NEWTON_STEPS = 10
 DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 
@@ -77,10 +76,7 @@ def newton_left() -> float:
     still = np.zeros(3)
     axes = (Axis(np.array([0.0, 1, 0]), still, still), Axis(np.array([0.0, 0, -1]), CENTRE, still))
     wanted = np.random.default_rng(0).uniform((-0.25, -0.3), (0.25, 1.3), (50, 2))
-    turns, angles = chain_pose(axes, wanted), np.zeros_like(wanted)
-    for _ in range(NEWTON_STEPS):
-        angles += newton_step(axes, turns, angles)
-    return float(np.abs(angles - wanted).max())
+    return float(np.abs(joint_angles(axes, chain_pose(axes, wanted)) - wanted).max())
 
 
 def screws() -> tuple[Claim, ...]:

@@ -7,7 +7,8 @@ With arms R > 0 in metres, rows MCP, PIP, DIP, columns AF, MF, AE, and stiffness
                          [R31/k3,   0,    -R33/k3]]
     T = J^-1 (q - q0)    D = R21 R33 - R23 R31     entry (2,1) of J^-1 is k1 / R12 (Eq. 22; printed k1)
 
-(`physics.md` 1.21.) J depends on q.
+(`physics.md` 1.21.) J depends on q, so that it gives tendencies. `grasping.inverse_statics` solves the nonlinear torque
+balance with rest posture and end stops; `identification.stiffness` fits kappa and q0 through it.
 """
 
 import numpy as np

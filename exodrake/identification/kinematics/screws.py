@@ -1,10 +1,11 @@
-"""The paper's Eq. 7-12 and 15-18, corrected: exponential, logarithm, the matrix G between them, and Newton's step.
+"""The paper's Eq. 7-18, corrected: exponential, logarithm, the matrix G between them, joint centre and Newton's step.
 
 A screw is S = (w, v) with unit axis w, and v = -w x Q for a pure rotation about the axis through Q.
 
     e^{[S] theta} = [e^{[w] theta}, G v; 0, 1]
     G      = I theta + (1 - cos theta) [w] + (theta - sin theta) [w]^2
     G^{-1} = I / theta - [w] / 2 + (1/theta - 1/2 cot(theta/2)) [w]^2
+    Q      = w x v
 
 This G^{-1} is the corrected one; the printed one has cot(theta/2)/theta in place of cot(theta/2)/2 and does not invert
 G (`physics.md` 1.9). Joint angles of a measured pose by Newton's iteration on the space Jacobian (Eq. 14-18):
@@ -12,7 +13,8 @@ G (`physics.md` 1.9). Joint angles of a measured pose by Newton's iteration on t
     T(theta) = e^{[S1] theta1} e^{[S2] theta2} M        A = vee log(T(theta) T^{-1})
     -A = J_s dtheta,   theta <- theta + dtheta          J_s = [S1, Ad(e^{[S1] theta1}) S2]
 
-exodrake itself fits angles to the markers (`identification.kinematics.adjust`).
+`identify` does not use them: it adjusts axes, poses and angles to all markers together (`adjust`), which weighs the
+markers by their noise. Newton's iteration takes the axes as known and the poses as exact.
 """
 
 from collections.abc import Sequence
@@ -20,9 +22,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.axis import Axis, chain_pose
 from exodrake.identification.kinematics.rigid import hat, inverse, motion, rotation
 
+NEWTON_STEPS, CONVERGED = 50, 1e-10  # steps at most, and rad: a step below this is the last
 SERIES = 1e-2  # rad; below this angle quotients are summed as series, whose next term is under 1e-16
 
 
@@ -70,6 +74,17 @@ def logarithm(pose: np.ndarray) -> np.ndarray:
     return np.concatenate([vector, np.einsum("...ij,...j->...i", undo, pose[..., :3, 3])], axis=-1)
 
 
+def joint_centre(pose: np.ndarray) -> np.ndarray:
+    """Centre Q = w x v (..., 3) [m], normal to the axis, of motions (..., 4, 4) about it (Eq. 12); NaN for no rotation.
+
+    Eq. 13, |Q| = |v| / |w|, agrees for a pure rotation only: a slide along the axis adds to |v|, not to w x v.
+    """
+    screw = logarithm(pose)
+    theta = np.linalg.norm(screw[..., :3], axis=-1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.cross(screw[..., :3] / theta, screw[..., 3:] / theta)
+
+
 def adjoint(pose: np.ndarray) -> np.ndarray:
     """Adjoint [R 0; [p]R R] (..., 6, 6) of poses (..., 4, 4): carries a screw (w, v) to another frame (Eq. 18)."""
     turned = pose[..., :3, :3]
@@ -99,3 +114,30 @@ def newton_step(axes: Sequence[Axis], turns: np.ndarray, angles: np.ndarray) -> 
     """Step dtheta (frames, axes) [rad] for measured T M^{-1} (frames, 4, 4): least squares of six equations."""
     error = logarithm(chain_pose(axes, angles) @ inverse(turns))
     return -np.einsum("fai,fi->fa", np.linalg.pinv(space_jacobian(axes, angles)), error)
+
+
+def joint_angles(axes: Sequence[Axis], turns: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
+    """Angles of a joint with one or more axes by Newton's iteration on the space Jacobian (Eq. 14-18).
+
+    Args:
+        axes: from the proximal one to the distal one; for the MCP abduction and flexion.
+        turns: (frames, 4, 4) measured T M^{-1}, motions from the reference posture [m]; NaN where there is none.
+        start: (frames, axes) initial guess [rad]; 0 if None.
+
+    Returns:
+        Angles (frames, axes) [rad], NaN where the motion is.
+
+    Raises:
+        InputError: if the iteration does not converge in a frame.
+    """
+    seen = np.isfinite(turns).all(axis=(1, 2))
+    angles = np.zeros((len(turns), len(axes))) if start is None else np.array(start, dtype=float)
+    angles[~seen] = np.nan
+    left = np.flatnonzero(seen)
+    for _ in range(NEWTON_STEPS):
+        if not len(left):
+            return angles
+        step = newton_step(axes, turns[left], angles[left])
+        angles[left] += step
+        left = left[np.abs(step).max(axis=1) > CONVERGED]
+    raise InputError(f"joint angles: Newton's iteration does not converge in {len(left)} of {len(turns)} frames")
