@@ -168,8 +168,8 @@ intervals, but it also moves joint centres, which no marker shows.
 
 ## The paper's equations
 
-Corrected as on [the page about the paper](paper.md), they are functions of `exodrake.identification`. The package itself
-uses other methods:
+Corrected as on [the page about the paper](paper.md), they are functions of `exodrake.identification`. The package
+itself uses other methods:
 
 | paper | function | used instead |
 |---|---|---|
@@ -179,9 +179,9 @@ uses other methods:
 | Eq. 22, angle to tension | `joint_compliance.tension_map` | `exodrake grasp` (b) |
 | 2.3, maximum tension | `maximum_tension.find_maximum_tension` | - |
 
-(a) The centre of a single frame has an error that grows as 1/angle, and Newton's iteration takes axes as known and poses
-as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals. (b) Arms and
-stiffness depend on the angle, tensions are bounded, and a posture must be stable and reached from rest.
+(a) The centre of a single frame has an error that grows as 1/angle, and Newton's iteration takes axes as known and
+poses as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals.
+(b) Arms and stiffness depend on the angle, tensions are bounded, and a posture must be stable and reached from rest.
 
 ## Zeros of a new session
 

@@ -1,11 +1,18 @@
 """Eq. 3, 9, 13, 16, 21, 22 and the text's sign rules, tried with numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from exodrake.grasping.trial import at_hold
 from exodrake.identification.joint_compliance import compliance, router_arms, tension_map
 from exodrake.identification.kinematics.axis import Axis, chain_pose
 from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
+from exodrake.identification.maximum_tension import find_maximum_tension
+from exodrake.machines.robot_file import load_robot
 from exodrake.report.blocks import Drawing, Heading, Table
+from exodrake.simulation.protocols import grasp, maximum_tension
+from exodrake.simulation.simulate import simulate
 from exodrake.systems.finger_statics import parameters_of, posture
 from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
@@ -16,6 +23,8 @@ CENTRE = np.array([0.035, 0.005, 0.0])  # m, a joint centre in the proximal fram
 SLIDE = 0.004  # m/rad along the axis
 PIP_ONLY = 0.7  # rad the PIP alone is bent by
 LIKELY = 1e-9  # agreement to rounding
+STILL = 0.05  # rad, joints that bend less count as at rest
+RAMP_TO = 30.0  # N
 DRAWS, ARMS = 3000, (1e-3, 6e-3)  # random sets of moment arms, m
 
 
@@ -37,7 +46,10 @@ def chapter(robot) -> Chapter:
         " of what fails is a slip of one symbol; the authors' own code evidently used the right forms, or Table 1 could"
         " not look as it does."
     )
-    claims = (*control(robot), *screws(), *statics(parameters_of(robot), robot.limits["F_max"]))
+    claims = (
+        *control(robot), *screws(), *statics(parameters_of(robot), robot.limits["F_max"]), *grasps(robot),
+        maximum_tensions(robot),
+    )  # fmt: skip
     return Chapter("equations", "Equations: 3, 9, 13, 16, 21, 22", lead, drawing, claims, beside=table)
 
 
@@ -160,6 +172,65 @@ def pip_alone(tension: np.ndarray, parameters, limits) -> Claim:
         why += f" The signs allow it, but the tensions exceed the assumed limits ({most}), and no stiffness is printed."
     good = DOES_NOT if np.any(tension < -LIKELY) else UNKNOWN if beyond else AGREES
     return Claim("2.2.2", "PIP alone is possible with these routers", "possible", words, good, why)
+
+
+def grasps(robot) -> tuple[Claim, ...]:
+    """Wide pinch and caging, simulated from rest: by the nominal robot, and by the one with a stiffer DIP."""
+    other = load_robot("exo_index/wide_pinch")
+    slight, full, curled = bend(robot, "wide-pinch"), bend(other, "wide-pinch"), bend(robot, "caging")
+    slope, limit = dip_limit(parameters_of(robot))
+    kappa = other.channels("finger.kappa")
+    pulls = [", ".join(f"{w} {one.grasps['wide-pinch'][w]:g}" for w in ("AF", "AE")) for one in (robot, other)]
+    why = (
+        f"At {pulls[0]} N the nominal robot does so, slightly. The resting DIP is balanced at AE = {slope:.2f} AF, and"
+        f" has no stiffness left at AF = {limit:.1f} N: beyond, no order of the wires keeps it. With stiffnesses"
+        f" of {kappa[1]:g} N m/rad at the PIP and {kappa[2]:g} at the DIP (robot `exo_index/wide_pinch`) {pulls[1]} N"
+        f" give {words(full)} rad, and the other two grasps stay as they are. No stiffness is printed."
+    )
+    still = max(abs(one[i]) for one in (slight, full) for i in (0, 2))
+    return (
+        Claim(
+            "2.2.2", "A.F. and A.E. together bend the PIP alone (wide pinch)", "PIP only", f"{words(slight)} rad",
+            UNKNOWN if still < STILL < min(slight[1], full[1]) else DOES_NOT, why,
+        ),
+        Claim(
+            "2.2.2", "A.F. alone bends all joints (caging)", "all joints", f"{words(curled)} rad at 7 N",
+            AGREES if curled.min() > 0.3 else DOES_NOT, "How far each one bends follows from the assumed stiffnesses.",
+        ),
+    )  # fmt: skip
+
+
+def bend(robot, mode: str) -> np.ndarray:
+    """Angles (3,) less the rest posture [rad] near the end of the hold of a grasp, without noise."""
+    log = simulate(robot, grasp(mode, robot), seed=None, quantisation=False)
+    return at_hold(log, "angle", robot.machine.axes.joints) - robot.channels("finger.q0")
+
+
+def words(angles: np.ndarray) -> str:
+    """Angles (3,) [rad] by joint."""
+    return "MCP {:+.2f}, PIP {:+.2f}, DIP {:+.2f}".format(*angles)
+
+
+def dip_limit(parameters) -> tuple[float, float]:
+    """Tension of AE over that of AF that balances the DIP at rest, and the AF [N] at which it has no stiffness left."""
+    rest, step = np.array(parameters.q0), np.array([0.0, 0.0, 1e-6])
+    here, up, down = (router_arms(rest + sign * step, parameters)[2] for sign in (0, 1, -1))
+    share, slope = here[0] / here[2], (up - down) / (2.0 * step[2])
+    return share, parameters.kappa[2] / (slope[0] - share * slope[2])
+
+
+def maximum_tensions(robot) -> Claim:
+    """The tensions that maximise the movement, measured first in section 2.3: ramps far beyond F_max, and to F_max."""
+    limits = robot.limits["F_max"]
+    wide = replace(robot, limits={**robot.limits, "F_max": dict.fromkeys(limits, RAMP_TO)})
+    found = find_maximum_tension(simulate(wide, maximum_tension(wide), seed=0), wide)
+    ours = ", ".join(f"{one.tendon} {'' if one.saturated else '> '}{one.tension:.0f}" for one in found)
+    assumed = ", ".join(f"{wire} {value:g}" for wire, value in limits.items())
+    return Claim(
+        "2.3", "the tension that maximises the movement is measured first", "not stated", f"{ours} N", UNKNOWN,
+        "By the protocol `maximum-tension`: from there on the joints gain less than a fifth of their largest movement"
+        f" per newton. The nominal levels F_max ({assumed} N) are assumed, and lower.",
+    )  # fmt: skip
 
 
 def alone(parameters) -> Claim:
