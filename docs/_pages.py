@@ -22,8 +22,8 @@ GROUPS = {
     "Robots": ("load_robot", "write_robot", "Robot"),
     "Simulation": ("simulate", "record", "Reference", "Recording"),
     "References": (
-        *("grasp", "sweeps", "short_sweeps", "maximum_tension", "chirp", "holds", "steps", "multisine", "random_motion"),
-        *("protocol", "from_log", "plan_grasp"),
+        *("grasp", "sweeps", "short_sweeps", "maximum_tension", "find_maximum_tension", "chirp", "holds", "steps"),
+        *("multisine", "random_motion", "protocol", "from_log", "plan_grasp"),
     ),
     "Logs and cases": ("Log", "read_log", "write_log", "regularise", "Case", "CaseLog", "read_case", "write_case"),
     "Diagnosis": ("diagnose", "Diagnosis"),

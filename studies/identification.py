@@ -184,7 +184,8 @@ itself uses other methods:
 poses as exact. The adjustment weighs all frames and markers by their noise, bridges gaps, and gives intervals.
 (b) Arms and stiffness depend on the angle, tensions are bounded, and a posture must be stable and reached from rest.
 (c) The model's motion capture samples in slot 0, so no log has a column for the pulse. `diagrams.sync_pulse.SyncPulse`
-adds it to a Diagram as a signal; a late or drifting camera is an effect (`timing.mocap_delay`, `timing.mocap_clock_skew`).
+adds it to a Diagram as a signal; a late or drifting camera is an effect (`timing.mocap_delay`,
+`timing.mocap_clock_skew`).
 
 ## Zeros of a new session
 
