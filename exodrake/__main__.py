@@ -71,4 +71,7 @@ def leave() -> None:
 
 
 if __name__ == "__main__":
+    home = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+    if not sys.flags.safe_path and os.path.realpath(sys.path[0]) != home:
+        del sys.path[0]  # the current folder, which `python -m` puts first: what lies beside the data must not run
     run()

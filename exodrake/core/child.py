@@ -22,6 +22,7 @@ from threading import Lock
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.processes import end_with, python_command, python_environment
 from exodrake.core.threads import ONE_THREAD
 
 CPU_TIME = 6.0  # s, assumed: of the processor, for a small file; readers take milliseconds
@@ -69,11 +70,11 @@ class Child:
 
     def __init__(self) -> None:
         self.pipe, theirs = Pipe()
-        environment = os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        command = [sys.executable, "-m", "exodrake.core.child", str(theirs.fileno())]
-        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
         self.owner = os.getpid()
+        command = python_command("-m", "exodrake.core.child", str(theirs.fileno()), str(self.owner))
+        silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+        environment = python_environment() | ONE_THREAD
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment, **silent)
         theirs.close()
 
     def usable(self) -> bool:
@@ -123,4 +124,5 @@ def answered(function: Callable[..., Any], arguments: tuple, time_limit: float) 
 
 
 if __name__ == "__main__":
+    end_with(int(sys.argv[2]))
     serve(Connection(int(sys.argv[1])))

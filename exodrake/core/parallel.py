@@ -24,6 +24,7 @@ from threading import RLock
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.processes import SAFE_PATH, end_with, safe_path
 from exodrake.core.threads import ONE_THREAD, one_blas_thread, one_thread
 
 ONE_TASK = RLock()  # a limit of linear algebra holds for the whole process: threads of a worker take turns
@@ -161,10 +162,11 @@ class LokyWorkers:
 
     def submit(self, *call: Any) -> Future:
         """Start a call."""
-        try:
-            return self._executor().submit(*call)
-        except BrokenExecutor:  # a worker crashed between the two calls
-            return self._executor().submit(*call)
+        with safe_path():  # for the processes that clean up after loky; those of workers have it for good
+            try:
+                return self._executor().submit(*call)
+            except BrokenExecutor:  # a worker crashed between the two calls
+                return self._executor().submit(*call)
 
     def lost(self) -> InputError:
         """Error to raise when no more tasks are taken."""
@@ -179,7 +181,9 @@ class LokyWorkers:
         """The executor of this process: a new one if there is none, or a crash has broken it."""
         from joblib.externals.loky import get_reusable_executor
 
-        return get_reusable_executor(self.jobs, env=ONE_THREAD, initializer=ignore_interrupts)
+        return get_reusable_executor(
+            self.jobs, env=ONE_THREAD | SAFE_PATH, initializer=begin_worker, initargs=(os.getpid(),)
+        )
 
 
 @contextmanager
@@ -198,9 +202,10 @@ def silent_manager() -> Iterator[None]:
         threading.excepthook = before
 
 
-def ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; the parent process ends its workers."""
+def begin_worker(parent: int) -> None:
+    """Ctrl-C reaches every process of a terminal; the parent process ends its workers, also by its own end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with(parent)
 
 
 class DaskWorkers:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import os
 from collections.abc import Callable, Iterator
 from subprocess import PIPE, Popen
 from time import sleep
@@ -12,6 +12,7 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.machine import signal_count, state_size
+from exodrake.core.processes import end_with, python_command, python_environment
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 
@@ -42,14 +43,21 @@ def leaves() -> None:
 JOBS = {"the compiled simulator": "simulator", "the Drake leaves": "leaves"}
 
 
+def job(name: str, parent: int) -> None:
+    """One of the jobs, in a process that ends with the one of that id."""
+    end_with(parent)
+    globals()[name]()
+
+
 def warm_up(tell: Callable[[str, list[str]], object] = lambda done, left: None) -> None:
     """Compiles everything; `tell` hears what is done and what is left. Raises RuntimeError if a process fails."""
     compile_machine(load_robot().machine)  # writes the module, once for all processes
+    call = "from exodrake.simulation.warm_up import job; job({!r}, {})"
     running = {
         name: Popen(
-            [sys.executable, "-c", f"from exodrake.simulation.warm_up import {job}; {job}()"], stderr=PIPE, text=True
+            python_command("-c", call.format(function, os.getpid())), env=python_environment(), stderr=PIPE, text=True
         )
-        for name, job in JOBS.items()
+        for name, function in JOBS.items()
     }
     for name, process in ended(running):
         if process.returncode:
