@@ -5,9 +5,10 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-# installs the package with some extras and groups; pip checks the files of other packages by their hashes
+# installs the package with some extras and groups; pip checks the files of other packages by their hashes, its own
+# and those of the build among them
 INSTALL = $(BIN)/python .ci/requirements.py $(1) >$(VENV)/requirements.txt && \
-	$(PIP) -c constraints.txt -r $(VENV)/requirements.txt && $(PIP) --no-deps --editable .
+	$(PIP) -c constraints.txt -r $(VENV)/requirements.txt && $(PIP) --no-deps --no-build-isolation --editable .
 
 .PHONY: help demo test check fuzz docs lock links paper real bench clean
 help:
@@ -27,7 +28,8 @@ $(STAMP): pyproject.toml constraints.txt
 	@python=$$(sh .ci/find-python $(PYTHON)) || exit 1; \
 	echo "Setting up $(VENV) with $$($$python --version); the first time this takes a few minutes ..."; \
 	test -x $(BIN)/python && $(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' || $$python -m venv --clear $(VENV)
-	@$(PIP) --upgrade "pip>=25.1"
+	@$(BIN)/python .ci/requirements.py --pinned build >$(VENV)/build.txt && \
+	$(PIP) --require-hashes -r $(VENV)/build.txt
 	@{ $(call INSTALL,all dev); } 2>$(VENV)/pip.log || { cat $(VENV)/pip.log; exit 1; }
 	@$(BIN)/exodrake warm-up
 	@touch $(STAMP)

@@ -61,7 +61,7 @@ def licence_of(metadata: dict) -> str:
 def main() -> None:
     """Write both files."""
     used = requirements("all")
-    developed = requirements("docs", "dev", "bench")
+    developed = requirements("docs", "dev", "bench", "build")
     with tempfile.TemporaryDirectory() as folder:
         pins, known = Path(folder) / "pins.txt", (ROOT / "constraints.txt").read_text()
         pins.write_text("\n".join(re.findall(r"^\w\S*==\S+", known, re.MULTILINE)))
