@@ -9,6 +9,8 @@ from exodrake.data.log import Log
 
 LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
 SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
+RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computers keep to a tenth of it
+STRETCH = 250  # rows over which a rate is measured; the shortest, so that jitter of a third of a frame is none
 EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
@@ -17,7 +19,8 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
 
     Rows that repeat the one before, time included, are dropped. Frames that are absent become rows of NaN. Times off
     the grid are set on it, since row n is frame n. InputError, naming the row, for a clock that steps backwards, the
-    same time with other values, and rows that come faster than the frame; naming the unit that a clock seems to have.
+    same time with other values, and rows that come faster than the frame; naming the unit that a clock seems to have,
+    and the frame that it seems to count where that is another one.
     """
     if not (np.isfinite(period) and period > 0):
         raise InputError(f"frame period {period!r} s: wanted a positive number")
@@ -26,6 +29,7 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     single = log.rows(~repeated) if repeated.any() else log
     _refuse_other_unit(single, period)
     frames = _frame_numbers(single, period)
+    _refuse_other_rate(single, frames, period)
     notes = [_repeats_note(log, repeated)] if repeated.any() else []
     grid = single.time[0] + period * np.arange(frames[-1] + 1) if len(single) else single.time
     deviation = float(np.max(np.abs(single.time - grid[frames]))) if len(single) else 0.0
@@ -101,6 +105,46 @@ def _frame_numbers(log: Log, period: float) -> np.ndarray:
         )
     steps = steps.astype(int)
     return np.concatenate([[0], np.cumsum(steps)]) if len(log) else np.zeros(0, dtype=int)
+
+
+def _refuse_other_rate(log: Log, frames: np.ndarray, period: float) -> None:
+    """InputError where rows leave the grid steadily: a clock that is fast or slow, or a log of another rate."""
+    found = other_rate(log.time, frames, period)
+    if found is not None:
+        start, step = found
+        raise InputError(
+            f"{log.label}: from {start:g} s on a frame takes {step * 1e3:.4g} ms by its clock, not {period * 1e3:g} ms, "
+            "so the clock or the `period` is wrong; `exodrake import` puts a log of another rate on frames"
+        )
+
+
+def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
+    """Time from which a clock runs at another rate, and its frame there; None if it does not.
+
+    The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
+    which they lie at another frame.
+
+    Args:
+        time: (n,) of the rows [s], increasing.
+        frames: (n,) their frame numbers.
+        period: of a frame [s].
+    """
+    for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
+        span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
+        if span:
+            numbers = frames[rows] - frames[rows].mean()
+            off = float(numbers @ (time[rows] - time[rows].mean()) / (numbers @ numbers)) / period - 1.0
+            if abs(off) > RATE and abs(off) * span > 0.5:
+                return float(time[rows[0]]), period * (1.0 + off)
+    return None
+
+
+def frame_of(time: np.ndarray) -> float:
+    """Frame of a clock (n,) [s], by its median step, and by all of them where stamps are rounded."""
+    step = float(np.median(np.diff(time)))
+    frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(time) / step))])
+    found = other_rate(time, frames, step)
+    return step if found is None else found[1]
 
 
 def _missing(frames: np.ndarray, grid: np.ndarray, absent: int) -> str:

@@ -49,6 +49,9 @@ def low_passed(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) 
         raise InputError(f"{where}: a filter wants an even clock; put the rows on frames with `period`")
     if cutoff >= 0.5 / step:
         raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted below half the sampling rate, {0.5 / step:g} Hz")
+    if cutoff * (time[-1] - time[0]) < 1.0:
+        slowest = 1.0 / (time[-1] - time[0])
+        raise InputError(f"{where}: filter: {cutoff:g} Hz, wanted above one period in the log, {slowest:.3g} Hz")
     filled = np.interp(time, time[known], values[known])
     sections = butter(ORDER, 2.0 * step * cutoff, output="sos")
     return np.where(known, sosfiltfilt(sections, filled), np.nan)

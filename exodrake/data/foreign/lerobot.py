@@ -17,6 +17,7 @@ from exodrake.core.json_file import read_json
 from exodrake.data.columns import check_size
 from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.formats.parquet import read_columns
+from exodrake.data.headings import refuse_doubled
 
 INFO = "meta/info.json"
 EPISODE, TIME = "episode_index", "timestamp"
@@ -45,7 +46,9 @@ def names_of(info: dict[str, Any], column: str) -> list[str]:
     names = feature.get("names") if isinstance(feature, dict) else None
     if isinstance(names, dict):
         names = next((item for item in names.values() if isinstance(item, list)), None)
-    return [str(name) for name in names] if isinstance(names, list) else []
+    found = [str(name) for name in names] if isinstance(names, list) else []
+    refuse_doubled(found, f"the names of {column!r} in {INFO}")
+    return found
 
 
 def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
@@ -53,7 +56,7 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     info, files = read_info(path), sorted((path / "data").rglob("*.parquet"))
     if not files:
         raise InputError(f"{path}: no Parquet file in its folder 'data'")
-    samples = 0
+    samples, place_of = 0, dict[float, Path]()
     for file in files:
         table = read_columns(read_bytes(file), str(file))
         check_size(samples := samples + sum(values.size for values in table.values()), str(path))
@@ -62,6 +65,10 @@ def episodes(path: Path) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         if table[EPISODE].ndim > 1 or not np.isfinite(table[EPISODE]).all():
             raise InputError(f"{file}: column {EPISODE!r}: wanted one number in each row")
         for number in np.unique(table[EPISODE]):
+            if number in place_of:
+                other = place_of[number].relative_to(path)
+                raise InputError(f"{file}: episode {int(number)} is also in {other}, so one of them would be lost")
+            place_of[number] = file
             rows = table[EPISODE] == number
             columns: dict[str, np.ndarray] = {}
             for name, values in table.items():
@@ -92,6 +99,7 @@ def default_mapping(path: Path, unit: str) -> Mapped:
     if not command or command != measured:
         raise InputError(f"{path}: {COMMAND} and {MEASURED} do not name the same joints; write a mapping file")
     columns = []
+    refuse_doubled(map(joint_name, command), f"{path}: joints of {COMMAND}")
     for name in command:
         joint = joint_name(name)
         columns.append(Column(f"{COMMAND}[{name}]", f"angle_ref_{joint}", unit))

@@ -40,7 +40,8 @@ TAKEN = ("first", "rate")
 SIDES = ("rows", "columns")
 LARGEST = 1e300  # of a finite number
 FINITE = number(low=-LARGEST, high=LARGEST)
-PERIOD = number(above=0.0, high=LARGEST, unit="s")
+SHORTEST = 1e-9  # s, a tick of the finest recorder
+PERIOD = number(low=SHORTEST, high=LARGEST, unit="s")
 
 
 def column_name(value: Any, where: str) -> str:

@@ -15,6 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.data.foreign.mapping import Mapped
 from exodrake.data.foreign.text import read_all, read_text
 from exodrake.data.foreign.tree import columns_of
+from exodrake.data.headings import refuse_doubled
 
 JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
 
@@ -68,18 +69,19 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     if reader is None:
         return read_text(data, source, mapped)
     tree = reader(data, source)
-    columns = columns_of(tree, side=mapped.samples)
+    columns = columns_of(tree, source, side=mapped.samples)
+    refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
         return columns
     time = columns.get(slashed(mapped.time, columns))
-    return columns if time is None else columns_of(tree, len(time))
+    return columns if time is None else columns_of(tree, source, len(time))
 
 
 def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
     data, name = unpacked(data, source)
     reader = tree_reader(name)
-    found = read_all(data, source) if reader is None else columns_of(reader(data, source))
+    found = read_all(data, source) if reader is None else columns_of(reader(data, source), source)
     if not found:
         raise InputError(f"{source}: no column of numbers")
     return found

@@ -6,7 +6,9 @@ Read in this process: no text crashes Python's own reader, and `check_size` boun
 import csv
 import io
 import json
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import chain, islice
 
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.columns import MAX_COLUMNS, MAX_SAMPLES, check_size
 from exodrake.data.foreign.mapping import Mapped
+from exodrake.data.headings import refuse_doubled
 
 MISSING = ("", "nan", "na", "null", "none", "-")
 SEPARATORS = (",", ";", "\t", " ")
@@ -23,8 +26,7 @@ LOOK, LINES = 1_000_000, 20  # bytes, and lines in them, by which separator and 
 def read_text(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
     """The mapped columns of a text file, and those whose cells hold mapped lists."""
     names, rows = _table(data, source, mapped)
-    if len(set(names)) < len(names):
-        raise InputError(f"{source}: column {next(name for name in names if names.count(name) > 1)!r} comes twice")
+    refuse_doubled(names, source)
     wanted = {column.foreign for column in mapped.columns} | {mapped.time}
     holding = wanted | {name.rpartition("[")[0] for name in wanted if name}
     picked = {name: index for index, name in enumerate(names) if name in holding}
@@ -105,10 +107,17 @@ def _names(first: list[str], heading: bool, source: str) -> list[str]:
 def _number(cell: str, name: str, row: int, source: str, decimal: str) -> float:
     if cell.lower() in MISSING:
         return np.nan
-    try:
-        return float(cell.replace(decimal, ".") if decimal != "." else cell)
-    except ValueError:
-        raise InputError(f"{source}: column {name!r}, row {row + 1}: {cell[:40]!r} is not a number") from None
+    if not number_with(decimal)(cell):
+        mark = f" with the decimal mark {decimal!r}" if set(cell) & set(".,'") else ""
+        raise InputError(f"{source}: column {name!r}, row {row + 1}: {cell[:40]!r} is not a number{mark}")
+    return float(cell.replace(decimal, "."))
+
+
+@cache
+def number_with(decimal: str) -> Callable[[str], object]:
+    """Test of a cell for a number with this decimal mark; no mark parts thousands, as Python's `1_000` does."""
+    digits = rf"(?:[0-9]+(?:{re.escape(decimal)}[0-9]*)?|{re.escape(decimal)}[0-9]+)"
+    return re.compile(rf"[-+]?(?:{digits}(?:e[-+]?[0-9]+)?|inf|infinity|nan)", re.IGNORECASE).fullmatch
 
 
 def guessed(data: bytes) -> Mapped:
@@ -160,8 +169,4 @@ def read_all(data: bytes, source: str) -> dict[str, np.ndarray]:
 
 def _is_number(cell: str, decimal: str) -> bool:
     """Whether a cell holds a number, or says that one is missing."""
-    try:
-        float(cell.replace(decimal, "."))
-    except ValueError:
-        return cell.lower() in MISSING
-    return True
+    return bool(number_with(decimal)(cell)) or cell.lower() in MISSING

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from exodrake.core.errors import InputError
 from exodrake.data.columns import MAX_COLUMNS
 
 NUMBERS = "fiub"  # kinds of arrays
@@ -21,16 +22,22 @@ MAX_DEPTH = 20
 SIDES = ("rows", "columns")
 
 
-def columns_of(tree: Any, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
-    """Columns by name, (n,) each.
+def columns_of(
+    tree: Any, source: str, samples: int | None = None, side: str | None = None
+) -> dict[str, np.ndarray]:
+    """Columns by name, (n,) each. InputError for a name that comes twice.
 
     Args:
         tree: mappings, lists and arrays.
+        source: file, for messages.
         samples: length of the time column; None if it is not known.
         side: where the samples of a matrix lie, one of `SIDES`; None: by their number.
     """
     found: dict[str, np.ndarray] = {}
-    add(found, tree, "", samples, side, 0)
+    try:
+        add(found, tree, "", samples, side, 0)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
     return found
 
 
@@ -91,10 +98,17 @@ def numbers(value: Any) -> np.ndarray | None:
 def matrix(found: dict[str, np.ndarray], array: np.ndarray, name: str, samples: int | None, side: str | None) -> None:
     """Adds the columns of an array (n,), (n, m) or (m, n)."""
     if array.ndim == 1:
-        found[name or "0"] = array.astype(float)
+        put(found, name or "0", array)
         return
     for k, values in enumerate(array.T if lie_in_rows(array.shape, samples, side) else array):
-        found[f"{name}[{k}]" if name else str(k)] = values.astype(float)
+        put(found, f"{name}[{k}]" if name else str(k), values)
+
+
+def put(found: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
+    """Adds a column. InputError for one that is there, such as `a.b` of a group `a` beside a data set `a.b`."""
+    if name in found:
+        raise InputError(f"column {name!r} comes twice")
+    found[name] = values.astype(float)
 
 
 def lie_in_rows(shape: Sequence[int], samples: int | None, side: str | None) -> bool:

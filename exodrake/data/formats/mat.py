@@ -2,6 +2,7 @@
 
 import io
 import re
+import warnings
 from typing import Any
 
 import numpy as np
@@ -55,14 +56,19 @@ def read_variables(data: bytes, source: str) -> dict[str, Any]:
 def parse(data: bytes, source: str) -> dict[str, Any]:
     """`read_variables` in this process."""
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadWarning
 
     try:
-        found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "Duplicate variable name")
+            found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
         return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
     except NotImplementedError:
         from exodrake.data.hdf5 import parse as parse_hdf5
 
         return parse_hdf5(data, source)
+    except MatReadWarning as warning:
+        raise InputError(f"{source}: variable {str(warning).split('"')[1]!r} comes twice") from None
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         raise InputError(f"{source}: not a whole MAT file ({type(error).__name__})") from None
 

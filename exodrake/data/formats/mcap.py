@@ -1,6 +1,6 @@
 """MCAP, for Foxglove and PlotJuggler: a topic per kind (`/tension` with fields AF, MF, AE), JSON messages with schema.
 
-A row of the log is one message on every topic; row order is message order. The exact times are on `/time`, since
+A row of the log is one message on every topic, which carry its number. The exact times are on `/time`, since
 MCAP's own are whole nanoseconds. A metadata record says which field is which column. Needs the extra `mcap`.
 """
 
@@ -16,9 +16,10 @@ import numpy as np
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import first_bytes
+from exodrake.core.json_file import parse_json
 from exodrake.core.units import kind_of
 from exodrake.data.columns import log_from_columns
-from exodrake.data.headings import heading
+from exodrake.data.headings import heading, refuse_doubled
 from exodrake.data.log import Log
 
 ENDINGS = (".mcap",)
@@ -26,6 +27,7 @@ RECORD = "exodrake.data.log"
 LIBRARY = "exodrake"  # in the header of the file
 PROFILE_AT = 17  # byte after magic (8), opcode (1) and length (8) of the header, where profile and library begin
 LATEST = 2.0**64  # ns, MCAP's stamps
+Place = tuple[int, int]  # of a message: its sequence number, the row, and its time [ns]
 BARE = "value"  # field of a column that has no channel in its name
 
 
@@ -42,7 +44,9 @@ def read(data: bytes, source: str) -> Log:
 
 def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """Columns (n,) by heading, of a file that `write` made; InputError as `read`."""
-    return dict(in_child(parse, data, source, source=source, size=len(data)))
+    columns = in_child(parse, data, source, source=source, size=len(data))
+    refuse_doubled((name for name, _ in columns), source)
+    return dict(columns)
 
 
 def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
@@ -51,16 +55,40 @@ def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     try:
         reader = make_reader(io.BytesIO(data))
         records = {record.name: record.metadata for record in reader.iter_metadata()}
-        topics: dict[str, list[Mapping[str, float]]] = {}
+        topics: dict[str, dict[Place, Mapping[str, float]]] = {}
         if RECORD in records:
             for _, channel, message in reader.iter_messages(log_time_order=False):
-                topics.setdefault(channel.topic, []).append(json.loads(message.data))
+                found, place = topics.setdefault(channel.topic, {}), (message.sequence, message.log_time)
+                if place in found:
+                    raise InputError(f"{source}: topic {channel.topic!r}: message {message.sequence} comes twice")
+                found[place] = parse_json(message.data, f"{source}: topic {channel.topic!r}")
         places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
-        return [(heading(n, u), _values(topics.get(t, []), f)) for n, u, t, f in places]
+        rows = _rows(topics, {topic for _, _, topic, _ in places}, source)
+        return [(heading(n, u), _values([topics[t][row] for row in rows], f)) for n, u, t, f in places]
+    except InputError:
+        raise
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         if isinstance(error, KeyError) and error.args == (RECORD,):
             raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file") from None
         raise InputError(f"{source}: not a whole MCAP file ({type(error).__name__})") from None
+
+
+def _rows(topics: Mapping[str, Mapping[Place, Any]], wanted: set[str], source: str) -> list[Place]:
+    """The place of each row, in order: the number that its messages carry, then their time.
+
+    A file may hold them in any order. InputError for a row of which a topic has lost its message.
+    """
+    rows = sorted(set().union(*topics.values()))
+    for topic in sorted(wanted):
+        lost = [row for row in rows if row not in topics.get(topic, ())]
+        if lost and rows:
+            number, stamp = lost[0]
+            count = f"{len(lost)} messages are" if len(lost) > 1 else "a message is"
+            raise InputError(
+                f"{source}: topic {topic!r}: {count} missing that other topics have, the first is message {number} at "
+                f"{stamp * 1e-9:g} s"
+            )
+    return rows
 
 
 def write(log: Log) -> bytes:

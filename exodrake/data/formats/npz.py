@@ -11,6 +11,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.columns import check_size, headings, log_from_columns
+from exodrake.data.headings import refuse_doubled
 from exodrake.data.log import Log
 
 ENDINGS = (".npz",)
@@ -34,6 +35,7 @@ def read_arrays(data: bytes, source: str) -> dict[str, np.ndarray]:
         loaded = np.load(io.BytesIO(data), allow_pickle=False)
         if not isinstance(loaded, np.ndarray):
             check_size(sum(item.file_size for item in loaded.zip.infolist()) // SAMPLE, source)
+            refuse_doubled((item.filename.removesuffix(".npy") for item in loaded.zip.infolist()), source)
         arrays = {"": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded.files}
         check_size(sum(array.size for array in arrays.values()), source)  # items of a byte or of none are many
         return arrays

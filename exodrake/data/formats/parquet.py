@@ -8,6 +8,7 @@ import numpy as np
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.data.columns import check_size, headings, log_from_columns
+from exodrake.data.headings import refuse_doubled
 from exodrake.data.log import Log
 
 ENDINGS = (".parquet",)
@@ -26,6 +27,7 @@ def read(data: bytes, source: str) -> Log:
 def read_columns(data: bytes, source: str) -> dict[str, Any]:
     """Columns of numbers of any Parquet file by name, (n,) as recorded; of lists of m numbers, (n, m)."""
     columns = in_child(parse, data, source, source=source, size=len(data))
+    refuse_doubled((name for name, _ in columns), source)
     return {name: values for name, values in columns if not isinstance(values, str)}
 
 
