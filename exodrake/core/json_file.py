@@ -14,7 +14,7 @@ MAX_BYTES = 200_000_000  # a thousand times the longest answer
 
 
 def read_json(path: str | Path) -> Any:
-    """The content of a JSON file. InputError naming the file, the line of what is not JSON, and a key that comes twice."""
+    """The content of a JSON file. InputError naming the file, and the line of what is not JSON or a doubled key."""
     return parse_json(read_bytes(path), str(path))
 
 

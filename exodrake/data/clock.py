@@ -112,9 +112,10 @@ def _refuse_other_rate(log: Log, frames: np.ndarray, period: float) -> None:
     found = other_rate(log.time, frames, period)
     if found is not None:
         start, step = found
+        apart = step * float(np.median(np.diff(frames)))
         raise InputError(
-            f"{log.label}: from {start:g} s on a frame takes {step * 1e3:.4g} ms by its clock, not {period * 1e3:g} ms, "
-            "so the clock or the `period` is wrong; `exodrake import` puts a log of another rate on frames"
+            f"{log.label}: from {start:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
+            f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
         )
 
 
@@ -139,11 +140,13 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
     return None
 
 
-def frame_of(time: np.ndarray) -> float:
-    """Frame of a clock (n,) [s], by its median step, and by all of them where stamps are rounded."""
-    step = float(np.median(np.diff(time)))
-    frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(time) / step))])
-    found = other_rate(time, frames, step)
+def frame_of(log: Log) -> float:
+    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
+
+    InputError for a log of fewer than two rows.
+    """
+    step = log.dt
+    found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
     return step if found is None else found[1]
 
 

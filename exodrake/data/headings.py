@@ -1,8 +1,7 @@
 """Headings of columns, a name with its unit, and columns under headings in SI."""
 
-from collections.abc import Iterable, Mapping
-
 import unicodedata
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -81,7 +80,8 @@ def columns_in_si(
         units: of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
 
     Raises:
-        InputError: naming a column that comes twice, or in other letters, whose unit is unknown or unsuitable, or a value beyond any signal.
+        InputError: naming a column that comes twice, or in other letters, whose unit is unknown or unsuitable, or a
+            value beyond any signal.
     """
     signals: dict[str, np.ndarray] = {}
     known: dict[str, str] = {}

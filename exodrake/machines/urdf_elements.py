@@ -14,6 +14,7 @@ from exodrake.core.schema import shown
 
 MAX_BYTES = 4_000_000  # a hundred times a long one
 TURNING, SLIDING = ("revolute", "continuous"), "prismatic"
+LARGEST = 1e9  # of a length, mass, inertia or loss [SI]: beyond any arm
 KINDS = (*TURNING, SLIDING, "fixed")
 
 
@@ -89,8 +90,10 @@ def text_of(element: ElementTree.Element, name: str, source: str) -> str:
     return found
 
 
-def numbers(element: ElementTree.Element | None, name: str, default: Sequence[float], where: str) -> np.ndarray:
-    """Finite numbers of an attribute, as many as the default has; the default without it."""
+def numbers(
+    element: ElementTree.Element | None, name: str, default: Sequence[float], where: str, most: float = LARGEST
+) -> np.ndarray:
+    """Numbers of an attribute, none beyond any arm's, as many as the default has; the default without it."""
     text = None if element is None else element.get(name)
     if text is None:
         return np.array(default, dtype=float)
@@ -100,6 +103,8 @@ def numbers(element: ElementTree.Element | None, name: str, default: Sequence[fl
         found = np.zeros(0)
     if len(found) != len(default) or not np.isfinite(found).all():
         raise InputError(f"{where}: {name} is {shown(text)}, wanted {len(default)} number{'s' * (len(default) > 1)}")
+    if np.abs(found).max() > most:
+        raise InputError(f"{where}: {name} is {shown(text)}, beyond any arm's, {most:g}")
     return found
 
 
@@ -146,8 +151,10 @@ def joint_of(element: ElementTree.Element, source: str) -> Joint:
         raise InputError(f"{where}: its axis has no length")
     free = (-math.inf, math.inf) if kind == "continuous" or limit is None else (0.0, 0.0)
     given = [free[0], free[1], math.inf]
-    ends = [numbers(limit, n, [d], where)[0] for n, d in zip(("lower", "upper", "effort"), given, strict=True)]
-    if ends[0] > ends[1]:
+    stated = zip(("lower", "upper", "effort"), given, strict=True)
+    ends = [numbers(limit, n, [d], where, math.inf)[0] for n, d in stated]
+    ends = [end if abs(end) < LARGEST else math.copysign(math.inf, end) for end in ends]  # as some programs write none
+    if ends[0] > ends[1] or ends[0] == math.inf or ends[1] == -math.inf:
         raise InputError(f"{where}: its lower limit {ends[0]:g} exceeds its upper one {ends[1]:g}")
     losses = [float(numbers(dynamics, n, [0.0], where)[0]) for n in ("damping", "friction")]
     return Joint(

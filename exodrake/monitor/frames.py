@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError
+from exodrake.data.clock import STRETCH, other_rate
 from exodrake.monitor.tail import Rows
 
 BRIDGED = 2.0  # s of missing frames over which the model goes on with the last references
@@ -37,6 +38,7 @@ class Grid:
     def __init__(self, source: str, frame: float) -> None:
         self.source, self.frame, self.bridged = source, frame, max(BRIDGED, 2.0 * frame)
         self.last: np.ndarray | None = None
+        self.stretch: list[tuple[float, int]] = []  # time [s] and frame of the last rows
         self.missing = self.repeated = 0
 
     def push(self, rows: Rows) -> Iterator[Frames]:
@@ -49,6 +51,7 @@ class Grid:
             if steps == 0:
                 self.repeated += 1
                 continue
+            self.check_rate(row[0], steps)
             if (steps - 1) * self.frame > self.bridged:
                 if found:
                     yield Frames(np.array(found), restart, note)
@@ -62,6 +65,20 @@ class Grid:
             self.last = row
         if found:
             yield Frames(np.array(found), restart, note)
+
+    def check_rate(self, time: float, steps: int) -> None:
+        """InputError where some hundred rows show a clock that is fast or slow, or a log of another rate."""
+        number = self.stretch[-1][1] + steps if self.stretch and self.last is not None else 0
+        self.stretch = [*self.stretch, (time, number)] if number else [(time, 0)]
+        if len(self.stretch) < STRETCH:
+            return
+        times, numbers = np.transpose(self.stretch)
+        found, self.stretch = other_rate(times, numbers, self.frame), []
+        if found is not None:
+            raise InputError(
+                f"{self.source}: from {found[0]:g} s on a frame takes {found[1] * 1e3:.4g} ms by its clock, not "
+                f"{self.frame * 1e3:g} ms"
+            )
 
     def steps(self, values: np.ndarray, row: int) -> int:
         """Frames since the last row: 1 for the next and for the first, 0 for the same row again."""

@@ -13,7 +13,9 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
+from exodrake.core.plural import plural
 from exodrake.core.units import si_unit, to_si
+from exodrake.data.clock import LONGEST, frame_of, other_rate
 from exodrake.data.columns import check_columns, log_from_columns
 from exodrake.data.foreign import lerobot
 from exodrake.data.foreign.derive import derived, low_passed, note_of, scaled, synchronised
@@ -41,9 +43,9 @@ class Imported:
 def import_log(file: str | Path, map_file: str | Path) -> Log:
     """A foreign recording in our names and SI.
 
-    InputError names the file and the column or key for what is not there, not a number, or on a clock that does not
-    increase. Rows that repeat the time of the row before are dropped (recorders often sample faster than the clock
-    ticks).
+    InputError names the file and the column or key for what is not there, not a number, or on a clock that steps
+    backwards or stands still. Rows that repeat the time of the row before are dropped (recorders often sample faster
+    than the clock ticks); `import_recording` says how many.
     """
     return import_recording(file, read_mapping(map_file)).log
 
@@ -53,9 +55,10 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
     if is_bag(file):
         tracks = read_bag(file, [column.foreign for column in mapped.columns], mapped.stamp)
         mapped = replace(mapped, period=mapped.period or PERIOD)  # topics have clocks of their own
+        tracks, notes = in_order(tracks, mapped.period or PERIOD, str(file))
     else:
-        tracks = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
-    return imported(tracks, mapped, str(file))
+        tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
+    return imported(tracks, mapped, str(file), notes)
 
 
 def import_all(
@@ -78,7 +81,8 @@ def import_all(
         for number, (name, columns) in enumerate(lerobot.episodes(path)):
             if number in chosen or not chosen:
                 where = f"{path}, {name}"
-                found[name] = imported(_one_clock(columns, mapped, where), mapped, where)
+                tracks, notes = _one_clock(columns, mapped, where)
+                found[name] = imported(tracks, mapped, where, notes)
         if not found:
             raise InputError(f"{path}: none of the episodes of --episodes")
         return found
@@ -98,16 +102,21 @@ def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> fl
     Args:
         logs: the logs of the case.
         mapped: mapping; the period that it states holds.
-        frame: frame of the machine [s], taken if every log has about one row in each; else the first one's median step.
+        frame: frame of the machine [s], taken if every log has one row in each; else that of the first one's clock.
 
     Raises:
         InputError: for a first log of a single row, unless the mapping states a period.
     """
     if mapped is not None and mapped.period is not None:
         return mapped.period
-    measured = logs[0].dt
-    steps = [median_step(log.time) for log in logs if len(log) > 1]
-    return frame if all(has_one_sample_a_frame(step, frame) for step in steps) else round(measured, 9)
+    measured = round(frame_of(logs[0]), 9)
+    return frame if all(has_frame(log.time, frame) for log in logs if len(log) > 1) else measured
+
+
+def has_frame(time: np.ndarray, frame: float) -> bool:
+    """Whether rows at `time` (n,) [s] come about once a frame [s], at its rate."""
+    frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(time) / frame))])
+    return has_one_sample_a_frame(median_step(time), frame) and other_rate(time, frames, frame) is None
 
 
 def refuse_folder(path: Path) -> None:
@@ -116,8 +125,8 @@ def refuse_folder(path: Path) -> None:
         raise InputError(f"{path}: a folder without a ROS 2 bag or a LeRobot data set; wanted one, or a file")
 
 
-def imported(tracks: dict[str, Track], mapped: Mapped, source: str) -> Imported:
-    """Foreign columns with their clocks as a log of ours."""
+def imported(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Sequence[str] = ()) -> Imported:
+    """Foreign columns with their clocks, in order of time, as a log of ours; `notes`: what was done to them before."""
     ours = {}
     for column in mapped.columns:
         track = tracks[column.foreign]
@@ -125,9 +134,11 @@ def imported(tracks: dict[str, Track], mapped: Mapped, source: str) -> Imported:
     if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond
         first = min((track.time.min() for track in ours.values() if len(track.time)), default=0.0)
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
-    ours, notes = synchronised(ours, mapped.sync, source)
+    ours, moved = synchronised(ours, mapped.sync, source)
+    notes = [*notes, *moved]
     if mapped.period is not None:
-        time, values = _on_frames(ours, mapped.period, mapped.hold, source)
+        time, values, lost = _on_frames(ours, mapped.period, mapped.hold, source)
+        notes += lost
     else:
         time, values = _shared(ours, source, {name for entry in mapped.sync for name in entry.columns})
     columns = [(heading("time", "s"), time)]
@@ -146,8 +157,39 @@ def imported(tracks: dict[str, Track], mapped: Mapped, source: str) -> Imported:
     return Imported(log, tuple(notes))
 
 
-def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> dict[str, Track]:
-    """Mapped columns of a table, on its time column or, without one, on its row number."""
+def in_order(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
+    """Tracks of a bag, each in order of its stamps, and notes on those that were not.
+
+    Messages overtake each other on their way by less than a frame of `period` [s]. InputError for a clock that steps
+    further back, and for one that stands still.
+    """
+    ordered, notes = {}, dict[str, None]()
+    for name, track in tracks.items():
+        topic, times = f"topic {name.partition(':')[0]!r}", track.time
+        if len(times) > 1 and times.min() == times.max():
+            raise InputError(
+                f"{source}: {topic}: its clock stands still, all {len(times)} messages at {times[0]:.10g} s"
+            )
+        latest = np.maximum.accumulate(times) if len(times) else times
+        late = np.flatnonzero(times < latest)
+        if len(late):
+            at = int(np.argmax(latest - times))
+            if latest[at] - times[at] > period:
+                first = int(np.flatnonzero(latest - times > period)[0])
+                raise InputError(
+                    f"{source}: {topic}: the clock steps backwards by {latest[at] - times[at]:.6g} s, at message "
+                    f"{first + 1}, {times[first]:.10g} s after {latest[first]:.10g} s; cut the bag there"
+                )
+            count = f"{len(late)} {plural(len(late), 'message')}"
+            first = f"the first is message {late[0] + 1} at {times[late[0]]:.10g} s"
+            notes[f"{topic}: {count} out of order, {first}, sorted by their stamps"] = None
+        order = np.argsort(times, kind="stable")
+        ordered[name] = Track(times[order], track.values[order])
+    return ordered, list(notes)
+
+
+def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tuple[dict[str, Track], list[str]]:
+    """Mapped columns of a table, on its time column or, without one, on its row number; notes on rows left out."""
     wanted = [column.foreign for column in mapped.columns] + ([mapped.time] if mapped.time else [])
     names = {name: slashed(name, table) for name in wanted}
     for name, found in names.items():
@@ -166,8 +208,24 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> dic
     for name, length in lengths.items():
         if length != len(time):
             raise InputError(f"{source}: column {name!r} has {length} samples, time has {len(time)}")
+    backward = np.flatnonzero(np.diff(time) < 0)
+    if len(backward):
+        row = int(backward[0])
+        raise InputError(
+            f"{source}: column 'time', row {row + 2}: {time[row + 1]:.10g} s does not come after {time[row]:.10g} s; "
+            "cut the recording there"
+        )
     fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
-    return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}
+    if len(time) > 1 and fresh.sum() == 1:
+        raise InputError(f"{source}: column 'time': the clock stands still, all {len(time)} rows at {time[0]:.10g} s")
+    notes = []
+    if not fresh.all():
+        row = int(np.flatnonzero(~fresh)[0])
+        notes.append(
+            f"{int((~fresh).sum())} of {len(time)} rows have the time of the row before and are dropped, the first is "
+            f"row {row + 1} at {time[row]:.10g} s"
+        )
+    return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
 
 
 def _shared(tracks: dict[str, Track], source: str, moved: set[str]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -183,13 +241,12 @@ def _shared(tracks: dict[str, Track], source: str, moved: set[str]) -> tuple[np.
 
 def _on_frames(
     tracks: dict[str, Track], period: float, hold: int, source: str
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Frames from the first sample to the last; a frame carries the newest sample taken before its end.
+) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
+    """Frames from the first sample to the last, and notes; a frame carries the newest sample taken before its end.
 
     A sample older than `hold` frames before the frame's start is stale, and the frame is left empty. Where a clock has
     about one sample a frame, frames lie about their samples, so that jitter of the clock neither loses nor repeats one.
     """
-    ordered = {name: np.argsort(track.time, kind="stable") for name, track in tracks.items()}
     start = min(track.time.min() for track in tracks.values())
     end = max(track.time.max() for track in tracks.values())
     if (end - start) / period > 1e7:
@@ -197,13 +254,40 @@ def _on_frames(
             f"{source}: {end - start:.6g} s are too many frames of {period:g} s; is the unit of time right?"
         )
     count = int(np.floor((end - start) / period + ROUNDED)) + 1
+    if count > LONGEST * (max(len(track.time) for track in tracks.values()) + LONGEST):
+        raise InputError(
+            f"{source}: {count} frames of {period:g} s, far more than samples; cut it where its clock jumps"
+        )
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
     begin = time - 0.5 * period if has_one_sample_a_frame(step, period) else time
-    values = {}
+    values, said = {}, dict[str, list[str]]()
     for name, track in tracks.items():
-        stamps, samples = track.time[ordered[name]], track.values[ordered[name]]
-        newest = np.searchsorted(stamps, begin + period * (1 - ROUNDED), side="left") - 1
-        fresh = (newest >= 0) & (stamps[newest] >= begin - period * (hold + ROUNDED))
-        values[name] = np.where(fresh, samples[newest], np.nan)
-    return time, values
+        newest = np.searchsorted(track.time, begin + period * (1 - ROUNDED), side="left") - 1
+        fresh = (newest >= 0) & (track.time[newest] >= begin - period * (hold + ROUNDED))
+        values[name] = np.where(fresh, track.values[newest], np.nan)
+        if note := _frames_note(track, time, np.where(fresh, newest, -1), period):
+            said.setdefault(note, []).append(name)
+    return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+
+
+def _frames_note(track: Track, time: np.ndarray, taken: np.ndarray, period: float) -> str:
+    """What laying a track on frames that begin at `time` (n,) [s] lost, repeated and left empty; "" for nothing.
+
+    `taken`: (n,) number of the sample that a frame carries, -1 for none.
+    """
+    left = np.setdiff1d(np.arange(len(track.time)), taken)
+    again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
+    empty = np.flatnonzero(taken < 0)
+    parts = [
+        f"{what}, the first at {at[0]:.10g} s"
+        for what, at in (
+            (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
+            (f"the sample before again in {len(again)}", time[again]),
+            (f"{len(empty)} left empty", time[empty]),
+        )
+        if len(at)
+    ]
+    return (
+        f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms: {'; '.join(parts)}" if parts else ""
+    )

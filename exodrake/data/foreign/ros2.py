@@ -8,6 +8,7 @@ and only the common types of `definitions` can be read from them.
 from __future__ import annotations
 
 import io
+import re
 import sqlite3
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -38,9 +39,14 @@ def is_bag(path: str | Path) -> bool:
 
 
 def bag_files(path: str | Path) -> list[Path]:
-    """Files of a bag, in order."""
-    files = sorted(Path(path).iterdir()) if is_folder(path) else [Path(path)]
+    """Files of a bag, in order: `bag_10` after `bag_9`."""
+    files = sorted(Path(path).iterdir(), key=by_number) if is_folder(path) else [Path(path)]
     return [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
+
+
+def by_number(file: Path) -> list[tuple[int, str]]:
+    """Sorting key of a file's name, whose digits count as numbers."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]{1,18})", file.name)]
 
 
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
@@ -48,7 +54,7 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
     parts = [called(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
     for column in columns:
         if not any(len(part[column].time) for part in parts):
-            raise InputError(f"{path}: no message on topic {column.partition(':')[0]!r}")
+            raise InputError(f"{path}: no message on topic {column.partition(':')[0]!r} with that field, {column!r}")
     return {
         column: Track(*(np.concatenate([getattr(p[column], key) for p in parts]) for key in ("time", "values")))
         for column in columns
@@ -82,7 +88,12 @@ def default_mapping(path: str | Path) -> Mapped:
         for field in fields or ():
             what, _, joint = field.rstrip("]").partition("[")
             ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
-            columns.setdefault(ours, Column(f"{topic}:{field}", ours, UNITS[what]))
+            found = Column(f"{topic}:{field}", ours, UNITS[what])
+            if (other := columns.setdefault(ours, found)) is not found:
+                raise InputError(
+                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
+                    "one of them"
+                )
     if not columns:
         raise InputError(
             f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
@@ -119,9 +130,11 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
     for topic, _, message, log_time in messages(data, source, set(wanted)):
         time = _stamp(message, topic, source) if stamp == "header" else log_time * 1e-9
         for field in wanted[topic]:
-            times, values = samples[f"{topic}:{field}"]
-            times.append(time)
-            values.append(_field(message, field, f"{source}: topic {topic!r}"))
+            value = _field(message, field, f"{source}: topic {topic!r}")
+            if value is not None:
+                times, values = samples[f"{topic}:{field}"]
+                times.append(time)
+                values.append(value)
     return {column: Track(np.array(times), np.array(values)) for column, (times, values) in samples.items()}
 
 
@@ -177,12 +190,22 @@ def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tupl
 
 
 def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
-    """`messages` of MCAP storage."""
+    """`messages` of MCAP storage, those of a topic by the numbers that they carry, else as they are stored.
+
+    Not by their time: a recorder's clock may have stepped back.
+    """
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
     factory = DecoderFactory()
-    for schema, channel, raw in make_reader(io.BytesIO(data)).iter_messages(topics=list(topics) if topics else None):
+    reader = make_reader(io.BytesIO(data))
+    stored = list(reader.iter_messages(topics=list(topics) if topics else None, log_time_order=False))
+    numbers: dict[int, list[int]] = {}
+    for _, channel, raw in stored:
+        numbers.setdefault(channel.id, []).append(raw.sequence)
+    counted = {channel for channel, found in numbers.items() if len(set(found)) == len(found)}
+    stored.sort(key=lambda item: item[2].sequence if item[1].id in counted else 0)
+    for schema, channel, raw in stored:
         decode = factory.decoder_for(channel.message_encoding, schema)
         if decode is None and topics:
             raise InputError(f"{source}: topic {channel.topic!r} is no ROS 2 message that can be decoded")
@@ -195,8 +218,12 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
 
     bag = sqlite3.connect(":memory:")
     bag.deserialize(data)
+    kinds = {str(name).lower(): sql for name, sql in bag.execute("SELECT name, sql FROM sqlite_master")}
+    for table in ("topics", "messages", "message_definitions"):  # a view, or a virtual table, may have no end
+        if table in kinds and not str(kinds[table]).upper().startswith("CREATE TABLE"):
+            raise InputError(f"{source}: {table!r} is no table, so this is no bag that ROS 2 wrote")
     listed = {n: (str(topic), str(kind)) for n, topic, kind in bag.execute("SELECT id, name, type FROM topics")}
-    stored = bag.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'").fetchone()
+    stored = "message_definitions" in kinds
     rows = bag.execute("SELECT topic_type, encoded_message_definition FROM message_definitions") if stored else ()
     texts = DEFINITIONS | {kind: text for kind, text in rows if text}
     decoders: dict[int, Any] = {}
@@ -205,13 +232,13 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
             decoders[number] = generate_dynamic(kind, texts[kind])[kind]
         elif topics is not None and topic in topics:
             raise InputError(f"{source}: topic {topic!r}: the bag holds no definition of {kind}; convert it to MCAP")
-    for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"):
+    for number, time, raw in bag.execute("SELECT topic_id, timestamp, data FROM messages ORDER BY id"):
         if number in listed and (topics is None or number in decoders) and isinstance(time, int):
             yield *listed[number], decoders[number](raw) if number in decoders else None, time
 
 
-def _field(message: Any, path: str, where: str) -> float:
-    """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number."""
+def _field(message: Any, path: str, where: str) -> float | None:
+    """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
     value = message
     for part in path.split("."):
         name, bracket, index = part.partition("[")
@@ -221,18 +248,24 @@ def _field(message: Any, path: str, where: str) -> float:
         if bracket:
             value = _element(owner, value, index.rstrip("]"), where, path)
     try:
-        return float(value)
+        return None if value is None else float(value)
     except (TypeError, ValueError):
         raise InputError(f"{where}: field {path!r} is not a number") from None
 
 
 def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
-    """An element by its number, or by the message's own `name` list; NaN if this message lacks it."""
+    """An element by its number, or by the message's own `name` list.
+
+    None if this message lacks it, as do those of another publisher on the topic. InputError for a name that the list
+    holds twice.
+    """
     names = list(getattr(owner, "name", []))
+    if names.count(index) > 1:
+        raise InputError(f"{where}: field {path!r}: a message names {index!r} twice")
     position = names.index(index) if index in names else int(index) if index.isdecimal() and len(index) < 10 else None
     if position is None and not names:
         raise InputError(f"{where}: field {path!r}: no element {index!r}")
-    return np.nan if position is None or position >= len(values) else values[position]
+    return None if position is None or position >= len(values) else values[position]
 
 
 def _stamp(message: Any, topic: str, source: str) -> float:

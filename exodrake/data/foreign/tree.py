@@ -22,9 +22,7 @@ MAX_DEPTH = 20
 SIDES = ("rows", "columns")
 
 
-def columns_of(
-    tree: Any, source: str, samples: int | None = None, side: str | None = None
-) -> dict[str, np.ndarray]:
+def columns_of(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
     """Columns by name, (n,) each. InputError for a name that comes twice.
 
     Args:
