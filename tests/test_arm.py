@@ -241,6 +241,10 @@ SPOILT = {
     "kind": (MIXED.replace('"continuous"', '"floating"'), "floating"),
     "number": (MIXED.replace('xyz="1 2 3"', 'xyz="1 2 nan"'), "wanted 3 numbers"),
     "axis": (MIXED.replace('xyz="1 2 3"', 'xyz="0 0 0"'), "no length"),
+    "far": (MIXED.replace('xyz="0 0 -0.4"', 'xyz="1e308 0 0"'), "xyz is '1e308 0 0', beyond any arm's"),
+    "long axis": (MIXED.replace('xyz="1 2 3"', 'xyz="1e308 1e308 0"'), "beyond any arm's"),
+    "heavy": (MIXED.replace('<mass value="0.5"/>', '<mass value="1e200"/>'), "beyond any arm's"),
+    "no way back": (MIXED.replace('lower="-1" upper="2"', 'lower="1e308" upper="1.5e308"'), "exceeds"),
     "limits": (MIXED.replace('lower="-1" upper="2"', 'lower="2" upper="-1"'), "exceeds"),
     "mass": (MIXED.replace('<mass value="0.5"/>', '<mass value="-0.5"/>'), "no body"),
     "link": (MIXED.replace('<parent link="plate"/>', '<parent link="nowhere"/>'), "not there"),
@@ -306,3 +310,10 @@ def test_arm_that_is_called_like_a_module_of_the_machines_loads_in_a_process_of_
 def test_machine_with_code_may_not_be_called_like_a_module_of_the_machines(tmp_path):
     found = run("new-machine", tmp_path / "robot_file")
     assert found.exit_code == 2 and "module robot_file" in found.stderr and not (tmp_path / "robot_file").exists()
+
+
+def test_limits_that_a_program_writes_for_none_are_none(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(MIXED.replace('lower="-1" upper="2" effort="100"', 'lower="-1e16" upper="1e308" effort="1e30"'))
+    last = read_urdf(path).joints[-1]
+    assert (last.lower, last.upper, last.effort) == (-np.inf, np.inf, np.inf)
