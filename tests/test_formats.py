@@ -84,7 +84,7 @@ def test_matlab_and_numpy(tmp_path):
         (MAP, TABLE.replace("cell", "zelle"), ["drive.csv", "'cell'", "zelle"]),
         (MAP, TABLE.replace("3000", "much"), ["'cell'", "row 3", "'much'"]),
         (MAP, TABLE.replace(", 270.0", ""), ["'pos[1]'", "row 3"]),
-        (MAP, TABLE.replace("40000", "10000"), ["'time'", "row 3"]),
+        (MAP, TABLE.replace("40000", "10000"), ["'t'", "row 3"]),
         (MAP, TABLE.replace("20000", ""), ["'t'", "row 2"]),
         (MAP, TABLE.replace(",stop", ""), ["row 3", "3 cells"]),
         (MAP, TABLE.replace("note", "cell"), ["'cell'", "twice"]),

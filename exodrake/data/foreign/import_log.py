@@ -211,13 +211,13 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     backward = np.flatnonzero(np.diff(time) < 0)
     if len(backward):
         row = int(backward[0])
-        raise InputError(
-            f"{source}: column 'time', row {row + 2}: {time[row + 1]:.10g} s does not come after {time[row]:.10g} s; "
-            "cut the recording there"
-        )
+        after = f"{time[row + 1]:.10g} s does not come after {time[row]:.10g} s"
+        raise InputError(f"{source}: time column {mapped.time!r}, row {row + 2}: {after}; cut the recording there")
     fresh = np.concatenate([np.ones(min(1, len(time)), dtype=bool), np.diff(time) != 0])
     if len(time) > 1 and fresh.sum() == 1:
-        raise InputError(f"{source}: column 'time': the clock stands still, all {len(time)} rows at {time[0]:.10g} s")
+        raise InputError(
+            f"{source}: time column {mapped.time!r}: the clock stands still, all {len(time)} rows at {time[0]:.10g} s"
+        )
     notes = []
     if not fresh.all():
         row = int(np.flatnonzero(~fresh)[0])

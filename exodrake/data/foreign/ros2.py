@@ -54,7 +54,9 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
     parts = [called(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
     for column in columns:
         if not any(len(part[column].time) for part in parts):
-            raise InputError(f"{path}: no message on topic {column.partition(':')[0]!r} with that field, {column!r}")
+            raise InputError(
+                f"{path}: no message on topic {column.partition(':')[0]!r} gives column {column!r}, which is empty"
+            )
     return {
         column: Track(*(np.concatenate([getattr(p[column], key) for p in parts]) for key in ("time", "values")))
         for column in columns
