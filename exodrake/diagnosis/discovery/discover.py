@@ -33,10 +33,9 @@ from exodrake.diagnosis.one_more import PROMISING
 from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import Problem
 from exodrake.diagnosis.refine import Explanation
-from exodrake.diagnosis.retune import LEAST_GAIN
 
 COMPLETE = "without an effect the logs differ from the robot by no more than noise: no law is missing"
-ROUNDS, WHOLE = 3, 4  # Jacobians of the best law's other parameters, on whole logs; Gauss-Newton steps with each
+ROUNDS, WHOLE = 8, 4  # most Jacobians of the best law's other parameters, on whole logs; Gauss-Newton steps with each
 
 
 def discover(
@@ -110,12 +109,12 @@ def start_of(found: Isolation, moved: MachineMap, likelihood: Likelihood) -> Exp
 
 
 def refitted(likelihood: Likelihood, base: Explanation, fit: Fit) -> Fit:
-    """A law fitted to all of the logs, the other parameters' Jacobian taken anew where that gains something."""
+    """A law fitted to all of the logs until no step with a new Jacobian of the other parameters leads further."""
     fit = replace(fit, residual=likelihood.residual(fit.robot(base, likelihood)[None])[0], directions=None)
     for _ in range(ROUNDS):
-        before, likelihood = likelihood.mean_log(fit.residual), likelihood.scaled_to(fit.residual)
+        before, likelihood = fit.residual, likelihood.scaled_to(fit.residual)
         fit = refined(likelihood, base, fit, nuisance_jacobian(likelihood, base, fit), WHOLE)
-        if before - likelihood.mean_log(fit.residual) < LEAST_GAIN:
+        if fit.residual is before:
             break
     return fit
 

@@ -37,24 +37,24 @@ class Eliminated:
 
     def __init__(self, likelihood: Likelihood, offset: np.ndarray, jacobian: np.ndarray, prior_std: np.ndarray) -> None:
         self.weights, prior_std = weights_of(likelihood), prior_std * TIGHTER
-        self.jacobian = (jacobian * self.weights * prior_std[:, None]).astype(np.float32)
-        roots, self.axes = np.linalg.eigh((self.jacobian @ self.jacobian.T).astype(float))
+        self.jacobian = np.asarray(jacobian, float) * self.weights * prior_std[:, None]
+        roots, self.axes = np.linalg.eigh(self.jacobian @ self.jacobian.T)
         self.roots, self.prior_std = np.maximum(roots, 0.0), prior_std
-        self.offset = (offset * self.weights).astype(np.float32)
+        self.offset = np.asarray(offset, float) * self.weights
         self.samples = likelihood.samples / max(SAMPLE / likelihood.robot.machine.frame, 1.0)
         self.least = float(np.sum(self.weights.astype(float) ** 2)) / self.samples
         self.pull = self.products(self.offset[None])[:, 0]
-        self.squares = float(self.offset.astype(float) @ self.offset)
+        self.squares = float(self.offset @ self.offset)
 
     def products(self, rows: np.ndarray) -> np.ndarray:
         """Products (nuisance, n) of J with weighted rows (n, samples)."""
-        return self.axes.T @ (self.jacobian @ rows.T).astype(float)
+        return self.axes.T @ (self.jacobian @ rows.T)
 
     def columns(self, directions: np.ndarray) -> Columns:
-        """The directions (n, samples) of a law beside the nuisance parameters."""
-        weighted = (directions * self.weights).astype(np.float32)
-        gram, slope = (weighted @ weighted.T).astype(float), (weighted @ self.offset).astype(float)
-        return Columns(weighted, self.products(weighted), gram, slope)
+        """The directions (n, samples) of a law beside the nuisance parameters, kept in single precision."""
+        weighted = directions * self.weights
+        found = self.products(weighted), weighted @ weighted.T, weighted @ self.offset
+        return Columns(weighted.astype(np.float32), *found)
 
     def eliminated(self, variance: float) -> np.ndarray:
         """Weights (nuisance,) of products with J in products of rows over the variance, x eliminated."""
@@ -75,7 +75,7 @@ class Eliminated:
     def taken_up(self, columns: Columns, prior: np.ndarray, variance: float, rows: np.ndarray) -> np.ndarray:
         """Sum of squares (n,) that a law with prior standard deviations (directions,) takes up of weighted rows."""
         pull = self.eliminated(variance)[:, None] * self.products(rows)
-        slope = (columns.weighted @ rows.T).astype(float) / variance - columns.cross.T @ pull
+        slope = columns.weighted @ rows.T / variance - columns.cross.T @ pull
         normal = self.gram(columns, variance) + np.diag(prior**-2.0)
         return variance * np.einsum("in,in->n", slope, np.linalg.solve(normal, slope))
 
@@ -113,7 +113,8 @@ class Weighed:
         modes: (n,) coordinates of the directions.
         covariance: (n, n) theirs.
         variance: of a sample.
-        penalised: squares that are left over the variance, with the use of all priors, and the law's information.
+        left: squares that are left over the variance, with the use of all priors.
+        penalised: the same and the law's information.
     """
 
     log_evidence: float
@@ -121,6 +122,7 @@ class Weighed:
     modes: np.ndarray
     covariance: np.ndarray
     variance: float
+    left: float
     penalised: float
 
 
@@ -144,7 +146,7 @@ def weigh(model: Eliminated, columns: Columns, channel: np.ndarray, scales: np.n
         value = model.log_evidence(variance, left + used, within)
         full, covariance = np.zeros(len(channel)), np.zeros((len(channel),) * 2)
         full[on], covariance[np.ix_(on, on)] = modes, inverse
-        best = Weighed(value, scales, full, covariance, variance, left + used + within)
+        best = Weighed(value, scales, full, covariance, variance, left + used, left + used + within)
         residual = variance * (left - float(np.sum(model.use(own, modes, variance) ** 2)))
         variance = max(residual / model.samples, model.least)
     assert best is not None

@@ -14,12 +14,11 @@ from exodrake.diagnosis.discovery.effect_text import SIZE
 from exodrake.diagnosis.discovery.evidence import TIGHTER, Columns, Eliminated, Weighed, fitted, weights_of
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linearise import nominal_jacobian
-from exodrake.diagnosis.parameter import apply
+from exodrake.diagnosis.parameter import STEP, apply
 from exodrake.diagnosis.refine import Explanation
 
 STEPS = (1.0, 0.5, 0.2, 0.05)  # shares of a Gauss-Newton step that are tried
-RELATIVE, LEAST = 0.1, 0.2  # step of a difference quotient in what a mode is, and at least in its scale
-REMOVED = 1e-3  # of its excess that a step must remove, or it is the last
+NEAR = 0.01  # of twice the log posterior that a step promises where a fit ends: a tenth of a standard deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,12 +166,8 @@ def derivatives(likelihood: Likelihood, base: Explanation, fit: Fit) -> np.ndarr
     """Derivatives (n, samples) of the residual by the modes of a fit's active channels."""
     machine, values = likelihood.robot.machine, apply(base.values, base.parameters, fit.x)
     units = fit.candidate.directions(fit.active, SIZE)
-    steps = np.array([max(LEAST, RELATIVE * abs(float(np.sum(fit.modes * unit)))) for unit in units])
-    rows = [
-        fit.candidate.put(machine, values, fit.candidate.weights(fit.modes + step * unit))
-        for unit, step in zip(units, steps, strict=True)
-    ]
-    return (likelihood.residual(np.array(rows)) - fit.residual) / steps[:, None]
+    rows = [fit.candidate.put(machine, values, fit.candidate.weights(fit.modes + STEP * unit)) for unit in units]
+    return (likelihood.residual(np.array(rows)) - fit.residual) / STEP
 
 
 def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.ndarray, steps: int) -> Fit:
@@ -180,17 +175,15 @@ def refined(likelihood: Likelihood, base: Explanation, fit: Fit, jacobian: np.nd
     fit = differentiated(likelihood, base, fit, jacobian)
     for _ in range(steps):
         assert fit.model is not None and fit.columns is not None and fit.weighed is not None
+        if cost(likelihood, base, fit, fit.weighed) - fit.weighed.left < NEAR:
+            return fit
         modes = np.zeros_like(fit.modes)
         modes[list(fit.active)] = fit.weighed.modes.reshape(len(fit.active), SIZE)
         x = fit.model.nuisance(fit.columns, fit.weighed)
-        before = cost(likelihood, base, fit, fit.weighed)
         found = searched(likelihood, base, fit, x, modes, fit.weighed)
         if found is fit:
             return fit
-        gained = before - cost(likelihood, base, found, fit.weighed)
         fit = differentiated(likelihood, base, found, jacobian)
-        if gained < REMOVED * before:
-            return fit
     return fit
 
 
