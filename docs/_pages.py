@@ -1,22 +1,27 @@
 """Pages generated when the site is built: commands, effects, tutorial, Python, numbers of the tests; formulas."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Iterator
 from html import unescape
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-from _effects import effect_pages, effect_paths
+from _effects import ARMS_PATH, effect_pages, effect_paths
 from _notebook import page as notebook_page
-from latex2mathml.converter import convert
-from mkdocs.structure.files import File, Files
 
 from exodrake import PUBLIC
 from exodrake.cli.main import COMMANDS, cli
 from exodrake.diagnosis.level_table import decision_numbers
 from exodrake.machines.robot_file import load_robot
 
+if TYPE_CHECKING:
+    from mkdocs.structure.files import Files
+
+LEVELS = "<!-- levels -->"  # where a page wants the numbers of the tests
 # heading -> names on the Python page, in order; names in no group come last
 GROUPS = {
     "Robots": ("load_robot", "write_robot", "Robot"),
@@ -50,6 +55,8 @@ def on_config(config):
 
 def on_files(files: Files, config):
     """Add the generated pages."""
+    from mkdocs.structure.files import File
+
     for path, content in pages():
         files.append(File.generated(config, path, content=content))
     return files
@@ -57,7 +64,7 @@ def on_files(files: Files, config):
 
 def on_page_markdown(markdown: str, page, config, files):
     """Insert the numbers of the tests where a page has the placeholder."""
-    return markdown.replace("<!-- levels -->", levels())
+    return markdown.replace(LEVELS, levels()) if LEVELS in markdown else markdown
 
 
 def on_page_content(html: str, page, config, files):
@@ -65,8 +72,25 @@ def on_page_content(html: str, page, config, files):
     return re.sub(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', mathml, html, flags=re.DOTALL)
 
 
+def on_post_build(config):
+    """Refuse a site without a formula, a figure or a public name, which no link shows."""
+    from mkdocs.exceptions import PluginError
+
+    site = Path(config.site_dir)
+    physics, python = ((site / page).read_text() for page in ("explain/physics.html", "reference/python.html"))
+    missing = [] if "<math" in physics and 'class="arithmatex"' not in physics else ["formulas in MathML"]
+    missing += [name for name in PUBLIC if f">{name}<" not in python and f".{name}" not in python]
+    drawn = ["guide/tutorial_1.md", *(path for paths in effect_paths().values() for path in paths if path != ARMS_PATH)]
+    figures = [site / Path(path).with_suffix(".svg") for path in drawn]
+    missing += [str(path) for path in figures if not path.exists() or "<svg" not in path.read_text()]
+    if missing:
+        raise PluginError(f"the site lacks {', '.join(missing)}")
+
+
 def mathml(found: re.Match) -> str:
     """MathML of a formula in TeX, in the line or displayed."""
+    from latex2mathml.converter import convert
+
     return convert(unescape(found[3]), display="inline" if found[2] == "(" else "block")
 
 

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections import Counter
 
 if "PYTEST_XDIST_WORKER" in os.environ:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -20,6 +21,13 @@ LONGEST = "diagnose_case"  # an example that diagnoses a case, which takes longe
 def pytest_collection_modifyitems(items):
     """The longest test starts first, so that the others run beside it."""
     items.sort(key=lambda item: LONGEST not in item.name)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """How many tests were skipped, and why."""
+    found = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in terminalreporter.getreports("skipped"))
+    for reason, count in found.most_common():
+        terminalreporter.write_line(f"skipped: {count} ({reason})")
 
 
 @pytest.fixture(scope="session")

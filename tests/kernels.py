@@ -8,12 +8,13 @@ from studies.processors import used
 
 
 @cache
-def lacking(kernel: str) -> bool:
-    """Whether this processor, or this build of numpy and scipy, cannot run the code of another processor."""
-    return used(kernel) != [kernel]
+def runs(kernel: str) -> bool:
+    """Whether this processor, with this build of numpy and scipy, can run the code of another processor."""
+    return used(kernel) == [kernel]
 
 
-def needs_kernels(*names: str) -> pytest.MarkDecorator:
+def skip_without(*kernels: str) -> None:
     """Skips a test where the linear algebra of a processor does not run, and says which."""
-    absent = [name for name in names if lacking(name)]
-    return pytest.mark.skipif(bool(absent), reason=f"no OpenBLAS code of {', '.join(absent)} runs here")
+    for kernel in kernels:
+        if not runs(kernel):
+            pytest.skip(f"the linear algebra of {kernel} does not run on this processor")

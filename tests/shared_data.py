@@ -1,4 +1,4 @@
-"""Data that the checkout does not hold: logs of the reference model, recordings of real machines."""
+"""Data that the checkout does not hold: logs of the reference model, recordings of real machines, practice cases."""
 
 import os
 from functools import cache
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-KNOWN_BY = {"reference": "sweeps.csv", "real": "emps"}  # a part by which a folder is recognised
+# a part by which a folder is recognised
+KNOWN_BY = {"reference": "sweeps.csv", "real": "emps", "practice": "labels.json"}
 
 
 @cache
