@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from arm_folders import made
 
 import exodrake as exo
 from exodrake.compiled.inputs import reference_width
@@ -182,8 +183,24 @@ def test_a_log_in_another_unit_shows_by_its_references_and_limits():
     """Nominal and measured tensions agree, since both follow the wrong references."""
     columns = [c for c in case_of().logs[SECOND].log.columns if c.startswith("tension")]
     case = changed(case_of(), lambda newton: 1000.0 * newton, columns, [SECOND])
-    (found,) = [sentence for sentence in suspicions(case, ROBOT) if "its limit" in sentence]
-    assert "tension_ref_AF of c.csv" in found
+    (found,) = suspicions(case, ROBOT)
+    assert "tension_ref_AF, tension_ref_MF, tension_ref_AE of c.csv: another unit than N?" in found
+    largest = np.abs(case.logs[SECOND].log["tension_ref_AF"]).max()
+    assert f"tension_ref_AF reaches {largest:.4g} N, its limit is 12 N" in found
+
+
+@pytest.mark.parametrize("log", [REPEAT, SECOND, HELD])
+@pytest.mark.parametrize(("rate", "word"), [(0.0, ""), (1e-3, "later"), (-1e-3, "earlier")])
+def test_a_camera_with_a_clock_of_its_own_is_named_with_its_rate(log, rate, word):
+    case = case_of("sensor.gain")
+    case = replace(case, logs=tuple(replace(item, repeats=None) for item in case.logs))
+    rows = np.arange(len(case.logs[log].log))
+    drifting = changed(case, lambda angle: np.interp((1.0 - rate) * rows, rows, angle), ANGLES, [log])
+    found = [sentence for sentence in suspicions(drifting, ROBOT) if "clock of its own" in sentence]
+    assert len(found) == bool(rate)
+    for sentence in found:
+        assert f"angle_MCP, angle_PIP, angle_DIP of {case.logs[log].file} come ever {word}" in sentence
+        assert float(sentence.split(" ppm")[0].split("(")[-1]) == pytest.approx(1e6 * abs(rate), rel=0.5)
 
 
 @pytest.mark.parametrize(("columns", "end"), [(TENSIONS, 2.0), (ANGLES, 0.2)])
@@ -221,6 +238,45 @@ def test_the_noise_of_servos_is_compared_with_the_robot_file_both_ways(factor, w
         assert word in sentence and "Set reading.sigma" in sentence
         shown = float(sentence.split("logs is ")[1].split("°")[0])
         assert shown == pytest.approx(np.degrees(factor * stated), rel=0.1)
+
+
+@pytest.mark.parametrize(("factor", "named"), [(2.0, False), (8.0, True)])
+def test_noise_counts_beside_the_stated_repeatability_of_servos(factor, named):
+    """A diagnosis takes residuals for noise up to the larger of both."""
+    robot = exo.load_robot("dvrk_wrist")
+    robot = robot.with_parameters({"reading.repeatability": 4.0 * 0.002}, source="test")
+    said = suspicions(servo_case(robot, factor * 0.002), robot)
+    assert [("Set reading.sigma and reading.repeatability" in s) for s in said] == [True] * named
+
+
+def test_what_is_fast_in_one_log_alone_is_no_noise_of_the_sensor():
+    robot = exo.load_robot("dvrk_wrist")
+    columns = [f"angle_{j}" for j in robot.machine.axes.joints]
+    case = changed(servo_case(robot, 0.002), lambda v: v + 0.01 * (-1.0) ** np.arange(len(v)), columns, [0])
+    assert not [sentence for sentence in suspicions(case, robot) if "noise in the logs" in sentence]
+
+
+@pytest.mark.parametrize(("form", "sensor"), [("closed-loop", "encoder"), ("cable", "link_encoder")])
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_noise_of_one_sensor_of_an_arm_is_named_with_its_joint(form, sensor, factor, arm_folder):
+    robot = made(arm_folder, f"noisy_{form.replace('-', '_')}_{factor:.0f}", "--urdf", "cable_arm", "--form", form)
+    joint = robot.machine.axes.joints[1]
+    name = f"{sensor}.sigma.{joint}"
+    own = robot.with_parameters({name: factor * robot[name]}, source="test")
+    said = suspicions(arm_case(own), robot)
+    assert ([name in s and "noisier" in s and f" in position_{joint}," in s for s in said]) == [True] * (factor > 1.0)
+
+
+def arm_case(robot):
+    """Two logs of slow motions within the limits."""
+    low, high = robot.reference_limits()
+    time, joints = robot.machine.frame * np.arange(1500.0)[:, None], len(low)
+    logs = []
+    for k, role in enumerate(("fit", "holdout")):
+        course = 0.5 * (low + high) + 0.2 * (high - low) * np.sin((1.0 + 0.2 * k) * time + np.arange(joints))
+        motion = exo.Reference(np.hstack([course, np.tile(course[:1], (len(time), 1))]), role)
+        logs.append(exo.CaseLog(exo.simulate(robot, motion, seed=k), role, role, None, f"{role}.csv"))
+    return exo.Case("arm", {}, tuple(logs), robot.machine.frame)
 
 
 @pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])

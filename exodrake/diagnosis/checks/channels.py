@@ -11,7 +11,6 @@ from exodrake.diagnosis.checks.others import SMALL, UNLIKE, OtherLogs
 BEYOND = 3.0  # times the nominal robot's longest run, largest step or loudest window (assumed)
 HELD = 3  # samples in a row that count as held: noise repeats a rounded value now and then
 SATURATED = 0.05  # of the samples: less hardly matters (assumed)
-ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 WINDOW = 50  # frames in which the strength of a burst is taken (assumed)
 USUAL = 0.9  # quantile over windows that counts as the usual strength: a burst is shorter than a tenth of a log
 
@@ -113,24 +112,8 @@ def held_shares(values: np.ndarray) -> tuple[float, float]:
     visits = [held & (values[starts] == end) for end in (values.min(), values.max())]
     ends = [one if one.sum() > 1 else np.zeros_like(one) for one in visits]
     at_ends = ends[0] | ends[1]
-    return tuple(float(lengths[rows].sum()) / len(values) for rows in (at_ends, held & ~at_ends))
-
-
-def references_beyond_limits(comparison: Comparison) -> list[str]:
-    """A command is far beyond the limits that the robot file states; a measured motion has none."""
-    machine, found = comparison.machine, []
-    command = machine.references[0].kind.endswith("_ref")
-    if not (command and machine.reference_limits and comparison.robot.limits):
-        return []
-    low, high = comparison.robot.reference_limits()
-    columns = machine.log_names(machine.references[:1])
-    for pair in comparison.pairs:
-        for k, column in enumerate(columns):
-            largest = np.abs(pair.reference[:, k]).max()
-            limit = max(abs(low[k]), abs(high[k]))
-            if limit > 0.0 and largest > ANOTHER_UNIT * limit:
-                found.append(f"{column} of {pair.item.file} reaches {largest:.4g}, its limit is {limit:.4g}")
-    return [f"{few(found)}: another unit?"] if found else []
+    shares = [float(lengths[rows].sum()) / len(values) for rows in (at_ends, held & ~at_ends)]
+    return shares[0], shares[1]
 
 
 def longest_run(values: np.ndarray, of: object = None) -> tuple[int, int]:

@@ -53,34 +53,42 @@ def repeat_variance(runs: list[np.ndarray]) -> float:
 
 
 def noise_unlike_robot_file(comparison: Comparison) -> list[str]:
-    """The fast noise of all channels of a sensor is larger, or less, than the nominal robot's; what to set then.
+    """The fast noise of all channels of a sensor is larger, or less, than the robot file says; what to set then.
 
     A diagnosis takes the noise of a sensor from the robot file, since what makes a loop hunt is a cause and no noise.
     With a noisier sensor no explanation leaves as little as it should, with a quieter one a fit may look too good.
     """
     if noise_as_large_as_motion(comparison):
         return []
-    found: dict[tuple[str, str], list[str]] = {}
+    found: dict[tuple[str, str], dict[str, list[str]]] = {}
     for parameter, columns in noise_parameters(comparison.machine).items():
         shown = [c for c in columns if c in comparison.columns]
-        ratios = [ratio for ratio in (noise_ratio(comparison.of(c)) for c in shown) if ratio is not None]
-        if not ratios or len(ratios) < len(shown):
-            continue
-        counted = min(counted_ratio(comparison, parameter, comparison.of(c)) for c in shown)
-        word = "vibration, or noisier sensors" if min(ratios) > ABOVE else ""
-        if max(ratios) < 1.0 / ABOVE and counted < 1.0 / CLEAR:
-            word = "smoothed logs, or quieter sensors"
-        if word:
-            general = ".".join(parameter.split(".")[:2])
-            found.setdefault((general, word), []).extend(shown)
-    return [noise_sentence(comparison, parameter, word, shown) for (parameter, word), shown in found.items()]
+        if word := noise_word(comparison, parameter, shown):
+            found.setdefault((general(parameter), word), {})[parameter] = shown
+    return [noise_sentence(comparison, word, shown) for (_, word), shown in found.items()]
 
 
-def counted_ratio(comparison: Comparison, parameter: str, channels: list[Channel]) -> float:
-    """Fast noise of a column over what a diagnosis counts: the nominal robot's or, if larger, its repeatability."""
-    repeats = repeatability(comparison, parameter)
-    heard = audible(channels)
-    return float(np.median([fast_noise(c.measured / unit_factor(c)) / max(least_noise(c), repeats) for c in heard]))
+def noise_word(comparison: Comparison, parameter: str, columns: list[str]) -> str:
+    """What the noise of the columns of a sensor may be, unless it is as the robot file says or rounding hides it.
+
+    A sensor's noise is in every log; what is fast in one of them alone is its motion. A diagnosis counts the larger of
+    noise and repeatability.
+    """
+    heard, repeats = [audible(comparison.of(column)) for column in columns], repeatability(comparison, parameter)
+    if not heard or not all(heard):
+        return ""
+    simulated = [[noise_of(c) / least_noise(c) for c in channels] for channels in heard]
+    counted = [[noise_of(c) / max(least_noise(c), repeats) for c in channels] for channels in heard]
+    if min(map(min, counted)) > ABOVE:
+        return "vibration, or noisier sensors"
+    if max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
+        return "smoothed logs, or quieter sensors"
+    return ""
+
+
+def general(parameter: str) -> str:
+    """A parameter `part.name.channel` without its channel."""
+    return ".".join(parameter.split(".")[:2])
 
 
 def repeatability(comparison: Comparison, parameter: str) -> float:
@@ -89,20 +97,20 @@ def repeatability(comparison: Comparison, parameter: str) -> float:
     return float(comparison.robot[name]) if name in comparison.machine.index else 0.0
 
 
-def noise_sentence(comparison: Comparison, parameter: str, word: str, columns: list[str]) -> str:
-    """What the logs show, what the robot file states, and what to set."""
-    column = columns[0]
-    kind = column.rsplit("_", 1)[0]
-    unit = comparison.machine.signal[comparison.machine.column(kind).signal].unit
-    channels = audible(comparison.of(column))
-    logged = in_words(float(np.median([fast_noise(c.measured / unit_factor(c)) for c in channels])), unit)
+def noise_sentence(comparison: Comparison, word: str, found: dict[str, list[str]]) -> str:
+    """What the logs show, what the robot file states, and what to set; found: noise parameters -> their columns."""
+    columns, parameter = [column for shown in found.values() for column in shown], next(iter(found))
+    same = [p for p in comparison.machine.noise if general(p) == general(parameter)]
+    names = general(parameter) if len(found) == len(same) else few(found)
+    unit = comparison.machine.signal[comparison.machine.column(columns[0].rsplit("_", 1)[0]).signal].unit
+    channels, repeats = audible(comparison.of(columns[0])), repeatability(comparison, parameter)
+    logged = in_words(float(np.median([noise_of(c) for c in channels])), unit)
     stated = in_words(float(np.median([fast_noise(c.nominal) for c in channels])), unit)
-    repeats = repeatability(comparison, parameter)
     also = f"{parameter.split('.')[0]}.repeatability" if repeats else ""
     return (
         f"noise in the logs is {logged} in {few(columns)}, the robot file states {stated}"
         + (f" and {in_words(repeats, unit)} ({also})" if also else "")
-        + f": {word}? Set {parameter}"
+        + f": {word}? Set {names}"
         + (f" and {also}" if also else "")
     )
 
@@ -122,12 +130,6 @@ def noise_parameters(machine: Machine) -> dict[str, list[str]]:
     return found
 
 
-def noise_ratio(channels: list[Channel]) -> float | None:
-    """Fast noise of a column over the nominal robot's, the median of its logs; None where rounding hides either."""
-    ratios = [fast_noise(c.measured / unit_factor(c)) / least_noise(c) for c in audible(channels)]
-    return float(np.median(ratios)) if ratios else None
-
-
 def audible(channels: list[Channel]) -> list[Channel]:
     """The channels in which rounding hides neither the nominal noise nor a larger one that is measured."""
     changing = [c for c in channels if np.median(np.abs(np.diff(c.measured))) > 0.0]
@@ -140,9 +142,14 @@ def least_noise(channel: Channel) -> float:
     return max(fast_noise(channel.nominal), CLEAR * rounding_step(channel.nominal))
 
 
+def noise_of(channel: Channel) -> float:
+    """Fast noise of a measured channel in the unit that it seems to have."""
+    return fast_noise(channel.measured / unit_factor(channel))
+
+
 def louder(channel: Channel) -> float:
-    """Ratio of the fast noise of a channel, in the unit that it seems to have, to the nominal robot's."""
-    return fast_noise(channel.measured / unit_factor(channel)) / fast_noise(channel.nominal)
+    """Ratio of the fast noise of a channel to the nominal robot's."""
+    return noise_of(channel) / fast_noise(channel.nominal)
 
 
 def carries_noise(channel: Channel) -> bool:

@@ -10,10 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from exodrake.diagnosis.checks.compare import LONG, Comparison, few
+from exodrake.diagnosis.checks.scale import beyond_limits
 
 # Times the largest error of the other logs: with few logs an error three times the largest is rare in any law without
 # heavy tails, and healthy robots, simulated and real, stay below 2.7
@@ -99,15 +101,20 @@ class OtherLogs:
         """Errors of a column in each other log, by fits that know neither of both; none with fewer than three logs."""
         found = []
         for k in range(len(self.rows)):
-            known = [m for m in range(len(self.rows)) if m not in (k, log) and not self.repeats(k, m)]
+            known = [m for m in range(len(self.rows)) if m != log and not self.repeats[k, m]]
             found += [self.error(column, k, known, without)] if k != log and known else []
         return found
 
-    def repeats(self, one: int, other: int) -> bool:
-        """Whether two logs follow one reference, so that either predicts the other too well to tell what is usual."""
-        a, b = (self.comparison.pairs[k].reference for k in (one, other))
-        rows = min(len(a), len(b))
-        return bool(np.allclose(a[:rows], b[:rows], rtol=0.0, atol=1e-9 * float(np.abs(a).max(initial=1e-9))))
+    @cached_property
+    def repeats(self) -> np.ndarray:
+        """Which logs (logs, logs) follow one reference, so that either predicts the other too well."""
+        found = np.eye(len(self.rows), dtype=bool)
+        for i, k in combinations(range(len(self.rows)), 2):
+            a, b = (self.comparison.pairs[log].reference for log in (i, k))
+            rows = min(len(a), len(b))
+            same = np.allclose(a[:rows], b[:rows], rtol=0.0, atol=1e-9 * float(np.abs(a).max(initial=1e-9)))
+            found[i, k] = found[k, i] = same
+        return found
 
     def predicted(self, column: int, log: int, without: Sequence[str] = ()) -> np.ndarray:
         """A column of a log (n,) by a fit on the others; the nominal robot's where there is no other."""
@@ -173,12 +180,13 @@ def unlike_other_logs(comparison: Comparison) -> list[str]:
     """Channels of one log err by a gain, offset or delay, several times as far as those of any other log.
 
     With fewer than three logs nothing says what is usual. Of channels that predict each other, those count that still
-    err when the others take no part.
+    err when the others take no part. Where a command is in another unit, all channels follow it.
     """
     if len(comparison.pairs) < 3:
         return []
     other, strength = OtherLogs(comparison), {}
-    for log in range(len(comparison.pairs)):
+    beyond = beyond_limits(comparison)
+    for log in (k for k, pair in enumerate(comparison.pairs) if pair.item.file not in beyond):
         found = [c for c in range(len(comparison.columns)) if other.unlike(c, log)[0] > UNLIKE]
         kinds = list(dict.fromkeys(other.kinds[found]))
         alone = {c: other.unlike(c, log, [kind for kind in kinds if kind != other.kinds[c]]) for c in found}

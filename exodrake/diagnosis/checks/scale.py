@@ -11,6 +11,7 @@ FACTORS = (-1.0, *(sign * unit**power for unit in UNITS for sign in (1.0, -1.0) 
 NEAR = 1.3  # ratio to a factor; geometrically half-way between the two closest ones
 ALIKE = 0.9  # correlation from which a channel has the shape of the nominal robot's (assumed)
 CLEARLY = 4.0  # ratio of unexplained variances, channel by channel; as a factor of 2 in the residual (assumed)
+ANOTHER_UNIT = 10.0**0.5  # times a limit; geometrically half-way to the smallest factor of another decimal unit
 EXPLAINED = 0.5  # of the variance of an exchanged channel, by the channel that it seems to be (assumed)
 
 
@@ -36,6 +37,35 @@ def another_unit(comparison: Comparison) -> list[str]:
         f"{places(channels)} are about {factor:.3g} times what the nominal robot logs: another unit or sign?"
         for factor, channels in found.items()
     ]
+
+
+def references_beyond_limits(comparison: Comparison) -> list[str]:
+    """A command is far beyond the limits that the robot file states."""
+    machine = comparison.machine
+    unit, found = machine.signal[machine.references[0].signal].unit, []
+    for file, columns in beyond_limits(comparison).items():
+        worst = max(columns, key=lambda c: columns[c][0] / columns[c][1])
+        largest, limit = columns[worst]
+        found.append(
+            f"{few(columns)} of {file}: another unit than {unit}? "
+            f"{worst} reaches {largest:.4g} {unit}, its limit is {limit:.4g} {unit}"
+        )
+    return found
+
+
+def beyond_limits(comparison: Comparison) -> dict[str, dict[str, tuple[float, float]]]:
+    """File -> command that is far beyond its limit -> largest size and limit [SI]; a measured motion has no limit."""
+    machine, found = comparison.machine, {}
+    if not (machine.references[0].kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
+        return {}
+    limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
+    columns = machine.log_names(machine.references[:1])
+    for pair in comparison.pairs:
+        largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
+        sizes = {c: (float(x), float(most)) for c, x, most in zip(columns, largest, limits) if most > 0.0}
+        beyond = {c: one for c, one in sizes.items() if one[0] > ANOTHER_UNIT * one[1]}
+        found |= {pair.item.file: beyond} if beyond else {}
+    return found
 
 
 def exchanged_columns(comparison: Comparison) -> list[str]:
