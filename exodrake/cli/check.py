@@ -44,8 +44,12 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     check_target(figure)
     nominal = load_robot(robot)
     waiting = Console(stderr=True)
-    with waiting.status("checking (the first run after a change compiles for half a minute)"), one_blas_thread():
-        found = preflight(case, nominal, tried_of(robot, only, without), allow_outside)
+    with waiting.status("reading") as status, one_blas_thread():
+
+        def progress(text: str) -> None:
+            status.update(f"{text} (the first run after a change compiles for half a minute)")
+
+        found = preflight(case, nominal, tried_of(robot, only, without), allow_outside, progress)
     console = Console(highlight=False, width=None if waiting.is_terminal else 120)
     show_recordings(console, found, nominal)
     show_problems(console, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,7 +41,11 @@ class Preflight:
 
 
 def preflight(
-    path: str | Path, robot: Robot, tried: frozenset[str] | None = None, allow_outside: bool = False
+    path: str | Path,
+    robot: Robot,
+    tried: frozenset[str] | None = None,
+    allow_outside: bool = False,
+    progress: Callable[[str], object] = lambda text: None,
 ) -> Preflight:
     """Checks a case before its diagnosis.
 
@@ -49,6 +54,7 @@ def preflight(
         robot: nominal robot.
         tried: ids of the effects that a diagnosis would try; its own choice by default.
         allow_outside: whether logs may lie outside the folder.
+        progress: called with what is done.
 
     Raises:
         InputError: where a diagnosis has one.
@@ -57,8 +63,9 @@ def preflight(
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
     columns_of(case, robot.machine)
+    progress("comparing the logs with the nominal robot")
     comparison = compare(case, robot)
     parts = clocks(Path(path), robot.machine.frame), channels(comparison), excitations(case, robot)
     sentences = [sentence for part in parts for item in part for sentence in item.problems()]
     problems = (*case.notes, *sentences, *suspicions_of(comparison), *calibration_notes(robot.machine))
-    return Preflight(case, *parts, identifiability(case, robot, tried), tuple(dict.fromkeys(problems)))
+    return Preflight(case, *parts, identifiability(case, robot, tried, progress), tuple(dict.fromkeys(problems)))

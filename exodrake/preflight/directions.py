@@ -80,27 +80,59 @@ class TypicalRow:
         return self.parameter.value(self.x)
 
 
-def directions(lin: Linearisation, machine: Machine, samples: np.ndarray) -> tuple[Direction, ...]:
-    """All effects of typical size on each channel, judged by some samples (samples,)."""
-    scale = 1.0 / np.sqrt(max(CORRELATION / machine.frame, 1.0))
-    jacobian = (lin.jacobian[:, samples] * scale).astype(np.float32)
-    rows = lin.directions[:, samples] * np.float32(scale)
-    precision = np.array([p.prior_std for p in lin.nominal]) ** -2.0
-    cross = (jacobian @ rows.T).astype(float)
-    normal = (jacobian @ jacobian.T).astype(float) + np.diag(precision)
-    gram = (rows @ rows.T).astype(float) - (cross.T @ np.linalg.solve(normal, cross) if len(normal) else 0.0)
+def products(lin: Linearisation, machine: Machine, samples: np.ndarray, times: float = 1.0) -> np.ndarray:
+    """Products (nominal + directions, the same) of the derivatives and directions over some samples (samples,).
+
+    Args:
+        lin: derivatives and directions.
+        machine: whose frame says how many samples count as one.
+        samples: mask of those that count.
+        times: how often a log of this kind is there.
+    """
+    rows = np.concatenate([lin.jacobian[:, samples].astype(np.float32), lin.directions[:, samples]])
+    return (rows @ rows.T).astype(float) * times / max(CORRELATION / machine.frame, 1.0)
+
+
+def directions(lin: Linearisation, machine: Machine, found: np.ndarray, every: bool = True) -> tuple[Direction, ...]:
+    """All effects of typical size on each channel.
+
+    Args:
+        lin: derivatives and directions.
+        machine: with its effects.
+        found: their `products` over the samples that count.
+        every: whether all effects that could be taken for one are sought; else the first.
+    """
+    count = len(lin.nominal)
+    cross, gram = found[:count, count:], found[count:, count:]
+    if count:
+        precision = np.array([p.prior_std for p in lin.nominal]) ** -2.0
+        gram = gram - cross.T @ np.linalg.solve(found[:count, :count] + np.diag(precision), cross)
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    errors, found = calibration_of(machine), []
+    errors, shown = calibration_of(machine), []
+    least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
     for effect in dict.fromkeys(p.effect for p in lin.probes):
         info = machine.effect(effect)
         error = errors.same_meaning if info.same_meaning else errors.law_error
+        others = np.array([p.effect != effect for p in lin.probes])
         for typical in typical_rows([p for p in lin.probes if p.effect == effect]):
             row, lead = typical.row, info.parameters[0]
-            seen = float(size[row])
-            taken = {} if seen < SEEN else mistaken_for(gram, row, effect, lin.probes, max(SEEN, error * seen))
-            least = smallest(typical, lead, seen)
-            found.append(Direction(effect, typical.channel, lead.unit, typical.value, seen, least, taken))
-    return tuple(found)
+            seen, most = float(size[row]), max(SEEN, error * float(size[row]))
+            near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
+            rivals = [lin.probes[k] for k in sorted(near, key=lambda k: least[k, row])]
+            taken = mistaken_for(gram, row, rivals, most, every)
+            weakest = smallest(typical, lead, seen)
+            shown.append(Direction(effect, typical.channel, lead.unit, typical.value, seen, weakest, taken))
+    return tuple(shown)
+
+
+def least_left(gram: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """What any sizes of some directions leave of each (directions,) [standard deviations]; 0 if rounding hides it."""
+    size = np.sqrt(np.maximum(np.diag(gram)[rows], 1e-12))
+    normal = gram[np.ix_(rows, rows)] / np.outer(size, size) + 1e-8 * np.eye(len(rows))
+    if np.linalg.eigvalsh(normal)[0] <= 0.0:
+        return np.zeros(len(gram))
+    cross = gram[rows] / size[:, None]
+    return np.sqrt(np.maximum(np.diag(gram) - np.sum(cross * np.linalg.solve(normal, cross), axis=0), 0.0))
 
 
 def smallest(typical: TypicalRow, info: EffectParameter, seen: float) -> float:
@@ -131,15 +163,15 @@ def typical_rows(probes: list[Probe]) -> list[TypicalRow]:
     return [TypicalRow(int(probe.rows[0]), probe.parameters[0], float(probe.x[0]), "", bool(probe.scaled))]
 
 
-def mistaken_for(gram: np.ndarray, row: int, effect: str, probes: Sequence[Probe], most: float) -> dict[str, float]:
+def mistaken_for(gram: np.ndarray, row: int, probes: Sequence[Probe], most: float, every: bool) -> dict[str, float]:
     """Effects that leave less than `most` [standard deviations] of a direction -> share left, least first."""
     left: dict[str, float] = {}
     for probe in probes:
-        if probe.effect == effect:
-            continue
         low, high = (probe.low, probe.high) if probe.scaled else (np.array([STRETCH[0]]), np.array([STRETCH[1]]))
         _, gain = bounded(gram[np.ix_(probe.rows, probe.rows)], -gram[probe.rows, row], low, high)
         rest = float(np.sqrt(max(gram[row, row] + 2.0 * gain, 0.0)))
         if rest < most:
             left[probe.effect] = min(left.get(probe.effect, 1.0), rest / float(np.sqrt(gram[row, row])))
+            if not every:
+                break
     return dict(sorted(left.items(), key=lambda item: item[1]))

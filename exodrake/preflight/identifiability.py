@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case
-from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import Linearisation, linearise
+from exodrake.diagnosis.likelihood import duration, output_error
+from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import nominal_parameters
-from exodrake.diagnosis.problem import Problem, make_problem
-from exodrake.preflight.directions import SEEN, Direction, directions
+from exodrake.diagnosis.problem import make_problem
+from exodrake.preflight.directions import SEEN, Direction, directions, products
 from exodrake.preflight.planned import EXTRA, mask_of, planned
 
 
@@ -66,54 +68,59 @@ class Identifiability:
         return tuple(d for d in self.directions if d.seen >= SEEN and d.taken_for)
 
 
-def identifiability(case: Case, robot: Robot, tried: frozenset[str] | None = None) -> Identifiability:
+def identifiability(
+    case: Case,
+    robot: Robot,
+    tried: frozenset[str] | None = None,
+    progress: Callable[[str], object] = lambda text: None,
+) -> Identifiability:
     """Identifiability of effects from the references of a case, whatever its measured values are.
 
     Args:
         case: references and columns.
         robot: nominal robot.
         tried: ids of effects; those of a diagnosis by default.
+        progress: called with what is done.
     """
-    problem = planned(make_problem(case, robot, tried))
+    whole = make_problem(case, robot, tried)
+    problem = planned(whole)
     machine = problem.robot.machine
     effects = [effect for effect in machine.effects if effect.id in problem.tried]
     nominal, values = nominal_parameters(problem.robot), problem.silent()
-    likelihood = output_error(problem)
-    lin = linearise(likelihood, values, np.zeros(len(nominal)), nominal, effects)
-    own = np.array([not column.startswith(EXTRA) for column in problem.columns])
-    groups = {column.rsplit("_", 1)[0]: None for column in problem.columns if column.startswith(EXTRA)}
-    found = Identifiability(directions(lin, machine, mask_of(problem, own)))
+    progress(f"simulating {len(effects)} effects")
+    lin = linearise(output_error(problem), values, np.zeros(len(nominal)), nominal, effects)
+    progress("telling the effects apart")
+    times, kinds = duration(whole) / duration(problem), np.array(problem.kinds)
+    by_kind = {k: products(lin, machine, mask_of(problem, kinds == k), times) for k in dict.fromkeys(problem.kinds)}
+    own = [kind for kind in by_kind if not kind.startswith(EXTRA)]
+
+    def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
+        return Identifiability(directions(lin, machine, np.sum([by_kind[k] for k in some], axis=0), every))
+
+    found = with_kinds(own, every=True)
     sensors = []
-    for kind in groups:
-        extra = np.array([column.rsplit("_", 1)[0] == kind for column in problem.columns])
-        better = Identifiability(directions(lin, machine, mask_of(problem, own | extra)))
-        signal = machine.signal[machine.column(kind).signal]
-        hidden, mistaken = len(better.hidden), len(better.mistaken)
-        noise = float(problem.noise_std[extra].max())
-        sensors.append(Sensor(signal.name, signal.unit, noise, hidden, mistaken))
+    for kind in (kind for kind in by_kind if kind.startswith(EXTRA)):
+        better, signal = with_kinds([*own, kind]), machine.signal[machine.column(kind).signal]
+        noise = float(problem.noise_std[kinds == kind].max())
+        sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
     helpful = [s for s in sensors if s.hidden + s.mistaken < len(found.hidden) + len(found.mistaken)]
     best = tuple(sorted(helpful, key=lambda s: (s.hidden + s.mistaken, s.hidden)))
-    return replace(found, sensors=best, fewer=fewer(problem, lin, found))
+    fewer = []
+    for some in sets_of(own, machine):
+        left = with_kinds(some)
+        clear = {d.effect for d in left.clear}
+        lost = tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear))
+        fewer.append(Fewer(some, left, lost))
+    return replace(found, sensors=best, fewer=tuple(fewer))
 
 
-def fewer(problem: Problem, lin: Linearisation, found: Identifiability) -> tuple[Fewer, ...]:
-    """Identifiability with one kind of sensor less, and with each alone; none for a log with one kind.
+def sets_of(kinds: Sequence[str], machine: Machine) -> tuple[tuple[str, ...], ...]:
+    """Kinds of columns with one kind of sensor less, and with each alone; none for a log with one kind.
 
     A command that is logged is no sensor, and stays.
     """
-    kinds = tuple(dict.fromkeys(kind for kind in problem.kinds if not kind.startswith(EXTRA)))
-    observer = problem.robot.machine.observer
+    observer = machine.observer
     sensors = [kind for kind in kinds if observer is None or kind != observer.measured_input]
     sets = [tuple(k for k in kinds if k != kind) for kind in sensors]
     sets += [tuple(k for k in kinds if k == kind or k not in sensors) for kind in sensors]
-    if len(sensors) < 2:
-        return ()
-    return tuple(with_kinds(problem, lin, found, some) for some in dict.fromkeys(sets))
-
-
-def with_kinds(problem: Problem, lin: Linearisation, found: Identifiability, kinds: tuple[str, ...]) -> Fewer:
-    """Identifiability with some kinds of columns alone."""
-    mask = mask_of(problem, np.isin(problem.kinds, kinds))
-    left = Identifiability(directions(lin, problem.robot.machine, mask))
-    clear = {d.effect for d in left.clear}
-    return Fewer(kinds, left, tuple(dict.fromkeys(d.effect for d in found.clear if d.effect not in clear)))
+    return tuple(dict.fromkeys(sets)) if len(sensors) > 1 else ()

@@ -10,7 +10,7 @@ from exodrake.core.measured import Column
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.problem import Problem
 
-FRAMES = 4000  # of the case that are simulated for each direction
+FRAMES = 1500  # of the case that are simulated for each direction; they stand for all, so that a check takes seconds
 SENSOR = 5e-4  # noise of a sensor not there yet, as a share of its signal's span: assumed, an encoder of 12 bits
 EXTRA = "also"  # kind of the columns of such sensors
 
