@@ -14,9 +14,10 @@ from exodrake.data.case_folder import write_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
+from exodrake.diagnosis.refine import bounded
 from exodrake.machines.robot_file import load_robot
 from exodrake.preflight.check import preflight
-from exodrake.preflight.directions import SEEN
+from exodrake.preflight.directions import SEEN, least_left
 from exodrake.preflight.identifiability import identifiability
 from exodrake.preflight.signals import at_ends, band_of, clock_of
 from exodrake.simulation.references import protocol
@@ -34,9 +35,9 @@ def case_of(command: np.ndarray, robot=ROBOT) -> Case:
     return Case("planned", {}, (CaseLog(log, "motion", "fit", None, "motion.csv"),), robot.machine.frame)
 
 
-def sines(frequency: float, size: float = 0.3) -> np.ndarray:
+def sines(frequency: float, size: float = 0.3, frames: int = FRAMES) -> np.ndarray:
     """Commands of all joints, of whole periods and no common one."""
-    time = 0.02 * np.arange(FRAMES)
+    time = 0.02 * np.arange(frames)
     return np.column_stack([size * np.sin(2 * np.pi * frequency * (1 + k) * time) for k in range(len(JOINTS))])
 
 
@@ -45,12 +46,13 @@ def found_of(case: Case) -> dict:
     return {(d.effect, d.channel): d for d in identifiability(case, ROBOT).directions}
 
 
-def test_a_gain_of_a_sine_changes_the_log_by_its_closed_form():
-    """|d| = gain rms(command) sqrt(n / n_c) / noise, less what the ratio's tolerance takes up."""
+@pytest.mark.parametrize("frames", [FRAMES, 4 * FRAMES])
+def test_a_gain_of_a_sine_changes_the_log_by_its_closed_form(frames):
+    """|d| = gain rms(command) sqrt(n / n_c) / noise, less what the ratio's tolerance takes up; n: of the whole log."""
     size, noise = 0.3, ROBOT["reading.repeatability"]
-    direction = found_of(case_of(sines(0.1, size)))["servo.gain", "Pitch"]
+    direction = found_of(case_of(sines(0.1, size, frames)))["servo.gain", "Pitch"]
     gain, tolerance = PROBE * -0.1, 0.002
-    samples = FRAMES * 0.02 / CORRELATION
+    samples = frames * 0.02 / CORRELATION
     unit = size / np.sqrt(2.0) * np.sqrt(samples) / noise  # change by a gain of 1
     wanted = abs(gain) * unit / np.sqrt(1.0 + (tolerance * unit) ** 2)
     assert direction.typical == pytest.approx(gain)
@@ -130,6 +132,28 @@ def test_a_robot_file_without_tolerances_is_reported(tmp_path):
     write_case(case_of(sines(0.1)), tmp_path / "case")
     bare = replace(ROBOT, machine=replace(ROBOT.machine, tolerances=()))
     assert any("no tolerances" in problem for problem in preflight(tmp_path / "case", bare).problems)
+
+
+@pytest.mark.parametrize("rivals", [2, 4])
+def test_effects_that_no_sizes_liken_are_passed_over_without_loss(rivals):
+    """The least that any sizes leave is at most what sizes within bounds leave."""
+    rng = np.random.default_rng(rivals)
+    rows = rng.standard_normal((6, 40))
+    rows[0] = rows[2:4].sum(axis=0) + 0.1 * rows[0]
+    gram, own = rows @ rows.T, np.arange(2, 2 + rivals)
+    least = least_left(gram, own)
+    apart = rows - rows @ np.linalg.pinv(rows[own]) @ rows[own]
+    assert least[:2] == pytest.approx(np.linalg.norm(apart[:2], axis=1), rel=1e-4)
+    for row in range(2):
+        _, gain = bounded(gram[np.ix_(own, own)], -gram[own, row], np.zeros(rivals), np.full(rivals, 0.5))
+        assert np.sqrt(gram[row, row] + 2.0 * gain) >= least[row] * (1.0 - 1e-9)
+
+
+def test_a_check_says_what_it_does(tmp_path):
+    write_case(case_of(sines(0.1)), tmp_path / "case")
+    said = []
+    preflight(tmp_path / "case", ROBOT, frozenset({"servo.gain"}), progress=said.append)
+    assert len(said) == 3 and "1 effect" in said[1]
 
 
 def test_what_a_sensor_less_would_tell_is_what_a_log_without_it_tells():
