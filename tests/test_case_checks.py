@@ -11,7 +11,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import reference_width
 from exodrake.diagnosis.checks import check_case, suspicions
 from exodrake.diagnosis.checks.compare import compare
-from exodrake.diagnosis.checks.noise import fast_noise
+from exodrake.diagnosis.checks.noise import fast_noise, noise_parameters
 from exodrake.diagnosis.checks.robots import gain_and_offset
 from exodrake.diagnosis.checks.scale import best_assignment
 from exodrake.diagnosis.checks.suspicions import CHECKS
@@ -255,26 +255,18 @@ def test_what_is_fast_in_one_log_alone_is_no_noise_of_the_sensor():
     assert not [sentence for sentence in suspicions(case, robot) if "noise in the logs" in sentence]
 
 
-@pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_noise_of_one_sensor_of_an_arm_is_named_with_its_joint(factor, arm_folder):
-    robot = made(arm_folder, f"noisy_{factor:.0f}", "--urdf", "cable_arm", "--form", "cable")
-    joint = robot.machine.axes.joints[1]
-    name = f"link_encoder.sigma.{joint}"
-    own = robot.with_parameters({name: factor * robot[name]}, source="test")
-    said = suspicions(arm_case(own), robot)
-    assert ([name in s and "noisier" in s and f" in position_{joint}," in s for s in said]) == [True] * (factor > 1.0)
-
-
-def arm_case(robot):
-    """Two logs of slow motions within the limits."""
-    low, high = robot.reference_limits()
-    time, joints = robot.machine.frame * np.arange(1500.0)[:, None], len(low)
-    logs = []
-    for k, role in enumerate(("fit", "holdout")):
-        course = 0.5 * (low + high) + 0.2 * (high - low) * np.sin((1.0 + 0.2 * k) * time + np.arange(joints))
-        motion = exo.Reference(np.hstack([course, np.tile(course[:1], (len(time), 1))]), role)
-        logs.append(exo.CaseLog(exo.simulate(robot, motion, seed=k), role, role, None, f"{role}.csv"))
-    return exo.Case("arm", {}, tuple(logs), robot.machine.frame)
+@pytest.mark.parametrize(
+    ("form", "sensors"),
+    [
+        ("inverse", {"torque": "effort"}),
+        ("closed-loop", {"encoder": "position", "torque": "effort"}),
+        ("cable", {"link_encoder": "position", "encoder": "motor_position", "torque": "motor_effort"}),
+    ],
+)
+def test_each_noise_parameter_of_an_arm_is_that_of_one_column(form, sensors, arm_folder):
+    machine = made(arm_folder, f"noisy_{form.replace('-', '_')}", "--urdf", "cable_arm", "--form", form).machine
+    wanted = {f"{part}.sigma.{j}": [f"{kind}_{j}"] for part, kind in sensors.items() for j in machine.axes.joints}
+    assert noise_parameters(machine) == wanted
 
 
 @pytest.mark.parametrize("column", [TENSIONS[0], STROKES[1], ANGLES[2]])
