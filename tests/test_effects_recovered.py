@@ -21,6 +21,7 @@ TOLERANCE = 0.01
 INJECTED = {
     "motor.slow_velocity_loop": {"share": 0.4, "order": 1.5},
     "motor.current_limit": {"limit": 0.03},
+    "motor.speed_droop": {"limit": 0.024},  # slow enough that each drive is held in as well as out
     "finger.gravity": {"pitch": 0.4},
     "motor.spool_layers": {"pitch": 0.004},
     "finger.voluntary_torque": {"growth": 0.02},

@@ -84,7 +84,7 @@ def test_page_says_the_answer(pages):
     text = visible(pages(NAMED))
     for wanted in (
         "Capstan friction on tendons AF and MF", "0.280 to 0.340", "93 to 98 %",  # value, interval, closure
-        "T_d = T_c exp(-mu_phi slide)", "exodrake effects tendon.capstan_friction",  # equation
+        "T_d = T_c - F", "exodrake effects tendon.capstan_friction",  # equation
         "finger.kappa.MCP", "2 repeated rows dropped", "level of each test", "raw BIC",
         "Would noise leave so much? p = 0.4 p &gt; 0.02 passed",  # a test at its level
         "2026-11-22 08:00:00 UTC", "exodrake diagnose case", "exo_index.yaml", "abc123",  # provenance
