@@ -214,6 +214,25 @@ def test_the_page_names_an_error_that_grew():
     assert "NAMED: the error grew by a factor of 47,000" in fleet_html(rows, "answers")
 
 
+def test_a_cause_that_held_out_logs_do_not_confirm_is_shown_so(tmp_path):
+    pytest.importorskip("pyarrow")
+    import pyarrow.parquet as parquet
+
+    answer = json.loads(json.dumps(diagnosis(NAMED).to_json()))
+    for k, confirmed in enumerate((True, False, None)):
+        written(tmp_path / "answers", f"c{k}", answer | {"serial": f"exo-{k}", "confirmed": confirmed})
+    options = ("--out", tmp_path / "f.html", "--table", tmp_path / "f.parquet")
+    result = CliRunner().invoke(cli, ["fleet", *map(str, (tmp_path / "answers", *options))])
+    lines = [line for line in result.output.splitlines() if "exo-" in line]
+    assert ["not confirmed" in line for line in lines] == [False, True, False]
+    assert (tmp_path / "f.html").read_text().count("NAMED (not confirmed)") == 1
+    whole = parquet.read_table(tmp_path / "f.parquet")
+    assert [row.confirmed for row in read_table(tmp_path / "f.parquet")] == [True, False, None]
+    # a table of a version that did not know the column
+    parquet.write_table(whole.drop_columns(["confirmed"]), tmp_path / "f.parquet")
+    assert [row.confirmed for row in read_table(tmp_path / "f.parquet")] == [None] * 3
+
+
 def mutated(answer, rng):
     """The answer with another value, or none, at one place."""
     other = (None, 5, -1e308, "", "\ud800\n", "[/x]", [], {}, [None], {"a": 1}, True, "0001-01-01T00:00+09:00")

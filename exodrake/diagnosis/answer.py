@@ -12,7 +12,7 @@ from typing import Any
 
 from exodrake.core.errors import InputError, printable
 from exodrake.core.json_file import read_json
-from exodrake.core.schema import Schema, anything, having, listing, names, number, optional, refusal, shown, text
+from exodrake.core.schema import Schema, anything, flag, having, listing, names, number, optional, refusal, shown, text
 from exodrake.data.case import date_of
 
 WORD = re.compile(r"[A-Z][A-Z_]{0,30}")
@@ -53,6 +53,7 @@ SCHEMA = having(
         "where": having({"block": line()}, ("block",)),
         "effects": listing(EFFECT),
         "equivalents": listing(line()),
+        "confirmed": optional(flag),
         "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
         "reasons": optional(listing(line())),
         "seconds": REAL,

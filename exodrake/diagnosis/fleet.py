@@ -25,6 +25,7 @@ from exodrake.diagnosis.many import ANSWER, FAILED
 
 FAILURE = "FAILED"  # verdict of a case without an answer
 MAGIC = b"PAR1"  # a Parquet file begins so
+LATER = ("confirmed",)  # columns that tables of older versions lack
 UNREADABLE = "its answer cannot be read"
 
 
@@ -55,6 +56,7 @@ class Row:
         effects: ids that are named, or that an ambiguous verdict leaves.
         amounts: amplitudes of the effects.
         closure: fraction of the excess error that is gone; NaN if there was none.
+        confirmed: whether held-out logs confirm the effects; None where they say nothing.
         before, after: RMS error of the nominal and the last robot [noise_std].
         began: date at which the case's own sessions changed; empty if they did not.
         run_time: of the diagnosis [s].
@@ -71,6 +73,7 @@ class Row:
     effects: tuple[str, ...] = ()
     amounts: tuple[Amount, ...] = ()
     closure: float = float("nan")
+    confirmed: bool | None = None
     before: float = float("nan")
     after: float = float("nan")
     began: str = ""
@@ -95,6 +98,7 @@ def row_of(answer: Mapping[str, Any], name: str) -> Row:
         effects=tuple(found["equivalents"] or [e["id"] for e in found["effects"]]),
         amounts=tuple(amount for effect in found["effects"] for amount in amounts_of(effect)),
         closure=real(found["closure"]["overall"].get("value")),
+        confirmed=found.get("confirmed"),
         before=real(rms.get("before")),
         after=real(rms.get("after")),
         began=began.get("value") or "",
@@ -166,6 +170,7 @@ def schema(arrow: Any) -> Any:
     amount = arrow.struct([(f.name, text if f.type == "str" else real) for f in fields(Amount)])
     special = {
         "date": arrow.timestamp("s", tz="UTC"),
+        "confirmed": arrow.bool_(),
         "effects": arrow.list_(text),
         "amounts": arrow.list_(amount),
     }
@@ -187,7 +192,7 @@ def read_table(path: str | Path) -> list[Row]:
     if data[: len(MAGIC)] != MAGIC:
         raise InputError(f"{path}: neither a folder of answers nor a Parquet table")
     wanted = schema(pyarrow_of(str(path))[0])
-    found = in_child(parse_rows, data, str(path), wanted, source=str(path), size=len(data))
+    found = in_child(parse_rows, data, str(path), wanted, LATER, source=str(path), size=len(data))
     return ordered(row_from(values, str(path)) for values in found)
 
 
@@ -198,7 +203,12 @@ def row_from(values: dict[str, Any], source: str) -> Row:
     if None in effects or None in items:
         raise InputError(f"{source}: column {'effects' if None in effects else 'amounts'!r}: an item is empty")
     amounts = tuple(Amount(**cells_of(Amount, item, source)) for item in items)
-    found = {"effects": tuple(map(printable, effects)), "amounts": amounts, "date": date}
+    found = {
+        "effects": tuple(map(printable, effects)),
+        "amounts": amounts,
+        "date": date,
+        "confirmed": values["confirmed"],
+    }
     return Row(**cells_of(Row, values, source) | found)
 
 

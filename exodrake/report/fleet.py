@@ -129,12 +129,16 @@ def robot_table(robots: Sequence[Member]) -> Table:
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
         cells = (words(trend), amount(trend)) if trend else ("–", "–")
         last = m.last.date.date().isoformat() if m.last.date else "no date"
-        verdict = m.last.verdict + (
-            f": the error {n.closure(m.last.closure)}" if n.rounds_below(m.last.closure) else ""
-        )
-        rows.append((m.serial, verdict, cause or "–", *cells, last, f"{len(m.rows):,}"))
+        rows.append((m.serial, last_verdict(m.last), cause or "–", *cells, last, f"{len(m.rows):,}"))
     header = ("Robot", "Last verdict", "Cause", "Since when (90 %)", "Change", "Last case", "Cases")
     return Table(header, rows, words=6)
+
+
+def last_verdict(row: Row) -> str:
+    """Verdict of a case; what held-out logs hold against it, and whether the error grew."""
+    refuted = " (not confirmed)" if row.confirmed is False else ""
+    grew = f": the error {n.closure(row.closure)}" if n.rounds_below(row.closure) else ""
+    return row.verdict + refuted + grew
 
 
 def words(trend: Trend) -> str:

@@ -1,6 +1,7 @@
 """Parquet: one double column per signal under its heading, null where a sample is missing. Extra: `parquet`."""
 
 import io
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -45,25 +46,28 @@ def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
         raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
 
 
-def parse_rows(data: bytes, source: str, wanted: Any) -> list[dict[str, Any]]:
+def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
     """Rows of a table of any types as plain data.
 
     Args:
         data: the file.
         source: its name.
         wanted: `pyarrow.Schema` of the columns.
+        optional: names of columns that may be missing; their cells are None then.
 
     Raises:
         InputError: for a damaged file, and naming a column that is missing; for values of another type.
     """
-    _, parquet = pyarrow_of(source)
+    arrow, parquet = pyarrow_of(source)
     try:
         found = parquet.read_table(io.BytesIO(data))
         names = found.column_names  # bytes that are no text raise here
     except Exception as error:  # the parser raises whatever damaged bytes lead it to
         raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
     for name in wanted.names:
-        if name not in names:
+        if name not in names and name in optional:
+            found = found.append_column(name, arrow.nulls(len(found)))
+        elif name not in names:
             raise InputError(f"{source}: column {name!r} is missing")
     try:
         return found.select(wanted.names).cast(wanted).to_pylist()
