@@ -32,7 +32,8 @@ from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
-from studies.missing_law_page import Row, page, percent, restored
+from exodrake.report import number_format as n
+from studies.missing_law_page import Row, page, restored
 
 SEED = 552031
 DURATION = 0.5  # of the logs, in that of a usual blind case: for the time it takes
@@ -159,7 +160,7 @@ def main(out: Path, cases: str, healthy: int, seed: int, real: Path | None) -> N
             with store.open("a") as file:
                 file.write(json.dumps(row.__dict__) + "\n")
             click.echo(
-                f"{name}: {row.law} {percent(row.share)} {percent(row.closure)} {row.seconds:.0f} s {row.reason}"
+                f"{name}: {row.law} {n.percent(row.share)} {n.closure(row.closure)} {row.seconds:.0f} s {row.reason}"
             )
     rows = [restored(known[n]) for n in every if n in known]
     options = f"--seed {seed} --healthy {healthy} --out docs/missing_law.md --real DIR"

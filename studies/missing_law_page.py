@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.diagnosis.discovery.compare import LEAD, lead
+from exodrake.report.number_format import closure, percent, rounds_below
 from studies.page_text import made, share
 
 ERROR = 0.1  # share of robots in which a law in a wrong part may count as distinguished from one in the right part
@@ -111,13 +112,6 @@ def restored(stored: dict[str, Any]) -> Row:
     return Row(**kept)
 
 
-def percent(value: float) -> str:
-    """A share as text."""
-    if value < -1.0:
-        return "< -100 %"
-    return f"{100 * value:.0f} %" if np.isfinite(value) else "-"
-
-
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown."""
     head = (
@@ -130,7 +124,7 @@ def table(rows: list[Row]) -> str:
         gap = f"{r.gap:.1f}" if np.isfinite(r.gap) else "-"
         law = f"{'' if r.right or not r.blocks else '**wrong part** '}`{r.law.split(':')[0]}`{r.law.partition(':')[2]}"
         apart = f"{'yes' if r.apart else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
-        found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {percent(r.closure)} | {apart}"
+        found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {closure(r.closure)} | {apart}"
         where = r.where and f"{'' if r.where in r.blocks else '**wrong** '}{r.where}"
         lines.append(f"| `{r.name}` | {gap} | {where} | {found if r.found else r.reason + ' | | | | '} |")
     formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
@@ -149,10 +143,11 @@ def summary(rows: list[Row]) -> str:
             closed = float(np.median([r.closure if r.found else 0.0 for r in own]))
             right = share(sum(r.found and r.right for r in own), len(own))
             inputs = share(sum(r.where in r.blocks for r in own), len(own))
+            gap = "the gap that retuning leaves"
+            held = f"{gap} {closure(closed)}" if rounds_below(closed) else f"the law closes {closure(closed)} of {gap}"
             lines.append(
-                f"- {title}: right part {right}, by free inputs alone {inputs}; the law closes "
-                f"{percent(closed)} of the gap that retuning leaves on held-out motions of another kind (median; "
-                f"nothing found counts as 0)."
+                f"- {title}: right part {right}, by free inputs alone {inputs}; {held} on held-out motions of another "
+                f"kind (median; nothing found counts as 0)."
             )
     lines += distinction([r for r in rows if r.kind in ("library", "outside")])
     healthy = [r for r in rows if r.kind == "healthy"]
