@@ -7,7 +7,7 @@ import pytest
 from diagnosis_cases import case_of, robot_with
 
 from exodrake.core.confidence import ALPHA
-from exodrake.diagnosis.comparison import excess, taken_up
+from exodrake.diagnosis.comparison import excess, power, taken_up
 from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.verdict import decide
@@ -19,6 +19,12 @@ def isolation(robot, effect):
     return isolated(make_problem(case_of(robot, 1), load_robot(), frozenset([effect])))
 
 
+def quiet(found):
+    """Largest reduced chi-square in closed loop of all draws of the retuned robot's noise, whose loop does not hunt."""
+    rows = found.likelihood.split(found.tests.noise.retuned)[0]
+    return float(np.max(power(rows))) / rows.shape[-1]
+
+
 @pytest.fixture(scope="module")
 def hunting():
     robot = robot_with("sensor.pulley_friction", 1, mu=0.07)
@@ -26,10 +32,13 @@ def hunting():
 
 
 def test_noise_of_a_hunting_robot_is_what_its_independent_runs_leave(hunting):
-    """Friction at the pulley: four other runs of the true robot against its run without noise."""
+    """Friction at the pulley: eight other runs of the true robot against its run without noise.
+
+    All eight lie on one side of a level that is right with probability 2^-7.
+    """
     robot, problem, found = hunting
     view, left = found.likelihood.views[0], []
-    for seed in range(20, 24):
+    for seed in range(20, 28):
         again = make_problem(case_of(robot, seed), load_robot())
         view = replace(view, problem=replace(again, noise_std=problem.noise_std))
         residual = np.empty((1, view.samples))
@@ -37,14 +46,13 @@ def test_noise_of_a_hunting_robot_is_what_its_independent_runs_leave(hunting):
             task()
         left.append(float(np.mean(residual**2)))
     (t,) = found.tested[0]
-    assert min(left) > 20.0
-    assert t.levels.hunting == pytest.approx(np.mean(left), rel=0.5)
+    assert quiet(found) < min(left) < t.levels.hunting < max(left)
 
 
 def test_a_hunting_robot_is_named_and_its_reason_says_that_it_hunts(hunting):
     _, problem, found = hunting
     decision, (t,) = decide(problem, found), found.tested[0]
-    assert t.chi2[0] > 20.0 and min(t.levels.views) > ALPHA
+    assert t.chi2[0] > quiet(found) and min(t.levels.views) > ALPHA
     assert decision.verdict == "NAMED" and "its loop hunts" in decision.reasons[-1]
 
 
@@ -66,7 +74,7 @@ def test_what_noise_leaves_in_a_hunting_loop_is_no_excess(hunting):
 
 
 def test_what_a_hunting_pair_leaves_by_noise_is_not_held_against_it():
-    """Friction at the pulleys, with joints that harden beside it: of what the pair leaves in closed loop noise is most."""
+    """Friction at the pulleys, with joints that harden beside it: the pair's own loop is noisier than a quiet one."""
     robot = robot_with("sensor.pulley_friction", 1, mu=0.045)
     robot = robot.splice("finger.hardening", {"coefficient": 0.042})
     tried = frozenset(["finger.hardening", "sensor.pulley_friction"])
@@ -75,7 +83,7 @@ def test_what_a_hunting_pair_leaves_by_noise_is_not_held_against_it():
     assert decision.verdict == "NAMED" and set(decision.best.explanation.effects) == tried
     single, pair = (size[0].explanation for size in found.tested)
     likelihood, noise = found.likelihood.scaled_to(single.residual), found.tests.noise
-    assert noise.levels(likelihood, pair)[0] > 2.0
+    assert noise.levels(likelihood, pair)[0] > quiet(found)
     assert found.share(single, pair) > taken_up(likelihood, single, pair).share
 
 
@@ -86,11 +94,11 @@ def test_a_fault_of_the_controller_does_not_hunt():
     problem, found = isolation(robot, "sensor.gain")
     (t,) = found.tested[0]
     assert t.levels.views[-1] > ALPHA > t.levels.views[0]
-    assert t.levels.hunting < 2.0 and decide(problem, found).verdict == "UNKNOWN"
+    assert t.levels.hunting < quiet(found) and decide(problem, found).verdict == "UNKNOWN"
 
 
 def test_a_quiet_robot_has_the_noise_of_the_retuned_one():
-    """Friction in the sheaths, simulated by its own law: its closed loop leaves no more than noise."""
+    """Friction in the sheaths, simulated by its own law: no noise of its own is asked for."""
     _, found = isolation(robot_with("tendon.capstan_friction", 1, mu_phi=0.3), "tendon.capstan_friction")
     (t,) = found.tested[0]
-    assert t.levels.hunting == pytest.approx(1.0, abs=0.1)
+    assert t.levels.hunting == 1.0 and not found.tests.noise.own
