@@ -80,7 +80,7 @@ def test_nominal_robot_has_no_gap():
     assert exo.diagnose(case_of(exo.load_robot(), 5, frames=450)).verdict == NO_GAP
 
 
-def test_held_out_logs_decide_the_closure_alone():
+def test_held_out_logs_decide_the_closure_and_its_word_alone():
     """Noise in place of every measured column of the held-out log: nothing else of the answer changes."""
     rng = np.random.default_rng(0)
 
@@ -95,8 +95,9 @@ def test_held_out_logs_decide_the_closure_alone():
     spoilt = replace(case, logs=tuple(noise(item) if item.role == "holdout" else item for item in case.logs))
     answers = [found.to_json() for found in (friction_diagnosis(), exo.diagnose(spoilt))]
     assert answers[0]["closure"] != answers[1]["closure"]
+    assert [answer["confirmed"] for answer in answers] == [True, False]  # a word for the closure
     for answer in answers:  # notes are on the logs as they came
-        del answer["closure"], answer["seconds"], answer["notes"], answer["provenance"]["date"]
+        del answer["closure"], answer["confirmed"], answer["seconds"], answer["notes"], answer["provenance"]["date"]
     assert answers[0] == answers[1]
 
 
