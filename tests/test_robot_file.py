@@ -75,6 +75,15 @@ def test_source_of_one_channel_holds_wherever_it_stands(tmp_path):
     assert [sources[f"tendon.k.{tendon}"] for tendon in ("AF", "MF", "AE")] == ["pulled", "guess", "guess"]
 
 
+def test_effect_that_the_library_lost_is_refused_with_the_one_to_take(tmp_path):
+    """`sensor.pulley_capstan` became the law of `sensor.pulley_friction`."""
+    (tmp_path / "old.yaml").write_text("base: exo_index\neffects: {sensor.pulley_capstan: {mu: 0.04}}\n")
+    with pytest.raises(
+        exo.InputError, match=r"old\.yaml: unknown effect 'sensor\.pulley_capstan'; did you mean sensor\.pulley_fric"
+    ):
+        exo.load_robot(tmp_path / "old.yaml")
+
+
 def test_limit_of_one_channel_leaves_the_others_of_the_base(tmp_path):
     (tmp_path / "robot.yaml").write_text("base: exo_index\nlimits: {F_max: {AF: 5.0}}\n")
     limits = exo.load_robot(tmp_path / "robot.yaml").limits["F_max"]
