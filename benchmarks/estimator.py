@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import fit
 from exodrake.estimator.prior import POINTS
-from exodrake.systems.gp_estimator import predict_into, scratch
+from exodrake.physics.gp_estimator import predict_into, scratch
 
 SAMPLES = 20_000
 

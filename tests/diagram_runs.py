@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
 from exodrake.compiled.run import run_compiled
 from exodrake.machines.robot_file import load_robot
-from exodrake.systems.gp_estimator import Weights
+from exodrake.physics.gp_estimator import Weights
 
 
 @cache

@@ -7,7 +7,7 @@ import numpy as np
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.leaf_functions import held_signals, outer_reads
 from exodrake.core.wiring import feedthrough_order
-from exodrake.systems import routers
+from exodrake.physics import routers
 
 SOFT, READ = 1e-3, 0.005  # N/m: tendons so soft that a stroke is a force; s: middle of the bus reads
 Q, RATE, TAKEN = slice(0, 3), slice(3, 6), slice(12, 15)

@@ -11,7 +11,7 @@ from exodrake.analysis.linear_model import linearise
 from exodrake.analysis.operating_point import operating_point
 from exodrake.analysis.robustness import robustness
 from exodrake.analysis.step_response import step_response
-from exodrake.systems import controller
+from exodrake.physics import controller
 
 PERIOD, ZERO = 0.02, (0.0, 0.0, 0.0)
 SIZE = 16  # of the state

@@ -9,7 +9,7 @@ from exodrake.analysis.closed_loop import returns
 from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.linear_model import linearise, spectral_radius
 from exodrake.analysis.operating_point import linearised, operating_point
-from exodrake.systems import controller, controller_as_printed
+from exodrake.physics import controller, controller_as_printed
 
 STIFFNESS, PERIOD, KP = 3000.0, 0.02, 5e-3  # N/m, s, m/(s N)
 PRINTED, CORRECTED = -1.0, 1.0

@@ -21,8 +21,8 @@ from exodrake.diagrams.multibody_arm import multibody_arm
 from exodrake.machines.arm_defaults import moved
 from exodrake.machines.serial_arm import arm_machine
 from exodrake.machines.urdf import read_urdf
+from exodrake.physics import arm_forward, rigid_arm
 from exodrake.simulation.simulate import record
-from exodrake.systems import arm_forward, rigid_arm
 
 
 @pytest.fixture(scope="module")

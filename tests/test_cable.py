@@ -8,7 +8,7 @@ from arm_folders import made
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
-from exodrake.systems import cable
+from exodrake.physics import cable
 
 A = np.array([[0.05, 0.01, 0.0], [-0.02, 0.04, 0.03], [0.0, 0.015, -0.06]])  # as of a wrist: neighbours are coupled
 K, PRETENSION, INERTIA = 300.0, 4.0, 2e-4

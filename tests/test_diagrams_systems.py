@@ -19,9 +19,9 @@ from exodrake.diagrams.multibody_finger import MultibodyFinger
 from exodrake.diagrams.posture_controller import PostureController, PosturePlan
 from exodrake.diagrams.signal_log import logged_signals
 from exodrake.machines.robot_file import load_robot
+from exodrake.physics.gp_estimator import Weights, predict, predict_rows
+from exodrake.physics.posture_controller import corrected, damped_inverse
 from exodrake.simulation.simulate import record
-from exodrake.systems.gp_estimator import Weights, predict, predict_rows
-from exodrake.systems.posture_controller import corrected, damped_inverse
 
 
 def run(diagram, seconds):

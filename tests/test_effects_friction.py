@@ -18,7 +18,7 @@ from exodrake.effects.friction import (
     tendon_presliding,
     tendon_sheath_friction,
 )
-from exodrake.systems.tendon import slid
+from exodrake.physics.tendon import slid
 
 K, MU, DT = 2700.0, 0.6, 0.002  # N/m, -, s
 

@@ -176,7 +176,7 @@ def test_each_sensor_has_the_whole_family_of_a_signal() -> None:
 
 def test_two_sensors_of_one_machine_have_effects_of_their_own() -> None:
     """Points, ids, units and ranges are those of each sensor."""
-    from exodrake.systems.reading import sensor
+    from exodrake.physics.reading import sensor
 
     one, other = (
         sensor(name, ("a", "b", "c", name), unit, 1, 0.01, size, 2)

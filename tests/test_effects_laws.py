@@ -59,10 +59,10 @@ from exodrake.effects.signal import (
     timing_mocap_clock_skew,
     timing_mocap_delay,
 )
-from exodrake.systems.finger import inertia
-from exodrake.systems.routers import EXTENSOR, FLEXOR, path
-from exodrake.systems.sensor import followed
-from exodrake.systems.tendon import slid
+from exodrake.physics.finger import inertia
+from exodrake.physics.routers import EXTENSOR, FLEXOR, path
+from exodrake.physics.sensor import followed
+from exodrake.physics.tendon import slid
 
 DT = 0.002
 LENGTH, MASS, RADIUS = (0.04264, 0.02014, 0.01872), (0.0119, 0.0045, 0.0032), (0.009, 0.008, 0.007)

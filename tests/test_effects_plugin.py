@@ -144,7 +144,7 @@ def test_an_effect_on_two_parts_is_refused_by_name(plugin):
     (plugin / "machines" / "two").mkdir(parents=True)
     (plugin / "machines" / "two" / "machine.py").write_text(
         "from dataclasses import replace\nfrom exodrake.effects import LIBRARY\n"
-        "from exodrake.machines.emps.machine import machine as emps\nfrom exodrake.systems import joint\n\n\n"
+        "from exodrake.machines.emps.machine import machine as emps\nfrom exodrake.physics import joint\n\n\n"
         "def machine():\n    extra = replace(joint.PART, tasks=(), outputs=())\n    return replace(emps(), name='two', "
         "parts=(*emps().parts, extra), effects=(LIBRARY['carriage.quadratic_drag'],))\n"
     )
@@ -154,8 +154,8 @@ def test_an_effect_on_two_parts_is_refused_by_name(plugin):
 
 
 def test_a_sensor_is_one_module_its_signals_and_its_parameters(plugin):
-    (plugin / "systems").mkdir()
-    (plugin / "systems" / "force_gauge.py").write_text(SENSOR)
+    (plugin / "physics").mkdir()
+    (plugin / "physics" / "force_gauge.py").write_text(SENSOR)
     folder, emps = plugin / "machines" / "gauged", library.machine_folders()["emps"]
     folder.mkdir(parents=True)
     text = (emps / "machine.py").read_text()

@@ -12,7 +12,7 @@ from exodrake.estimator.gp import condition, leave_one_sweep_out
 from exodrake.estimator.kernels import sweep_kernel
 from exodrake.estimator.prior import JITTER
 from exodrake.estimator.validate import HELD_OUT, RANDOM, score, validate
-from exodrake.systems.gp_estimator import predict, predict_into, scratch
+from exodrake.physics.gp_estimator import predict, predict_into, scratch
 
 
 def reference_process(prior, sweeps):

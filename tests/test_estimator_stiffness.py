@@ -18,8 +18,8 @@ from estimator_sweeps import (
 from exodrake.core.errors import InputError
 from exodrake.identification import stiffness
 from exodrake.identification.joint_compliance import compliance, determinant, router_arms, tension_map
-from exodrake.systems import finger_statics as statics
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics import finger_statics as statics
+from exodrake.physics.tendon_finger import Parameters
 from studies.paper.comparison import compare
 from studies.paper.printed_equations import tension_map_as_printed
 

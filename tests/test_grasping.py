@@ -17,8 +17,8 @@ from exodrake.grasping.inverse_kinematics import candidates
 from exodrake.grasping.inverse_statics import tensions_for
 from exodrake.grasping.run import run_plan
 from exodrake.grasping.trial import at_hold
-from exodrake.systems import finger_statics as statics
-from exodrake.systems.finger_statics import parameters_of
+from exodrake.physics import finger_statics as statics
+from exodrake.physics.finger_statics import parameters_of
 
 SIZES = [size / 1e3 for size in range(20, 95, 5)]
 LENGTHS, RADII = np.array([0.04264, 0.02014, 0.01872]), np.array([0.009, 0.008, 0.007])  # model.md

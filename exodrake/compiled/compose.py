@@ -48,7 +48,7 @@ class ModuleSource:
         """Whether a module that this one imports from holds equations: one of the library or of the same package."""
         parts = module.split(".")
         if parts[0] == "exodrake":
-            return len(parts) > 2 and parts[1] in ("systems", "effects")
+            return len(parts) > 2 and parts[1] in ("physics", "effects")
         return parts[0] == self.module.__name__.split(".")[0]
 
     def renames(self) -> dict[str, str]:

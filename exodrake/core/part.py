@@ -1,6 +1,6 @@
 """A part: signals read and written, parameters, states, tasks, and the named points where effects may act.
 
-A module in `systems/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
+A module in `physics/` or `effects/` holds plain functions over floats, small tuples and arrays. `compiled.compose`
 copies those of a machine into one module that numba compiles; the same functions serve the Drake leaves and the
 compiled simulator.
 """
@@ -118,7 +118,7 @@ def module_name(module: ModuleType) -> str:
 def prefix(module: str) -> str:
     """Prefix of a module's names in generated code: the last name for the library's parts, else all of them."""
     parts = module.split(".")
-    return parts[-1] if parts[:2] == ["exodrake", "systems"] else "_".join(parts[parts[0] == "exodrake" :])
+    return parts[-1] if parts[:2] == ["exodrake", "physics"] else "_".join(parts[parts[0] == "exodrake" :])
 
 
 def part_modules(part: Part) -> list[ModuleType]:

@@ -2,7 +2,7 @@
 
 A plugin folder is laid out as this package is, each module where its like is here:
 
-    machines/NAME/machine.py, robot.yaml    effects/NAME.py    systems/NAME.py    data/formats/NAME.py
+    machines/NAME/machine.py, robot.yaml    effects/NAME.py    physics/NAME.py    data/formats/NAME.py
 
 Its modules are imported under this package's names (`exodrake.effects.NAME`); names that exist here keep their meaning.
 A folder that holds `machine.py`, or a `robot.yaml` that describes a machine, is one machine, named like the folder.
@@ -29,7 +29,7 @@ VARIABLE = "EXODRAKE_PLUGINS"
 GROUP = "exodrake.plugins"
 PACKAGE = Path(__file__).parent.parent
 MACHINE, ROBOT = "machine.py", "robot.yaml"
-EXTENSIBLE = ("machines", "effects", "systems", "data/formats", "diagnosis/detect")
+EXTENSIBLE = ("machines", "effects", "physics", "data/formats", "diagnosis/detect")
 
 
 def add_plugin(folder: str | Path) -> Path:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from exodrake.core.robot import Robot
 
 PACKAGE = Path(__file__).parent.parent
-ANSWERING = ("core", "data", "systems", "effects", "machines", "compiled", "simulation", "diagnosis")
+ANSWERING = ("core", "data", "physics", "effects", "machines", "compiled", "simulation", "diagnosis")
 DIGITS = 12  # hexadecimal ones of a SHA-256
 ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
 

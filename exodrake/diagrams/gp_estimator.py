@@ -1,4 +1,4 @@
-"""The joint-angle estimator as a Drake system; its arithmetic is `systems.gp_estimator`.
+"""The joint-angle estimator as a Drake system; its arithmetic is `physics.gp_estimator`.
 
     diagram = build_diagram(robot, reference, systems=[GPEstimator(estimator.weights, robot.machine)])
 
@@ -17,7 +17,7 @@ from exodrake.compiled.memory import vector
 from exodrake.core.machine import Machine
 from exodrake.diagrams.binding import declare_per_context
 from exodrake.diagrams.frame_leaf import FrameLeaf
-from exodrake.systems.gp_estimator import Weights, predict_into, scratch
+from exodrake.physics.gp_estimator import Weights, predict_into, scratch
 
 SLOT = 8
 

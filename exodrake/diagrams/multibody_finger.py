@@ -18,8 +18,8 @@ from pydrake.systems.primitives import Demultiplexer
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.diagrams.binding import weak_method
-from exodrake.systems.finger import end_stop
-from exodrake.systems.routers import EXTENSOR, FLEXOR, path
+from exodrake.physics.finger import end_stop
+from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 
 FINGER = "finger"
 

@@ -37,7 +37,7 @@ class Part(Leaf):
 
 
 class TendonFinger(Part):
-    """Three elastic wires on a planar finger (`systems.tendon_finger`); ticks with the plant.
+    """Three elastic wires on a planar finger (`physics.tendon_finger`); ticks with the plant.
 
     .. pydrake_system::
 
@@ -63,7 +63,7 @@ class TendonFinger(Part):
 
 
 class MotorDynamics(Part):
-    """Rotors behind gears with current-limited speed loops (`systems.motor`); ticks with the plant.
+    """Rotors behind gears with current-limited speed loops (`physics.motor`); ticks with the plant.
 
     .. pydrake_system::
 
@@ -83,7 +83,7 @@ class MotorDynamics(Part):
 
 
 class TensionSensor(Part):
-    """Load cells (`systems.sensor`), whose amplifiers tick with the plant and which the bus reads in slots 1, 2, 3.
+    """Load cells (`physics.sensor`), whose amplifiers tick with the plant and which the bus reads in slots 1, 2, 3.
 
     .. pydrake_system::
 
@@ -104,7 +104,7 @@ class TensionSensor(Part):
 
 
 class Encoder(Part):
-    """Encoders on the gears (`systems.encoder`), read over the bus in slots 1, 2, 3.
+    """Encoders on the gears (`physics.encoder`), read over the bus in slots 1, 2, 3.
 
     .. pydrake_system::
 
@@ -121,7 +121,7 @@ class Encoder(Part):
 
 
 class MotionCapture(Part):
-    """Joint angles with noise (`systems.mocap`), in slot 0.
+    """Joint angles with noise (`physics.mocap`), in slot 0.
 
     .. pydrake_system::
 
@@ -139,7 +139,7 @@ class MotionCapture(Part):
 
 
 class AdmittanceController(Part):
-    """PD admittance from tension error to wire speed (`systems.controller`), in slot 4.
+    """PD admittance from tension error to wire speed (`physics.controller`), in slot 4.
 
     .. pydrake_system::
 
@@ -156,7 +156,7 @@ class AdmittanceController(Part):
 
 
 class MotorBus(Part):
-    """Hands each command to its drive (`systems.bus`), in slots 5, 6, 7.
+    """Hands each command to its drive (`physics.bus`), in slots 5, 6, 7.
 
     .. pydrake_system::
 

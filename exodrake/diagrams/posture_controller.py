@@ -1,4 +1,4 @@
-"""The posture controller as a Drake system; its law is `systems.posture_controller`."""
+"""The posture controller as a Drake system; its law is `physics.posture_controller`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 
 from exodrake.core.machine import Machine
 from exodrake.diagrams.frame_leaf import FrameLeaf
-from exodrake.systems.posture_controller import corrected
+from exodrake.physics.posture_controller import corrected
 
 SLOT = 3  # before the tension controller's slot
 PARAMETERS = ("ki", "gain", "low", "high")

@@ -18,7 +18,7 @@ from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import Estimator
 from exodrake.estimator.kernels import sweep_kernel
 from exodrake.estimator.stroke_zeros import StrokeModel
-from exodrake.systems.gp_estimator import Weights
+from exodrake.physics.gp_estimator import Weights
 
 FORMAT = "exodrake estimator 1"
 STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")

@@ -26,7 +26,7 @@ from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts
 from exodrake.estimator.prior import JITTER, POINTS, Prior, learn
 from exodrake.estimator.stroke_zeros import StrokeModel, Zeros, learn_strokes
-from exodrake.systems.gp_estimator import Weights, predict_rows
+from exodrake.physics.gp_estimator import Weights, predict_rows
 
 # Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
 OWN = 0.975

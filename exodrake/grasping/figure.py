@@ -13,7 +13,7 @@ from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
 from exodrake.grasping.inverse_kinematics import joints
 from exodrake.grasping.plan import Plan
 from exodrake.grasping.trial import at_hold
-from exodrake.systems.finger_statics import parameters_of
+from exodrake.physics.finger_statics import parameters_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

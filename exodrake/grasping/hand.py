@@ -12,7 +12,7 @@ from math import isfinite
 import numpy as np
 
 from exodrake.core.errors import InputError, nearest
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics.tendon_finger import Parameters
 
 FREE = 9.0  # rad, no limit
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.grasping.hand import Hand, Mode
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics.tendon_finger import Parameters
 
 GRID = 81  # points along each free direction
 OFF = 0.9  # rad, how far a cage may stay off the thumb

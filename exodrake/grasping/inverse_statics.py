@@ -15,10 +15,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from exodrake.physics.finger import end_stop
+from exodrake.physics.finger_statics import arms, follow, posture
+from exodrake.physics.tendon_finger import Parameters
 from exodrake.simulation.tensions import smooth
-from exodrake.systems.finger import end_stop
-from exodrake.systems.finger_statics import arms, follow, posture
-from exodrake.systems.tendon_finger import Parameters
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]

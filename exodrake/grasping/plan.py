@@ -19,9 +19,9 @@ from exodrake.grasping.inverse_kinematics import Candidates, bounds, candidates,
 from exodrake.grasping.inverse_statics import holdable, project, ramped, reachable
 from exodrake.grasping.trial import confirmed
 from exodrake.machines.robot_file import robot_or_default
+from exodrake.physics.finger_statics import parameters_of
+from exodrake.physics.tendon_finger import Parameters
 from exodrake.simulation.protocols import grasp
-from exodrake.systems.finger_statics import parameters_of
-from exodrake.systems.tendon_finger import Parameters
 
 TOLERANCE = 0.02  # rad, a shortfall below this still counts as the posture: the estimator's error is larger
 GAP = 0.01  # m off the thumb that count in a cage like 1 rad

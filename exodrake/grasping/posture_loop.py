@@ -14,9 +14,9 @@ from exodrake.core.argument import argument
 from exodrake.core.robot import Robot
 from exodrake.grasping.inverse_statics import stiffness
 from exodrake.grasping.plan import Plan
+from exodrake.physics.finger_statics import arms, parameters_of
+from exodrake.physics.posture_controller import damped_inverse
 from exodrake.simulation.simulate import record
-from exodrake.systems.finger_statics import arms, parameters_of
-from exodrake.systems.posture_controller import damped_inverse
 
 if TYPE_CHECKING:
     from exodrake.diagrams.posture_controller import PostureController

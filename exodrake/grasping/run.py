@@ -9,7 +9,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.signal import Axes
 from exodrake.data.log import Log
 from exodrake.grasping.plan import Plan
-from exodrake.systems.gp_estimator import Weights
+from exodrake.physics.gp_estimator import Weights
 
 if TYPE_CHECKING:
     from exodrake.diagrams.posture_controller import PostureController

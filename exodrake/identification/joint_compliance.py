@@ -14,8 +14,8 @@ balance with rest posture and end stops; `identification.stiffness` fits kappa a
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.systems.finger_statics import arms
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics.finger_statics import arms
+from exodrake.physics.tendon_finger import Parameters
 
 ROUTER_SIGNS = np.array([1.0, 1.0, -1.0])  # of AF, MF, AE
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.systems.finger_statics import arms, follow
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics.finger_statics import arms, follow
+from exodrake.physics.tendon_finger import Parameters
 
 ROWS = 400  # rows of a log in a fit, equispaced: neighbours 20 ms apart carry the same information
 MIN_SPAN = 0.05  # rad, less motion does not determine a stiffness

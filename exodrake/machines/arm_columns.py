@@ -16,7 +16,7 @@ from exodrake.core.skeleton import Shape
 from exodrake.effects import effects_of
 from exodrake.machines.arm_defaults import TURNS, units
 from exodrake.machines.urdf import Chain
-from exodrake.systems.reading import sensor
+from exodrake.physics.reading import sensor
 
 
 def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:

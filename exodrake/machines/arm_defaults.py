@@ -8,7 +8,7 @@ import numpy as np
 
 from exodrake.machines.urdf import Chain
 from exodrake.machines.urdf_elements import Joint
-from exodrake.systems import rigid_arm
+from exodrake.physics import rigid_arm
 
 GRAVITY = 9.81  # m/s2, as Drake has it
 SWING, SPEED, BRISK = 1.0, 0.5, 2.0  # rad, rad/s, rad/s2 of a moderate motion: assumed

@@ -32,7 +32,7 @@ from exodrake.machines.arm_defaults import (
     units,
 )
 from exodrake.machines.urdf import Chain
-from exodrake.systems import arm_drive, arm_forward, cable, gear_motor
+from exodrake.physics import arm_drive, arm_forward, cable, gear_motor
 
 RATIO = 0.05  # of joint to motor: assumed, as of small gears and capstans
 RESONANCE = 2.0 * np.pi * 15.0  # rad/s of the links on their cables, motors held: assumed; 10-30 Hz are usual

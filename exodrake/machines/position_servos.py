@@ -12,8 +12,8 @@ from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import LIBRARY, generic_effects, in_order, plugin_effects
-from exodrake.systems import joint, joint_command
-from exodrake.systems.reading import sensor
+from exodrake.physics import joint, joint_command
+from exodrake.physics.reading import sensor
 
 FRAMES = replace(LIBRARY["timing.command_latency"].parameters[0], axis=JOINTS)  # each joint late by its own
 REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", JOINTS))

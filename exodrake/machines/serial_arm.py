@@ -44,7 +44,7 @@ from exodrake.machines.arm_defaults import (
 )
 from exodrake.machines.cable_arm import cable_machine
 from exodrake.machines.urdf import Chain, read_urdf
-from exodrake.systems import arm_drive, arm_forward, arm_inverse, gear_motor
+from exodrake.physics import arm_drive, arm_forward, arm_inverse, gear_motor
 
 FORMS = ("inverse", "closed-loop", "cable")
 SLOWEST, TICK = 10.0, 5e-4  # s: longest frame; the plant's tick at most, so that a wrist's resonance is resolved

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 from exodrake.report.blocks import Drawing, Table
-from exodrake.systems.routers import EXTENSOR, FLEXOR, path
 from studies.paper.claim import AGREES, DOES_NOT, Chapter, Claim
 
 LENGTH, LOW, HIGH = 5e-3, 3e-3, 5e-3  # m, paper Fig. 2: a = b, and m = n of the flexor and extensor (S), of (L)

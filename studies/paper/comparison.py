@@ -10,8 +10,8 @@ from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.gp import fit
 from exodrake.estimator.prior import POINTS
 from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
-from exodrake.systems.finger_statics import follow, posture
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics.finger_statics import follow, posture
+from exodrake.physics.tendon_finger import Parameters
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from exodrake.identification.kinematics.axis import Axis, chain_pose
 from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
 from exodrake.identification.maximum_tension import find_maximum_tension
 from exodrake.machines.robot_file import load_robot
+from exodrake.physics.finger_statics import parameters_of, posture
 from exodrake.report.blocks import Drawing, Heading, Table
 from exodrake.simulation.protocols import grasp, maximum_tension
 from exodrake.simulation.simulate import simulate
-from exodrake.systems.finger_statics import parameters_of, posture
 from studies.paper import loop_sign
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Chapter, Claim
 from studies.paper.printed_equations import g_inverse_as_printed, tension_map_as_printed

@@ -96,9 +96,9 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
     from exodrake.estimator.gp import condition
     from exodrake.estimator.prior import learn
     from exodrake.identification.stiffness import linear
+    from exodrake.physics.finger_statics import parameters_of, posture
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import log_of, record
-    from exodrake.systems.finger_statics import parameters_of, posture
 
     parameters, reference = parameters_of(robot), protocol(robot)
     recording = record(worn_robot(robot), reference, seed)
@@ -148,8 +148,8 @@ def loading(sweeps: Sweeps) -> np.ndarray:
 
 def clean_comparison(robot: Robot, reference, effort: Effort, seed: int) -> Comparison:
     """Comparison on the same sweeps with the same split, without friction and creep."""
+    from exodrake.physics.finger_statics import parameters_of
     from exodrake.simulation.simulate import simulate
-    from exodrake.systems.finger_statics import parameters_of
 
     rows = thinned(sweeps_from_logs([simulate(robot, reference, seed)]), effort.every)
     training, held = parted(rows, seed)

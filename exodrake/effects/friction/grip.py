@@ -4,7 +4,7 @@ The fading makes the tension at the finger a continuous function of stretch, whi
 bristle stores is let go as its wire goes slack and must be wound up again: its deflection is kept within the grip.
 """
 
-from exodrake.systems.tendon import grip
+from exodrake.physics.tendon import grip
 
 
 def gripped(friction, tension):

@@ -4,7 +4,7 @@ v after the tick = v - sgn(v) min(|v|, force dt / M)
 """
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.systems.dry_friction import slowed
+from exodrake.physics.dry_friction import slowed
 
 
 def braked(speed, mobility, load, force):

@@ -5,7 +5,7 @@ level(v) = force (1 + (ratio - 1) exp(-(v / v_s)^2))          v after the tick =
 
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.effects.friction.stribeck import level
-from exodrake.systems.dry_friction import slowed
+from exodrake.physics.dry_friction import slowed
 
 
 def braked(speed, mobility, load, force, ratio, stribeck_speed):

@@ -10,7 +10,7 @@ to 0 without a jump.
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.part import State
 from exodrake.core.signal import TENDONS
-from exodrake.systems.sensor import followed
+from exodrake.physics.sensor import followed
 
 
 def lag(nominal, time_constant, filtering, filtered, amplified, tick):

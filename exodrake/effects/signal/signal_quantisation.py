@@ -4,7 +4,7 @@ shown = step round(value / step)
 """
 
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.systems.rounding import rounded
+from exodrake.physics.rounding import rounded
 
 
 def delivered(value, held, arrival, step):

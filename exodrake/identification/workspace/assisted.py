@@ -41,7 +41,7 @@ def assisted(robot, steps: int = 25) -> Assisted:
     Raises:
         InputError: For fewer than 3 steps, or naming a tension without equilibrium.
     """
-    from exodrake.systems.finger_statics import parameters_of, posture
+    from exodrake.physics.finger_statics import parameters_of, posture
 
     if steps < 3:
         raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")

@@ -11,8 +11,8 @@ from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
 from exodrake.effects import effects_of
-from exodrake.systems import carriage, position_drive
-from exodrake.systems.reading import sensor
+from exodrake.physics import carriage, position_drive
+from exodrake.physics.reading import sensor
 
 FRAME = 1e-3  # s
 POSITION = ("position", "noise_position", "reading_arrival", "position_read")

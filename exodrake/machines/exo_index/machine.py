@@ -13,7 +13,7 @@ from exodrake.effects import effects_of
 from exodrake.machines.exo_index.loop import LOOP
 from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
 from exodrake.machines.exo_index.skeleton import skeleton
-from exodrake.systems import (
+from exodrake.physics import (
     bus,
     controller,
     controller_as_printed,

@@ -1,6 +1,6 @@
 """Paths of the three wires over the finger: wire taken in, moment arms P = dl/dq and their slopes."""
 
-from exodrake.systems.routers import EXTENSOR, FLEXOR, path
+from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 
 
 def router_height(e, z, i, height):

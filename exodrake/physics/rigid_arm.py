@@ -10,7 +10,7 @@ them. `w` is the memory, WIDTH values a link: rotation, origin, S, inertia (mass
 
 from math import cos, sin
 
-from exodrake.systems.triples import cross, dot, plus, scaled
+from exodrake.physics.triples import cross, dot, plus, scaled
 
 ROTATION, ORIGIN, SCREW, INERTIA, MOTION, CHANGE, WRENCH, WIDTH = 0, 9, 12, 18, 28, 34, 40, 46
 EYE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)

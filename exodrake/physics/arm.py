@@ -8,7 +8,7 @@ from typing import Annotated
 
 from exodrake.core.part import Point, Unit
 from exodrake.core.signal import JOINTS, SCALAR
-from exodrake.systems.rigid_arm import add_point, in_base, load, place
+from exodrake.physics.rigid_arm import add_point, in_base, load, place
 
 
 def weighed(e, z, j, mass):

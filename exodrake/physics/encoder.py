@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import TENDONS
-from exodrake.systems.rounding import rounded
+from exodrake.physics.rounding import rounded
 
 
 class Parameters(NamedTuple):

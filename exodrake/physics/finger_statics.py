@@ -4,7 +4,7 @@ A wire's moment arm at a joint depends on that joint's angle alone, so the three
 
     sum_j T_j R_ji(q_i) = kappa_i (q_i - q0_i) + end_stop(q_i)
 
-Parameters are those of `systems.tendon_finger` (same functions, compiled here): wires AF, MF, AE; joints MCP, PIP, DIP.
+Parameters are those of `physics.tendon_finger` (same functions, compiled here): wires AF, MF, AE; joints MCP, PIP, DIP.
 """
 
 from math import cos, sin
@@ -15,9 +15,9 @@ from numba import njit
 
 from exodrake.core.part import fields_of
 from exodrake.core.robot import Robot
-from exodrake.systems import finger, routers
-from exodrake.systems.routers import EXTENSOR, FLEXOR
-from exodrake.systems.tendon_finger import Parameters
+from exodrake.physics import finger, routers
+from exodrake.physics.routers import EXTENSOR, FLEXOR
+from exodrake.physics.tendon_finger import Parameters
 
 STEPS, STEP, HALVINGS = 40, 0.05, 46  # search: at most 2 rad in steps of 0.05 rad, then halved down to 1e-15 rad
 MF_JOINTS = 1  # the MCP flexor passes the first joint only

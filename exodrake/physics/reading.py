@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 from exodrake.core.module_file import module_of_file
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS
-from exodrake.systems.rounding import rounded
+from exodrake.physics.rounding import rounded
 
 
 def mixed(e, z, j, value, other):

@@ -1,7 +1,7 @@
 """Entries of the Newton step that moves the finger, and where its two-step formula starts from (`tendon_finger`)."""
 
-from exodrake.systems.routers import applied_arm
-from exodrake.systems.triples import column, dot
+from exodrake.physics.routers import applied_arm
+from exodrake.physics.triples import column, dot
 
 
 def stiffness(i, k, turns, arms, bends, falls, tensions, passive_slope, external_slope):

@@ -10,12 +10,12 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 
 from exodrake.compiled.inputs import Reference
+from exodrake.physics import finger_at_rest, finger_statics, tendon_finger
+from exodrake.physics.finger import coriolis, inertia, mass_matrix
+from exodrake.physics.routers import EXTENSOR, FLEXOR, path
+from exodrake.physics.tendon_finger import PART, Parameters
+from exodrake.physics.wire_paths import heights, paths
 from exodrake.simulation.simulate import record
-from exodrake.systems import finger_at_rest, finger_statics, tendon_finger
-from exodrake.systems.finger import coriolis, inertia, mass_matrix
-from exodrake.systems.routers import EXTENSOR, FLEXOR, path
-from exodrake.systems.tendon_finger import PART, Parameters
-from exodrake.systems.wire_paths import heights, paths
 
 RNG = np.random.default_rng(7)
 SAMPLES = [(RNG.uniform(-0.3, 1.5, 3), RNG.uniform(-15, 15, 3)) for _ in range(40)]

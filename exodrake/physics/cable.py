@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS
-from exodrake.systems.dry_friction import slowed
+from exodrake.physics.dry_friction import slowed
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 

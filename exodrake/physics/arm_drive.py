@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from exodrake.core.part import Output, Part, State, Task
 from exodrake.core.signal import JOINTS
-from exodrake.systems.arm import body, fields
-from exodrake.systems.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
+from exodrake.physics.arm import body, fields
+from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
 
 
 def control(x, z, n, e, position_ref, position_read):

@@ -13,12 +13,12 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS
-from exodrake.systems import finger, tendon, wire_paths
-from exodrake.systems.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
-from exodrake.systems.finger_newton import behind, newton_row, onward, torque
-from exodrake.systems.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
-from exodrake.systems.triples import along, dot, solve
-from exodrake.systems.wire_paths import heights, levers, moved, paths
+from exodrake.physics import finger, tendon, wire_paths
+from exodrake.physics.finger import coriolis, external_with_slope, inertia, mass_matrix, passive_with_slope, relax
+from exodrake.physics.finger_newton import behind, newton_row, onward, torque
+from exodrake.physics.tendon import at_cell, at_spool, cell_tension, finger_tension, settle, slid, stretched_by
+from exodrake.physics.triples import along, dot, solve
+from exodrake.physics.wire_paths import heights, levers, moved, paths
 
 
 class Parameters(NamedTuple):

@@ -2,4 +2,4 @@
 
 from exodrake.core import plugins
 
-plugins.extend(__path__, "systems")
+plugins.extend(__path__, "physics")
