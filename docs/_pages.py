@@ -33,10 +33,13 @@ GROUPS = {
     "Logs and cases": ("Log", "read_log", "write_log", "regularise", "Case", "CaseLog", "read_case", "write_case"),
     "Diagnosis": ("diagnose", "Diagnosis"),
     "The closed loop": ("analyse", "ClosedLoop", "tune", "Requirements", "Tuning"),
-    "The Drake Diagram": ("build_diagram", "diagram_log", "logged_signals", "find_parameter", "set_parameters"),
+    "The Drake Diagram": (
+        *("add_exo_index", "build_diagram", "diagram_log", "logged_signals", "find_parameter", "set_parameters"),
+    ),
     "Drake systems": (
-        *("TendonFinger", "MotorDynamics", "TensionSensor", "Encoder", "MotionCapture", "AdmittanceController"),
-        *("MotorBus", "GPEstimator", "posture_controller", "MultibodyFinger", "FingerView"),
+        *("TendonFinger", "MotorDynamics", "TensionSensor", "Encoder", "MotionCapture", "AdmittanceController", "Bus"),
+        *("MachinePart", "GPEstimator", "PostureController", "posture_controller", "Playback", "Noise"),
+        *("MultibodyFinger", "FingerView"),
     ),
 }
 

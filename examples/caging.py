@@ -1,28 +1,40 @@
-"""Caging grasp of an object, by the nominal robot and by one with sheath friction.
+"""Caging grasp in a Diagram of one's own: add_exo_index, Drake's Connect, Simulator and logs; Meshcat with --meshcat.
 
-Run: python examples/caging.py [FOLDER]
+Run: python examples/caging.py [FOLDER] [--meshcat]
 """
 
 import sys
-from pathlib import Path
+
+from pydrake.geometry import StartMeshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
 
 import exodrake as exo
-from exodrake.data.plot import save_png
-from exodrake.diagrams.meshcat import Thing, recording_html
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = exo.load_robot()
-rough = robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
-reference = exo.grasp("caging", robot)
-nominal, with_friction = exo.simulate(robot, reference), exo.simulate(rough, reference)
+frame, reference = robot.machine.frame, exo.grasp("caging", robot)  # 20 ms; tensions [N], a row each frame
 
-hold = slice(150, 195)  # frames of 20 ms near the end of the hold
-print("joint   nominal   with sheath friction [rad]")
-for joint in ("MCP", "PIP", "DIP"):
-    column = f"angle_{joint}"
-    print(f"{joint}     {nominal[column][hold].mean():.3f}     {with_friction[column][hold].mean():.3f}")
+builder = DiagramBuilder()
+planner = builder.AddSystem(exo.Playback({"tension_ref": reference.values}, frame))
+parts = exo.add_exo_index(builder, robot)
+noise = builder.AddSystem(exo.Noise(robot.machine, seed=1))
+builder.Connect(planner.GetOutputPort("tension_ref"), parts.controller.GetInputPort("tension_ref"))
+builder.Connect(noise.GetOutputPort("noise_tension"), parts.sensor.GetInputPort("noise_tension"))
+builder.Connect(noise.GetOutputPort("noise_angle"), parts.mocap.GetInputPort("noise_angle"))
+builder.Connect(noise.GetOutputPort("packet_arrival"), parts.bus.GetInputPort("packet_arrival"))
+angles = LogVectorOutput(parts.mocap.GetOutputPort("angle_read"), builder, frame)
+tensions = LogVectorOutput(parts.sensor.GetOutputPort("tension_read"), builder, frame)
+if "--meshcat" in sys.argv:
+    view = builder.AddSystem(exo.FingerView(robot, StartMeshcat()))
+    builder.Connect(parts.finger.GetOutputPort("angle"), view.GetInputPort("angle"))
 
-save_png(nominal.plot("Caging", with_friction, ("nominal", "sheath friction"), robot.machine), folder / "caging.png")
-glue = Thing(centre=(0.018, -0.036), radius=0.011, length=0.06)  # a glue stick, where the curled finger touches it [m]
-(folder / "caging.html").write_text(recording_html(nominal, robot, "Caging", glue))
-print(f"caging.png and caging.html are in {folder.resolve().name}/")
+simulator = Simulator(builder.Build())
+simulator.set_target_realtime_rate(1.0 if "--meshcat" in sys.argv else 0.0)
+simulator.AdvanceTo(frame * len(reference.values))
+
+hold = slice(151, 196)  # samples near the end of the hold, 20 ms apart
+tendons, joints = robot.machine.axes
+for name, log, channels in (("angle [rad]", angles, joints), ("tension [N]", tensions, tendons)):
+    held = log.FindLog(simulator.get_context()).data()[:, hold].mean(axis=1)
+    print(f"{name:12s}", "  ".join(f"{channel} {value:6.3f}" for channel, value in zip(channels, held)))

@@ -1,45 +1,40 @@
 """Wide pinch: flexor against extensor bends the PIP alone, if the DIP is stiff enough to stay.
 
-A flexor's moment arm grows with flexion and an extensor's shrinks, so that both together soften a joint by some 4.4 mm
-times the tension of AF. The nominal DIP has no stiffness left at 8.1 N; the robot `exo_index/wide_pinch` has a stiffer
-DIP and a softer PIP. Each is pulled along the line on which AE balances AF at the resting DIP, and beyond it.
+The nominal DIP has no stiffness left at 8.1 N of AF, so its wide pinch is slight; `exo_index/wide_pinch` has a stiffer
+DIP and a softer PIP. Both wires are pulled together along a ramp; the references are an input port of the Diagram.
 
-Run: python examples/wide_pinch.py [FOLDER]
+Run: python examples/wide_pinch.py [FOLDER] [--meshcat]
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
+from pydrake.geometry import StartMeshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
 
 import exodrake as exo
-from exodrake.data.plot import save_png
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
-pulls = np.arange(1.0, 10.51, 0.5)  # tension of AF [N]
-
-figure = Figure(figsize=(8.0, 3.4), layout="constrained")
-panels = figure.subplots(1, 2, sharey=True)
-for name, axes in zip(("exo_index", "exo_index/wide_pinch"), panels):
+for name in ("exo_index", "exo_index/wide_pinch"):
     robot = exo.load_robot(name)
-    rest, pinch = robot.channels("finger.q0"), robot.grasps["wide-pinch"]
-    share = pinch["AE"] / pinch["AF"]
+    tendons, joints = robot.machine.axes
+    pinch = np.array([robot.grasps["wide-pinch"][tendon] for tendon in tendons])  # [N]
 
-    bends = []
-    for pull in pulls:
-        reference = exo.grasp("wide-pinch", robot, {"AF": pull, "MF": 0.3, "AE": share * pull}, hold=6.0)
-        log = exo.simulate(robot, reference, seed=None, quantisation=False)
-        bends.append(log.array("angle")[360] - rest)  # [rad] at 7.2 s, near the end of the hold
-    bends = np.array(bends)
+    builder = DiagramBuilder()
+    parts = exo.add_exo_index(builder, robot)
+    builder.ExportInput(parts.controller.GetInputPort("tension_ref"), "tension_ref")  # as a slider would have it
+    if "--meshcat" in sys.argv:
+        view = builder.AddSystem(exo.FingerView(robot, StartMeshcat()))
+        builder.Connect(parts.finger.GetOutputPort("angle"), view.GetInputPort("angle"))
+    diagram = builder.Build()
 
-    at = int(np.abs(pulls - pinch["AF"]).argmin())
-    moved = ", ".join(f"{joint} {bend:+.2f}" for joint, bend in zip(robot.machine.axes.joints, bends[at]))
-    print(f"{name}: AF {pulls[at]:g} N, AE {share * pulls[at]:.2f} N bend {moved} rad from rest")
-    for i, joint in enumerate(robot.machine.axes.joints):
-        axes.plot(pulls, bends[:, i], "o-", ms=3.5, color=robot.machine.colours[joint], label=joint)
-    axes.axvline(pinch["AF"], color="#888", ls=":", label="wide pinch")
-    axes.set(xlabel=f"Tension of AF, AE {share:.2f} times that [N]", title=name)
-panels[0].set_ylabel("Joint angle less rest [rad]")
-panels[0].legend(frameon=False)
-save_png(figure, folder / "wide_pinch.png")
+    simulator = Simulator(diagram)
+    context = simulator.get_mutable_context()
+    for share in np.linspace(0.05, 1.0, 20):  # a ramp of two seconds
+        diagram.GetInputPort("tension_ref").FixValue(context, np.maximum(share * pinch, 0.3))
+        simulator.AdvanceTo(context.get_time() + 0.1)
+    simulator.AdvanceTo(7.0)
+    bend = parts.finger.GetOutputPort("angle").Eval(parts.finger.GetMyContextFromRoot(context))
+    bend = bend - robot.channels("finger.q0")
+    moved = ", ".join(f"{joint} {value:+.2f}" for joint, value in zip(joints, bend))
+    print(f"{name}: {pinch.round(2)} N on {', '.join(tendons)} bend {moved} rad from rest")

@@ -18,21 +18,15 @@ from exodrake.data.log_file import read_log as read_log, write_log as write_log
 from exodrake.diagnosis.pipeline import diagnose as diagnose
 from exodrake.diagnosis.result import Diagnosis as Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg
-from exodrake.diagrams.diagram import build_diagram as build_diagram, set_parameters as set_parameters
-from exodrake.diagrams.finger_view import FingerView as FingerView
-from exodrake.diagrams.gp_estimator import GPEstimator as GPEstimator
-from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
-from exodrake.diagrams.parameter import find_parameter as find_parameter
-from exodrake.diagrams.parts import (
-    AdmittanceController as AdmittanceController,
-    Encoder as Encoder,
-    MotionCapture as MotionCapture,
-    MotorBus as MotorBus,
-    MotorDynamics as MotorDynamics,
-    TendonFinger as TendonFinger,
-    TensionSensor as TensionSensor,
+from exodrake.diagrams.diagram import (
+    build_diagram as build_diagram,
+    find_parameter as find_parameter,
+    logged_signals as logged_signals,
+    set_parameters as set_parameters,
 )
-from exodrake.diagrams.signal_log import logged_signals as logged_signals
+from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
+from exodrake.diagrams.finger_view import FingerView as FingerView
+from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
 from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.posture_loop import posture_controller as posture_controller
 from exodrake.identification.maximum_tension import find_maximum_tension as find_maximum_tension
@@ -52,6 +46,18 @@ from exodrake.simulation.protocols import (
 )
 from exodrake.simulation.references import from_log as from_log, protocol as protocol
 from exodrake.simulation.simulate import Recording as Recording, record as record, simulate as simulate
+from exodrake.systems.admittance_controller import AdmittanceController as AdmittanceController
+from exodrake.systems.bus import Bus as Bus
+from exodrake.systems.encoder import Encoder as Encoder
+from exodrake.systems.gp_estimator import GPEstimator as GPEstimator
+from exodrake.systems.machine_part import MachinePart as MachinePart
+from exodrake.systems.motion_capture import MotionCapture as MotionCapture
+from exodrake.systems.motor import MotorDynamics as MotorDynamics
+from exodrake.systems.noise import Noise as Noise
+from exodrake.systems.playback import Playback as Playback
+from exodrake.systems.posture_controller import PostureController as PostureController
+from exodrake.systems.tendon_finger import TendonFinger as TendonFinger
+from exodrake.systems.tension_sensor import TensionSensor as TensionSensor
 
 __version__: str
 PUBLIC: dict[str, str]

@@ -1,20 +1,21 @@
 """Contexts of the Diagram: edited parameters act as in a rebuilt one; copies, restored states, random Contexts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagram_runs import nominal, wavy
 from effects_motion import motion_of
 from pydrake.common import RandomGenerator
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import MonteCarloSimulation, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NoiseInputs, Reference, prepared
 from exodrake.compiled.run import run_compiled
 from exodrake.core.errors import InputError
-from exodrake.diagrams.diagram import build_diagram, set_parameters
-from exodrake.diagrams.parameter import find_parameter
-from exodrake.diagrams.part_spec import part_spec
-from exodrake.diagrams.signal_log import logged, logged_signals
+from exodrake.core.machine import state_size
+from exodrake.diagrams.diagram import build_diagram, find_parameter, logged, logged_signals, set_parameters
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record
 
@@ -37,7 +38,7 @@ def reference_of(name):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
-    """Every parameter of every machine: state and held signals at the start, and the run, to the last bit."""
+    """Every parameter of every machine: state at the start, and the run, to the last bit."""
     robot, reference = load_robot(name), reference_of(name)
     machine, short = robot.machine, Reference(reference.values[:FRAMES])
     diagram, noise = build_diagram(robot, reference, seed=1), NoiseInputs.draw(FRAMES, 1, robot.machine)
@@ -49,10 +50,11 @@ def test_an_edited_parameter_acts_as_in_a_rebuilt_diagram(name):
         find_parameter(diagram, parameter).set(context, value)
         simulator = Simulator(diagram, context)
         simulator.Initialize()
-        for part in machine.parts:
-            leaf = diagram.GetSubsystemByName(part.name)
-            memory = leaf.GetMyContextFromRoot(context).get_discrete_state(0).value()
-            np.testing.assert_array_equal(memory, part_spec(machine, part, values).memory, parameter)
+        leaves = (diagram.GetSubsystemByName(part.name) for part in machine.parts)
+        begun = [leaf.GetMyContextFromRoot(context).get_discrete_state(0).value() for leaf in leaves]
+        state = np.zeros(state_size(machine))
+        compile_machine(machine).begin(values, state)
+        np.testing.assert_array_equal(np.hstack(begun), state, parameter)
         simulator.AdvanceTo(machine.frame * FRAMES)
         rows, wanted = logged(machine, diagram, context), run_compiled(machine, values, short, noise, 1)
         np.testing.assert_array_equal(rows, wanted, parameter)
@@ -85,6 +87,7 @@ def test_a_state_that_was_set_stays_and_its_held_ports_follow():
     memory = np.array(own.get_discrete_state(0).value())
     memory[:3] = [0.5, 0.6, 0.2]
     own.SetDiscreteState(0, memory)
+    diagram.GetInputPort("tension_ref").FixValue(context, [5.0, 3.0, 1.0])
     simulator.Initialize()
     np.testing.assert_array_equal(diagram.GetOutputPort("finger.angle").Eval(context), [0.5, 0.6, 0.2])
     simulator.AdvanceTo(0.1)
@@ -127,7 +130,7 @@ def logged_after(simulator, diagram, seconds):
 
 
 def test_a_copied_context_goes_on_by_itself():
-    """The leaves bind to the memory of each Context: copies, new states and restored states act as they should."""
+    """Copies, new states and restored states act as they should."""
     diagram = build_diagram(nominal(), wavy(1.0), seed=4)
     simulator = Simulator(diagram)
     logged_after(simulator, diagram, 0.3)
@@ -196,6 +199,7 @@ def tension_read(diagram, context):
 def test_a_random_context_has_noise_of_its_own():
     """`SetRandomContext` draws anew, the same for the same generator; a default Context has the noise of the seed."""
     robot, reference = nominal().with_parameters({"sensor.q_F": 0.0, "encoder.q_theta": 0.0}), wavy(0.5)
+    robot = replace(robot, machine=replace(robot.machine, tolerances=()))  # the same robot each time
     diagram = build_diagram(robot, reference, seed=5)
     usual = tension_read(diagram, diagram.CreateDefaultContext())
     np.testing.assert_array_equal(usual, record(robot, reference, seed=5).signals["tension_read"])
@@ -208,10 +212,62 @@ def test_a_random_context_has_noise_of_its_own():
     spread = np.std([usual, *found[1:]], axis=0, ddof=1)
     assert 0.008 < np.median(spread) < 0.012  # sensor.sigma_F is 0.01 N
     edited = diagram.CreateDefaultContext()
-    diagram.GetSubsystemByName("host").GetMyMutableContextFromRoot(edited).get_mutable_numeric_parameter(0)[0] = 9.0
+    diagram.GetSubsystemByName("noise").GetMyMutableContextFromRoot(edited).get_mutable_numeric_parameter(0)[0] = 9.0
     np.testing.assert_array_equal(
         tension_read(diagram, edited), record(robot, reference, seed=9).signals["tension_read"]
     )
+
+
+def sample(robot, reference, names):
+    """Function that makes a Simulator, and one that reads parameters and angles from a Context that has run."""
+    diagram = build_diagram(robot, reference, seed=5)
+
+    def output(system, context):
+        angle = logged_signals(system, context)["angle"][-1]
+        samples.append(np.hstack([angle, *(find_parameter(system, name).get(context) for name in names)]))
+        return float(angle[0])
+
+    samples = []
+    return samples, lambda generator, begun: begun_simulator(diagram, begun), output
+
+
+def begun_simulator(diagram, begun):
+    """A Simulator, whose maker may have initialized it."""
+    simulator = Simulator(diagram)
+    if begun:
+        simulator.Initialize()
+    return simulator
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_monte_carlo_simulation_has_other_robots(begun):
+    """Each sample has parameters within the tolerances of the robot file, and moves as the robot with them does."""
+    robot, reference = nominal(), wavy(0.4)
+    names = ("finger.kappa.MCP", "motor.r.AF", "finger.kappa.PIP")
+    samples, make, output = sample(robot, reference, names)
+    found = MonteCarloSimulation(
+        make_simulator=lambda generator: make(generator, begun), output=output, final_time=0.4, num_samples=6,
+        generator=RandomGenerator(2),
+    )  # fmt: skip
+    assert len({item.output for item in found}) == 6
+    drawn = np.array(samples)[:, 3:] / [robot[name] for name in names]
+    assert (drawn.std(axis=0) > 0.002).all() and (np.abs(drawn - 1.0) < 0.5).all()
+
+
+def test_a_robot_drawn_at_random_is_that_robot():
+    """A run of a random Context is that of the compiled simulator with the parameters that its ports have."""
+    robot, reference = nominal().splice("tendon.capstan_friction"), wavy(0.4)
+    diagram = build_diagram(robot, reference, seed=None)
+    context = diagram.CreateDefaultContext()
+    diagram.SetRandomContext(context, RandomGenerator(7))
+    values = np.array([find_parameter(diagram, name).get(context)[0] for name in robot.machine.index])
+    Simulator(diagram, context).AdvanceTo(0.4)
+    other = replace(robot, values=values)
+    wanted = run_compiled(robot.machine, values, reference, NoiseInputs.draw(20, None, robot.machine), 1)
+    np.testing.assert_array_equal(logged(robot.machine, diagram, context), wanted)
+    assert (values != robot.values).sum() >= 30 and other.effects() == robot.effects()
+    find_parameter(diagram, "finger.kappa.MCP").set(context, 0.123)
+    assert find_parameter(diagram, "finger.kappa.MCP").get(context) == pytest.approx(0.123, rel=1e-15)
 
 
 def test_a_random_context_acts_in_a_larger_diagram():

@@ -1,5 +1,7 @@
 """Systems that stand in a part's place or beside the parts: MultibodyPlant finger, view, estimator, posture loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagram_runs import made_up_weights, nominal, wavy
@@ -11,17 +13,18 @@ from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, Reference, input_rows, prepared
 from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
-from exodrake.diagrams.diagram import build_diagram
+from exodrake.diagrams.diagram import build_diagram, logged_signals
 from exodrake.diagrams.finger_view import FingerView
-from exodrake.diagrams.gp_estimator import GPEstimator
 from exodrake.diagrams.meshcat.shapes import skeleton
 from exodrake.diagrams.multibody_finger import MultibodyFinger
-from exodrake.diagrams.posture_controller import PostureController, PosturePlan
-from exodrake.diagrams.signal_log import logged_signals
+from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.gp_estimator import Weights, predict, predict_rows
 from exodrake.physics.posture_controller import corrected, damped_inverse
 from exodrake.simulation.simulate import record
+from exodrake.systems.gp_estimator import GPEstimator
+from exodrake.systems.playback import Playback
+from exodrake.systems.posture_controller import PostureController, PosturePlan
 
 
 def run(diagram, seconds):
@@ -195,6 +198,20 @@ def test_the_posture_loop_is_the_same_around_both_engines():
         np.testing.assert_array_equal(found[name], rows, name)
     assert np.abs(found["tension_ref"] - plan.tension).max() > 0.1
     np.testing.assert_array_equal(found["angle_ref"], plan.angle)
+
+
+def test_the_posture_loop_is_a_diagram_of_its_own():
+    """With estimator and controller wired within, and with a planner at its ports: the same bits as apart."""
+    robot, weights, plan = nominal(), made_up_weights(), posture_plan(wavy(0.4), 2.0)
+    apart = [GPEstimator(weights, robot.machine), PostureController(plan, robot.machine)]
+    wanted, _ = run(build_diagram(robot, seed=7, systems=apart), 0.4)
+    planner = Playback({"tension_planned": plan.tension, "angle_planned": plan.angle}, robot.machine.frame)
+    planner.set_name("planner")
+    still = replace(plan, tension=np.ones((1, 3)), angle=np.zeros((1, 3)))
+    for systems in ([PostureLoop(plan, weights)], [PostureLoop(still, weights), planner]):
+        found, _ = run(build_diagram(robot, seed=7, systems=systems), 0.4)
+        for name, rows in wanted.items():
+            np.testing.assert_array_equal(found[name], rows, name)
 
 
 def test_a_posture_controller_without_gain_is_the_plan():

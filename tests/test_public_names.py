@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
 
 import exodrake as exo
 
@@ -74,7 +75,7 @@ def whole():
         "robot": robot, "reference": reference, "log": log, "first": log, "second": log, "machine": robot.machine,
         "diagram": diagram, "context": diagram.CreateDefaultContext(), "path": "absent.csv", "folder": "absent",
         "mode": "caging", "size": 0.05, "text": "caging", "name": "tendon.k.AF", "case": "absent",
-        "plan": exo.plan_grasp("caging", 0.06),
+        "plan": exo.plan_grasp("caging", 0.06), "builder": DiagramBuilder(),
     }  # fmt: skip
 
 

@@ -11,17 +11,16 @@ import ast
 import importlib
 import inspect
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 from exodrake.compiled.cache import load_text
-from exodrake.compiled.events import generate_events
 from exodrake.compiled.flatten import Flatten
-from exodrake.compiled.leaf_functions import generate_leaves
+from exodrake.compiled.leaf_functions import generate_equations, generate_leaves
 from exodrake.compiled.schedule import generate_frame
 from exodrake.compiled.splice import compose_point
 from exodrake.core.machine import Machine
 from exodrake.core.once import once
-from exodrake.core.part import module_name, part_modules, prefix
+from exodrake.core.part import Part, module_name, part_modules, prefix
 
 # Functions of parts allocate nothing. Without reference counts an array costs a call nothing, with them some 10 ns.
 PLAIN, INLINED = "@njit(_nrt=False)\n", "@njit(_nrt=False, forceinline=True)\n"
@@ -164,12 +163,12 @@ def generate_module(machine: Machine) -> str:
     lines = [
         HEADER.format(name=machine.name),
         "from collections import namedtuple\nfrom math import inf\n",
-        "import numpy as np\nfrom numba import njit\n\nfrom exodrake.compiled.memory import vector",
+        "import numpy as np\nfrom numba import njit",
         *sorted(imports),
         *generate_leaves(machine),
         *generate_functions(machine, sources),
         *generate_frame(machine),
-        *(line for part in machine.parts for line in generate_events(machine, part)),
+        *(line for part in machine.parts for line in generate_equations(machine, part)),
     ]
     return "\n\n".join(lines) + "\n"
 
@@ -177,3 +176,14 @@ def generate_module(machine: Machine) -> str:
 def compile_machine(machine: Machine) -> ModuleType:
     """The generated module of a machine: `begin`, `run`, `batch` and what the Drake leaves call."""
     return once(machine, "generated", lambda: load_text(machine.name, generate_module(machine)))
+
+
+def equations(machine: Machine, part: Part) -> SimpleNamespace:
+    """The compiled equations of a part by name, with the effects of the machine.
+
+    `update(state, p, dt, reads...)`, `read(state, p, channel, reads...)`, `output(state, p, reads..., writes...)` and
+    `start(state, p, start vectors...)`, by the names of the part's module: arrays of state and parameters of part and
+    effects, then signals, which are written in place.
+    """
+    head, module = f"{part.name}__equation__", compile_machine(machine)
+    return SimpleNamespace(**{k.removeprefix(head): f for k, f in vars(module).items() if k.startswith(head)})

@@ -1,7 +1,8 @@
-"""Generates, for each part, views of its parameters and functions over its own state, for replays and the start."""
+"""Generates, for each part, views of its parameters and functions over its own state, for replays and Drake systems."""
 
 from __future__ import annotations
 
+from exodrake.compiled.schedule import start_vectors
 from exodrake.compiled.splice import generate_effects
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part, prefix
@@ -22,7 +23,7 @@ def generate_parameters(machine: Machine, part: Part) -> str:
 
 
 def held_signals(part: Part) -> tuple[str, ...]:
-    """Signals that follow from a part's state alone; its Drake leaf holds them in the Context beside the state."""
+    """Signals that follow from a part's state alone."""
     return tuple(wire for output in part.outputs if not output.reads for wire in output.writes)
 
 
@@ -60,3 +61,12 @@ def entry(machine: Machine, part: Part, name: str, given: list[str], calls: list
     body += [f"{module}__{function}(x, z, n, e, {', '.join(arguments)})" for function, arguments in calls]
     head = f"@njit(cache=True)\ndef {part.name}__leaf__{name}({', '.join(given)}):\n"
     return head + "\n".join("    " + line for line in body)
+
+
+def generate_equations(machine: Machine, part: Part) -> list[str]:
+    """One function per task, output and the start of a part, for its Drake system: see `equations`."""
+    tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
+    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs]
+    calls = [*tasks, *outputs, ("start", list(start_vectors(part)))]
+    lines = [entry(machine, part, name, ["state", "p", *given], [(name, given)]) for name, given in calls]
+    return [line.replace("__leaf__", "__equation__", 1) for line in lines]

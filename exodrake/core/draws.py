@@ -34,6 +34,12 @@ def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
     return replace(robot, values=values)
 
 
+def drawn_deviation(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """Deviations (parameters,) [SI] of a robot drawn by `drawn_robot` from the given one; 0 without a tolerance."""
+    drawn = drawn_robot(robot, rng).values
+    return np.subtract(drawn, robot.values, out=np.zeros(len(drawn)), where=drawn != robot.values)
+
+
 def position(machine: Machine, name: str) -> int:
     """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
     if name not in machine.index:

@@ -19,7 +19,7 @@ from exodrake.physics.posture_controller import damped_inverse
 from exodrake.simulation.simulate import record
 
 if TYPE_CHECKING:
-    from exodrake.diagrams.posture_controller import PostureController
+    from exodrake.systems.posture_controller import PostureController
 
 KI = 0.5  # 1/s: a quarter of the tension loop's bandwidth, which settles in 1.8 s; assumed
 
@@ -39,7 +39,7 @@ def posture_controller(plan: Plan, robot: Robot, ki: float = KI, **durations: fl
         ki: [1/s]; 0 leaves the planned tensions as they are.
         durations: of the grasp, as in `exo.grasp` [s].
     """
-    from exodrake.diagrams.posture_controller import PostureController, PosturePlan
+    from exodrake.systems.posture_controller import PostureController, PosturePlan
 
     reference = argument("plan", plan, Plan).reference(argument("robot", robot, Robot), **durations)
     angle = record(robot.without_effects(), reference, seed=None, quantisation=False).signals["angle"]

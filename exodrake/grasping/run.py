@@ -12,7 +12,7 @@ from exodrake.grasping.plan import Plan
 from exodrake.physics.gp_estimator import Weights
 
 if TYPE_CHECKING:
-    from exodrake.diagrams.posture_controller import PostureController
+    from exodrake.systems.posture_controller import PostureController
 
 
 class TrainedEstimator(Protocol):
@@ -58,10 +58,9 @@ def run_plan(
     Raises:
         InputError: the estimator has other tendons or joints.
     """
-    from exodrake.diagrams.diagram import Simulator, build_diagram
-    from exodrake.diagrams.gp_estimator import GPEstimator
-    from exodrake.diagrams.signal_log import logged_signals
+    from exodrake.diagrams.diagram import Simulator, build_diagram, logged_signals
     from exodrake.simulation.diagram_log import log_of_run
+    from exodrake.systems.gp_estimator import GPEstimator
 
     check_axes(estimator, robot.machine.axes)
     reference = plan.reference(robot, **durations)

@@ -10,9 +10,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.data.log import Log
-from exodrake.diagrams.host import host_of
-from exodrake.diagrams.parameter import find_parameter
-from exodrake.diagrams.signal_log import logged_signals
+from exodrake.diagrams.diagram import checked, find_parameter, logged_signals
 from exodrake.simulation.delayed_samples import delay_samples
 from exodrake.simulation.simulate import log_of_signals
 
@@ -38,11 +36,11 @@ def diagram_log(diagram: Diagram, context: Context) -> Log:
 
 def log_of_run(diagram: Diagram, context: Context, signals: Mapping[str, np.ndarray]) -> Log:
     """The log of a Diagram's run whose signals (rows, channels) [SI] are known; arguments as in `diagram_log`."""
-    host = host_of(diagram)
-    machine, signals = host.exogenous.machine, dict(signals)
+    robot_diagram = checked(diagram)
+    machine, signals = robot_diagram.robot.machine, dict(signals)
     delay_samples(machine, signals, partial(value_of, diagram, context))
     time = machine.frame * (np.round(signals["time"] / machine.frame) - 1.0)
-    return log_of_signals(machine, time, signals, host.source)
+    return log_of_signals(machine, time, signals, robot_diagram.source)
 
 
 def value_of(diagram: Diagram, context: Context, name: str) -> float:

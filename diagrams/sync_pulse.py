@@ -1,6 +1,7 @@
 """The sync pulse of the paper's Fig. 5 and 8a as a Drake system: high in slot 0 of every frame.
 
-    diagram = build_diagram(robot, reference, fine_log=True, systems=[SyncPulse(robot.machine)])
+    pulse = builder.AddSystem(SyncPulse(robot.machine))
+    logger = LogVectorOutput(pulse.GetOutputPort("sync"), builder, 0.002)
 
 The board sends it to the motion capture's analogue input, whose record of it ties both clocks together
 (`identification.sync.clock_from_pulses`). Motion capture samples in slot 0 by construction, so nothing in the loop
@@ -12,7 +13,6 @@ from __future__ import annotations
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from exodrake.core.machine import Machine
-from exodrake.diagrams.binding import weak_method
 
 ROUNDING = 1e-9  # frames: an instant this close to the start of a frame belongs to it
 
@@ -33,7 +33,7 @@ class SyncPulse(LeafSystem):
         super().__init__()
         self.set_name("sync_pulse")
         self.frame, self.share = machine.frame, machine.slot / machine.frame
-        self.DeclareVectorOutputPort("sync", 1, weak_method(self._level), {self.time_ticket()})
+        self.DeclareVectorOutputPort("sync", 1, self._level, {self.time_ticket()})
 
     def _level(self, context: Context, level: BasicVector) -> None:
         place = (context.get_time() / self.frame + ROUNDING) % 1.0

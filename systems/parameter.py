@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, LeafSystem
+from pydrake.systems.framework import Context, LeafSystem
 
-from exodrake.core.argument import argument
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.parameter import channels_of
 
@@ -21,6 +22,7 @@ class NamedParameter:
         name: as in robot files.
         index: place of each channel in a numeric parameter of the leaf.
         group: which numeric parameter that is.
+        in_effect: all values of the leaf with their deviations, from its own Context; None: there are no deviations.
 
     Contexts may be the leaf's own or those of the whole Diagram. The run begins from a changed parameter if it is
     changed before `Simulator.Initialize`.
@@ -30,20 +32,24 @@ class NamedParameter:
     name: str
     index: tuple[int, ...]
     group: int = 0
+    in_effect: Callable[[Context], np.ndarray] | None = None
 
     def __repr__(self) -> str:
         return f"NamedParameter({self.name}: {len(self.index)} of {self.leaf.get_name()})"
 
     def get(self, context: Context) -> np.ndarray:
-        """Values (channels,) [SI]."""
-        return np.array(self._own(context).get_numeric_parameter(self.group).value())[list(self.index)]
+        """Values (channels,) [SI], the deviation of a robot drawn at random included."""
+        own = self._own(context)
+        values = self.in_effect(own) if self.in_effect else own.get_numeric_parameter(self.group).value()
+        return np.array(values)[list(self.index)]
 
     def set(self, context: Context, value: float | np.ndarray) -> None:
         """Sets one value for all channels, or an array (channels,) [SI]."""
-        vector = self._own(context).get_mutable_numeric_parameter(self.group)
-        values = np.array(vector.value())
-        values[list(self.index)] = value
-        vector.SetFromVector(values)
+        own, index = self._own(context), list(self.index)
+        values, in_effect = np.array(own.get_numeric_parameter(self.group).value()), self.get(context)
+        deviation = np.subtract(in_effect, values[index], out=np.zeros(len(index)), where=in_effect != values[index])
+        values[index] = value - deviation
+        own.get_mutable_numeric_parameter(self.group).SetFromVector(values)
 
     def _own(self, context: Context) -> Context:
         """The leaf's own Context."""
@@ -54,21 +60,9 @@ class NamedParameter:
         return context
 
 
-def named_parameter(leaf: LeafSystem, name: str, names: tuple[str, ...]) -> NamedParameter:
+def named_parameter(leaf: Any, name: str, names: tuple[str, ...]) -> NamedParameter:
     """A parameter among the `names` of a leaf. InputError if there is none."""
     index = channels_of(name, names)
     if not index:
         raise InputError(f"{leaf.get_name()} has no parameter {name!r}{nearest(name, list(names))}")
-    return NamedParameter(leaf, name, tuple(index))
-
-
-def find_parameter(diagram: Diagram, name: str) -> NamedParameter:
-    """A parameter of a Diagram's parts by its full name, whichever leaf holds it. InputError if none does."""
-    known: list[str] = []
-    systems = argument("diagram", diagram, Diagram).GetSystems()
-    for leaf in (system for system in systems if isinstance(system, LeafSystem)):
-        names = getattr(getattr(leaf, "spec", None), "parameter_names", ())
-        if channels_of(name, names):
-            return named_parameter(leaf, name, names)
-        known += names
-    raise InputError(f"{diagram.get_name()} has no parameter {name!r}{nearest(name, known)}")
+    return NamedParameter(leaf, name, tuple(index), in_effect=leaf.p)

@@ -17,7 +17,6 @@ from pydrake.systems.primitives import Demultiplexer
 
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
-from exodrake.diagrams.binding import weak_method
 from exodrake.physics.finger import end_stop
 from exodrake.physics.routers import EXTENSOR, FLEXOR, path
 
@@ -100,7 +99,7 @@ class ElasticTendons(LeafSystem):
         self.DeclareVectorInputPort("state", 6)
         self.DeclareVectorInputPort("stroke", 3)
         for name, method in (("torque", self._torque), ("tension", self._tension)):
-            self.DeclareVectorOutputPort(name, 3, weak_method(method), {self.all_input_ports_ticket()})
+            self.DeclareVectorOutputPort(name, 3, method, {self.all_input_ports_ticket()})
 
     def _torque(self, context: Context, out: BasicVector) -> None:
         """Fills the port of torques."""

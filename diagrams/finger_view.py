@@ -31,7 +31,6 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
-from exodrake.diagrams.binding import weak_method
 from exodrake.diagrams.meshcat.scene import draw_ground, pose
 from exodrake.diagrams.meshcat.shapes import along, finger_skeleton, span, turn
 
@@ -100,7 +99,7 @@ class FingerPoses(LeafSystem):
         self._draw_bones(scene_graph)
         self.DeclareVectorInputPort("angle", len(bones.joints))
         empty = partial(AbstractValue.Make, FramePoseVector())
-        self.DeclareAbstractOutputPort("pose", empty, weak_method(self._poses), {self.all_input_ports_ticket()})
+        self.DeclareAbstractOutputPort("pose", empty, self._poses, {self.all_input_ports_ticket()})
 
     def _frame(self, scene_graph: SceneGraph, name: str) -> FrameId:
         """A moving frame of the world."""

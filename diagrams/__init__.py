@@ -1,0 +1,1 @@
+"""Diagrams of the systems: the robot, its loops, MultibodyPlant variants, Meshcat; imported as `exodrake.diagrams`."""

@@ -1,0 +1,1 @@
+"""Parts of a robot as Drake systems, a LeafSystem a file; imported as `exodrake.systems`."""

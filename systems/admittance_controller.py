@@ -1,0 +1,56 @@
+"""The tension controller: `AdmittanceController(robot)`; its equations are in `exodrake/physics/controller.py`."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from exodrake.core.robot import Robot
+from exodrake.systems.part import PartSystem
+
+SLOT = 4  # of the frame: after the readings, before the bus
+
+
+class AdmittanceController(PartSystem):
+    """Admittance from tension error to speed of the wire (the paper's Eq. 3), in slot 4 of each frame.
+
+    .. pydrake_system::
+
+        name: AdmittanceController
+        input_ports:
+        - deviation
+        - tension_ref
+        - tension_read
+        output_ports:
+        - speed_cmd
+
+    Per tendon: tension_ref [N] and tension_read [N] come in; speed_cmd [m/s] is state. State: commands [m/s], readings
+    before [N], started, integrals [N s], filtered rates [N/s], filtered references [N]. No direct feedthrough.
+
+    Example:
+        controller = AdmittanceController()
+        simulator = Simulator(controller)
+        controller.GetInputPort("tension_ref").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        controller.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [4.0, 3.0, 2.0])
+        simulator.AdvanceTo(0.02)
+        print(controller.GetOutputPort("speed_cmd").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None = None) -> None:
+        """Takes the robot, the nominal one if None."""
+        super().__init__(robot, "controller")
+        self.tension_ref = self.DeclareVectorInputPort("tension_ref", 3)
+        self.tension_read = self.DeclareVectorInputPort("tension_read", 3)
+        self.DeclareVectorOutputPort("speed_cmd", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(SLOT), self.update)
+
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
+        """The law for all tendons."""
+        reference, reading = self.tension_ref.Eval(context), self.tension_read.Eval(context)
+        self.equations.control(discrete.get_mutable_value(0), self.p(context), reference, reading)
+
+    def show(self, context: Context, output: BasicVector) -> None:
+        """Speed commands [m/s]."""
+        found = np.empty(3)
+        self.equations.output(self.x(context), self.p(context), found)
+        output.set_value(found)

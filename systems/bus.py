@@ -1,0 +1,62 @@
+"""The motor bus: `builder.AddSystem(Bus(robot))`; its equations are in `exodrake/physics/bus.py`."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from exodrake.core.robot import Robot
+from exodrake.systems.part import PartSystem
+
+SLOTS = (5, 6, 7)  # of the frame: one drive in each
+
+
+class Bus(PartSystem):
+    """Motor bus: hands each speed command to its drive, in slots 5, 6 and 7 of a frame, where it is held.
+
+    .. pydrake_system::
+
+        name: Bus
+        input_ports:
+        - deviation
+        - speed_cmd
+        - packet_arrival
+        output_ports:
+        - speed_applied
+
+    Per tendon: speed_cmd [m/s] and packet_arrival, uniform in 0 .. 1, come in; unconnected, every packet arrives.
+    speed_applied [m/s] is state. State: the last twelve commands of each tendon and the one applied [m/s], memories of
+    effects. Parameters are those of the effects `timing.*`. No direct feedthrough.
+
+    Example:
+        bus = Bus()
+        simulator = Simulator(bus)
+        bus.GetInputPort("speed_cmd").FixValue(simulator.get_mutable_context(), [0.02, 0.0, -0.02])
+        simulator.AdvanceTo(0.02)
+        print(bus.GetOutputPort("speed_applied").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None = None) -> None:
+        """Takes the robot, the nominal one if None."""
+        super().__init__(robot, "bus")
+        self.speed_cmd = self.DeclareVectorInputPort("speed_cmd", 3)
+        self.arrival = self.DeclareVectorInputPort("packet_arrival", 3)
+        self.DeclareVectorOutputPort("speed_applied", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        for channel, slot in enumerate(SLOTS):
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                self.machine.frame, self.moment(slot), partial(self.update, channel)
+            )
+
+    def update(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
+        """The bus writes to one drive."""
+        arrival = self.arrival.Eval(context) if self.arrival.HasValue(context) else np.ones(3)
+        command = self.speed_cmd.Eval(context)
+        self.equations.write(discrete.get_mutable_value(0), self.p(context), channel, command, arrival)
+
+    def show(self, context: Context, output: BasicVector) -> None:
+        """Speeds that the drives hold [m/s]."""
+        found = np.empty(3)
+        self.equations.output(self.x(context), self.p(context), found)
+        output.set_value(found)

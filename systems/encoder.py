@@ -1,0 +1,60 @@
+"""The encoders: `builder.AddSystem(Encoder(robot))`; their equations are in `exodrake/physics/encoder.py`."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from exodrake.core.robot import Robot
+from exodrake.systems.part import PartSystem
+
+SLOTS = (1, 2, 3)  # of the frame: the bus reads one encoder in each
+
+
+class Encoder(PartSystem):
+    """Encoder of each tendon's spool, read over the bus in slots 1, 2 and 3 of a frame and rounded to its resolution.
+
+    .. pydrake_system::
+
+        name: Encoder
+        input_ports:
+        - deviation
+        - spool_angle
+        - start_stroke
+        output_ports:
+        - stroke_read
+
+    Per tendon: spool_angle [rad] comes in, and start_stroke [m], which is shown until the first reading.
+    stroke_read [m] is state. State: readings [m], then memories of effects. No direct feedthrough.
+
+    Example:
+        encoder = Encoder()
+        simulator = Simulator(encoder)
+        encoder.GetInputPort("spool_angle").FixValue(simulator.get_mutable_context(), [1.0, 0.5, 0.0])
+        simulator.AdvanceTo(0.02)
+        print(encoder.GetOutputPort("stroke_read").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None = None) -> None:
+        """Takes the robot, the nominal one if None."""
+        super().__init__(robot, "encoder")
+        self.spool_angle = self.DeclareVectorInputPort("spool_angle", 3)
+        self.DeclareVectorInputPort("start_stroke", 3)
+        self.DeclareVectorOutputPort("stroke_read", 3, self.show, {self.xd_ticket(), self.parameters_ticket})
+        for channel, slot in enumerate(SLOTS):
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                self.machine.frame, self.moment(slot), partial(self.update, channel)
+            )
+
+    def update(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
+        """The bus reads one encoder."""
+        angle = self.spool_angle.Eval(context)
+        self.equations.read(discrete.get_mutable_value(0), self.p(context), channel, angle)
+
+    def show(self, context: Context, output: BasicVector) -> None:
+        """Last readings [m]."""
+        found = np.empty(3)
+        self.equations.output(self.x(context), self.p(context), found)
+        output.set_value(found)

@@ -1,0 +1,74 @@
+"""The joint-angle estimator: `GPEstimator(weights)`; its equations are in `exodrake/physics/gp_estimator.py`."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
+
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
+from exodrake.physics.gp_estimator import Weights, predict_into, scratch
+from exodrake.systems.parameter import NamedParameter
+
+FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
+LISTENS = 8  # slot of the frame: after the bus
+
+
+class GPEstimator(LeafSystem):
+    """Joint angles and their standard deviations from tension and stroke as read, once a frame in slot 8.
+
+    .. pydrake_system::
+
+        name: GPEstimator
+        input_ports:
+        - tension_read
+        - stroke_read
+        output_ports:
+        - angle_est
+        - angle_std
+
+    Tension [N] and stroke [m] per tendon; both outputs [rad] per joint, state, and NaN before the first estimate. The
+    weights of the trained estimator are numeric parameters, one for each field of `Weights`, found by `parameter`.
+    `exodrake estimate` adds the same columns to the log of a run, to the last bit.
+
+    Args:
+        weights: of the trained estimator.
+        machine: whose frame it keeps; None: that of the Exo-Index.
+
+    Example:
+        estimator = GPEstimator(quick_estimator(load_robot()).weights)
+        simulator = Simulator(estimator)
+        estimator.GetInputPort("tension_read").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        estimator.GetInputPort("stroke_read").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
+        simulator.AdvanceTo(0.02)
+        print(estimator.GetOutputPort("angle_est").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, weights: Weights, machine: Machine | None = None) -> None:
+        super().__init__()
+        self.set_name("estimator")
+        frame, slot = (machine.frame, machine.slot) if machine else (FRAME, SLOT)
+        self.shapes = {name: values.shape for name, values in weights._asdict().items()}
+        for values in weights:
+            self.DeclareNumericParameter(BasicVector(np.ravel(values)))
+        tendons, unknown = len(weights.center) // 2, np.full(len(weights.offset), np.nan)
+        self.tension_read = self.DeclareVectorInputPort("tension_read", tendons)
+        self.stroke_read = self.DeclareVectorInputPort("stroke_read", tendons)
+        for name in ("angle_est", "angle_std"):
+            self.DeclareStateOutputPort(name, DiscreteStateIndex(int(self.DeclareDiscreteState(unknown))))
+        self.DeclarePeriodicDiscreteUpdateEvent(frame, (LISTENS + 0.5) * slot, self.update)
+
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
+        """One estimate."""
+        flat = (np.array(context.get_numeric_parameter(i).value()) for i in range(len(self.shapes)))
+        weights = Weights(*(values.reshape(shape) for values, shape in zip(flat, self.shapes.values())))
+        mean, std = discrete.get_mutable_value(0), discrete.get_mutable_value(1)
+        tension, stroke = self.tension_read.Eval(context), self.stroke_read.Eval(context)
+        predict_into(tension, stroke, weights, scratch(weights), mean, std)
+
+    def parameter(self, name: str) -> NamedParameter:
+        """A field of the weights, flat. InputError for another name."""
+        names = list(self.shapes)
+        if name not in names:
+            raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, names)}")
+        return NamedParameter(self, name, tuple(range(int(np.prod(self.shapes[name])))), names.index(name))

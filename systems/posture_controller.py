@@ -1,0 +1,114 @@
+"""The posture controller: `PostureController(plan)`; its law is in `exodrake/physics/posture_controller.py`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteStateIndex,
+    DiscreteValues,
+    LeafSystem,
+)
+
+from exodrake.core.errors import InputError, nearest
+from exodrake.core.machine import Machine
+from exodrake.physics.posture_controller import corrected
+from exodrake.systems.parameter import NamedParameter
+
+FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
+RUNS = 3  # slot of the frame: before the tension controller
+PARAMETERS = ("ki", "gain", "low", "high")
+
+
+@dataclass(frozen=True, eq=False)
+class PosturePlan:
+    """Plan of a posture controller: tensions, angles, gains and limits.
+
+    Attributes:
+        tension: (frames, tendons) array, planned tensions [N]; the last row stays.
+        angle: (frames, joints) array, the angles that the nominal robot then takes [rad].
+        gain: (tendons, joints) array [N/rad].
+        low, high: (tendons,) arrays, limits of the tension references [N].
+        ki: [1/s]; 0 leaves the planned tensions as they are.
+    """
+
+    tension: np.ndarray
+    angle: np.ndarray
+    gain: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    ki: float
+
+
+class PostureController(LeafSystem):
+    """Tension references for a posture from the estimated angles, once a frame in slot 3.
+
+    .. pydrake_system::
+
+        name: PostureController
+        input_ports:
+        - angle_est
+        - tension_planned
+        - angle_planned
+        output_ports:
+        - tension_ref
+        - angle_ref
+
+    angle_est [rad] per joint comes from an estimator, NaN before the first estimate. tension_planned [N] per tendon and
+    angle_planned [rad] per joint are what a planner wants; unconnected, they are the rows of the plan. tension_ref [N]
+    and angle_ref [rad] are state, and so is the correction [N]. `parameter("ki")`, `gain`, `low`, `high` are numeric
+    parameters.
+
+    Example:
+        still = PosturePlan(np.ones((1, 3)), np.zeros((1, 3)), np.eye(3), np.full(3, 0.3), np.full(3, 8.0), ki=0.5)
+        posture = PostureController(still)
+        simulator = Simulator(posture)
+        posture.GetInputPort("angle_est").FixValue(simulator.get_mutable_context(), [-0.1, 0.0, 0.1])
+        simulator.AdvanceTo(1.0)
+        print(posture.GetOutputPort("tension_ref").Eval(simulator.get_context()))
+    """
+
+    optional = ("tension_planned", "angle_planned")  # input ports that may stay unconnected
+
+    def __init__(self, plan: PosturePlan, machine: Machine | None = None) -> None:
+        """Takes the plan and the machine whose frame it keeps; None: that of the Exo-Index."""
+        super().__init__()
+        self.set_name("posture")
+        self.plan, slot = plan, machine.slot if machine else SLOT
+        self.frame = machine.frame if machine else FRAME
+        for name in PARAMETERS:
+            self.DeclareNumericParameter(BasicVector(np.ravel(getattr(plan, name)).astype(float)))
+        tendons, joints = plan.tension.shape[1], plan.angle.shape[1]
+        self.angle_est = self.DeclareVectorInputPort("angle_est", joints)
+        self.tension_planned = self.DeclareVectorInputPort("tension_planned", tendons)
+        self.angle_planned = self.DeclareVectorInputPort("angle_planned", joints)
+        for name, first in (("tension_ref", plan.tension[0]), ("angle_ref", plan.angle[0])):
+            self.DeclareStateOutputPort(name, DiscreteStateIndex(int(self.DeclareDiscreteState(first))))
+        self.DeclareDiscreteState(np.zeros(tendons))  # the correction
+        self.DeclarePeriodicDiscreteUpdateEvent(self.frame, (RUNS + 0.5) * slot, self.update)
+
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
+        """One step of the law."""
+        ki, gain, low, high = (np.array(context.get_numeric_parameter(i).value()) for i in range(len(PARAMETERS)))
+        tension = self.planned(self.tension_planned, self.plan.tension, context)
+        angle = self.planned(self.angle_planned, self.plan.angle, context)
+        error, step = angle - self.angle_est.Eval(context), ki[0] * self.frame
+        before, gain = np.array(context.get_discrete_state(2).value()), gain.reshape(self.plan.gain.shape)
+        reference, correction = corrected(before, tension, error, gain, step, low, high)
+        for group, values in enumerate((reference, angle, correction)):
+            discrete.set_value(group, values)
+
+    def planned(self, port: Any, rows: np.ndarray, context: Context) -> np.ndarray:
+        """What a planner wants now, (channels,) [N] or [rad]: at the port, else the plan's row of this frame."""
+        frame = int(context.get_time() / self.frame)
+        return port.Eval(context) if port.HasValue(context) else rows[min(frame, len(rows) - 1)]
+
+    def parameter(self, name: str) -> NamedParameter:
+        """All values of a parameter, flat. InputError for another name."""
+        if name not in PARAMETERS:
+            raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, list(PARAMETERS))}")
+        return NamedParameter(self, name, tuple(range(int(np.size(getattr(self.plan, name))))), PARAMETERS.index(name))

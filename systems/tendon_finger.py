@@ -1,0 +1,83 @@
+"""The finger under its tendons: `TendonFinger(robot)`; its equations are in `exodrake/physics/tendon_finger.py`."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from exodrake.core.robot import Robot
+from exodrake.systems.part import PartSystem
+
+
+class TendonFinger(PartSystem):
+    """Three elastic tendons on a planar finger of three joints; ticks with the plant, every 2 ms.
+
+    .. pydrake_system::
+
+        name: TendonFinger
+        input_ports:
+        - deviation
+        - stroke
+        - wire_speed
+        output_ports:
+        - angle
+        - rate
+        - tension_finger
+        - tension
+        - tension_spool
+        - start_stroke
+
+    stroke [m] and wire_speed [m/s] per tendon come in. angle [rad] and rate [rad/s] per joint, and tension_finger [N],
+    behind the friction of the tendons, are state. tension [N] at the load cell and tension_spool [N] answer the stroke
+    at once (direct feedthrough). start_stroke [m], from the parameters alone: the tendons are just taut in the rest
+    posture. State: angles, rates, both of the tick before, tendon paths [m], presliding, tensions, clock [s], effects.
+
+    Example:
+        finger = TendonFinger()
+        simulator = Simulator(finger)
+        finger.GetInputPort("stroke").FixValue(simulator.get_mutable_context(), [0.008, 0.002, 0.0])
+        finger.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
+        simulator.AdvanceTo(1.0)
+        print(finger.GetOutputPort("angle").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
+        """Takes the robot, the nominal one if None, and plant ticks per slot."""
+        super().__init__(robot, "finger")
+        self.options, self.dt = (substeps,), self.machine.slot / substeps
+        self.stroke = self.DeclareVectorInputPort("stroke", 3)
+        self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
+        needs = {self.xd_ticket(), self.parameters_ticket}
+        for row, name in enumerate(("angle", "rate", "tension_finger")):
+            self.DeclareVectorOutputPort(name, 3, partial(self.show_state, row), needs)
+        through = needs | {self.input_port_ticket(self.stroke.get_index())}
+        for row, name in enumerate(("tension", "tension_spool")):
+            self.DeclareVectorOutputPort(name, 3, partial(self.show_tension, row), through)
+        self.DeclareVectorOutputPort("start_stroke", 3, self.show_start, {self.parameters_ticket})
+        for period, offset in self.ticks(substeps):
+            self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self.update)
+
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
+        """One tick of the equations of motion; the spools move on at their speed."""
+        stroke, speed = self.stroke.Eval(context), self.wire_speed.Eval(context)
+        self.equations.update(discrete.get_mutable_value(0), self.p(context), self.dt, stroke, speed)
+
+    def show_state(self, row: int, context: Context, output: BasicVector) -> None:
+        """Angles [rad], their rates [rad/s], or tensions behind the friction of the tendons [N], by their row."""
+        found = np.empty((3, 3))
+        self.equations.output(self.x(context), self.p(context), *found)
+        output.set_value(found[row])
+
+    def show_tension(self, row: int, context: Context, output: BasicVector) -> None:
+        """Tensions at the load cells or at the spools [N], by their row."""
+        found = np.empty((2, 3))
+        self.equations.output_tension(self.x(context), self.p(context), self.stroke.Eval(context), *found)
+        output.set_value(found[row])
+
+    def show_start(self, context: Context, output: BasicVector) -> None:
+        """Strokes at which the tendons are just taut in the rest posture [m]."""
+        found = np.empty(3)
+        self.equations.start(np.array(self.initial), self.p(context), found)
+        output.set_value(found)

@@ -1,0 +1,84 @@
+"""The load cells: `builder.AddSystem(TensionSensor(robot))`; their equations are in `exodrake/physics/sensor.py`."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from exodrake.core.robot import Robot
+from exodrake.systems.part import PartSystem
+
+SLOTS = (1, 2, 3)  # of the frame: the bus reads one cell in each
+
+
+class TensionSensor(PartSystem):
+    """Load cell of each tendon: its amplifier ticks with the plant, the bus reads the cells in slots 1, 2 and 3.
+
+    .. pydrake_system::
+
+        name: TensionSensor
+        input_ports:
+        - deviation
+        - tension
+        - wire_speed
+        - noise_tension
+        output_ports:
+        - cell
+        - tension_read
+
+    Per tendon: tension [N], wire_speed [m/s] and noise_tension, standard normal, come in; without noise 0.
+    cell [N], behind the amplifier, answers the tension at once (direct feedthrough); tension_read [N] is state. State:
+    cells, loads, readings [N], clock, length of the last tick [s], sliding of the tendons on the pulleys, effects.
+
+    Example:
+        sensor = TensionSensor()
+        simulator = Simulator(sensor)
+        sensor.GetInputPort("tension").FixValue(simulator.get_mutable_context(), [5.0, 3.0, 1.0])
+        sensor.GetInputPort("wire_speed").FixValue(simulator.get_mutable_context(), [0.0, 0.0, 0.0])
+        simulator.AdvanceTo(0.5)
+        print(sensor.GetOutputPort("tension_read").Eval(simulator.get_context()))
+    """
+
+    def __init__(self, robot: Robot | None = None, substeps: int = 1) -> None:
+        """Takes the robot, the nominal one if None, and plant ticks per slot."""
+        super().__init__(robot, "sensor")
+        self.options, self.dt = (substeps,), self.machine.slot / substeps
+        self.tension = self.DeclareVectorInputPort("tension", 3)
+        self.wire_speed = self.DeclareVectorInputPort("wire_speed", 3)
+        self.noise = self.DeclareVectorInputPort("noise_tension", 3)
+        needs = {self.xd_ticket(), self.parameters_ticket}
+        through = needs | {self.input_port_ticket(self.tension.get_index())}
+        self.DeclareVectorOutputPort("cell", 3, self.show_cell, through)
+        self.DeclareVectorOutputPort("tension_read", 3, self.show_reading, needs)
+        for period, offset in self.ticks(substeps):
+            self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self.update)
+        for channel, slot in enumerate(SLOTS):
+            self.DeclarePeriodicDiscreteUpdateEvent(self.machine.frame, self.moment(slot), partial(self.read, channel))
+
+    def update(self, context: Context, discrete: DiscreteValues) -> None:
+        """One tick of the amplifiers."""
+        tension, speed = self.tension.Eval(context), self.wire_speed.Eval(context)
+        self.equations.update(discrete.get_mutable_value(0), self.p(context), self.dt, tension, speed)
+
+    def read(self, channel: int, context: Context, discrete: DiscreteValues) -> None:
+        """The bus reads one cell, with noise and rounding."""
+        noise = self.noise.Eval(context) if self.noise.HasValue(context) else np.zeros(3)
+        self.equations.read(discrete.get_mutable_value(0), self.p(context), channel, self.cell(context), noise)
+
+    def cell(self, context: Context) -> np.ndarray:
+        """Amplified tensions of this instant (3,) [N]."""
+        found = np.empty(3)
+        self.equations.output(self.x(context), self.p(context), self.tension.Eval(context), found)
+        return found
+
+    def show_cell(self, context: Context, output: BasicVector) -> None:
+        """Amplified tensions of this instant [N]."""
+        output.set_value(self.cell(context))
+
+    def show_reading(self, context: Context, output: BasicVector) -> None:
+        """Last readings [N]."""
+        found = np.empty(3)
+        self.equations.output_read(self.x(context), self.p(context), found)
+        output.set_value(found)

@@ -1,0 +1,374 @@
+"""The robot's parts as Drake systems: ports, feedthrough, Contexts, memory; each alone and in the Diagram."""
+
+import gc
+import inspect
+import textwrap
+import weakref
+
+import numpy as np
+import pytest
+import yaml
+from diagram_runs import nominal, wavy
+from pydrake.common import RandomGenerator
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput
+
+import exodrake as exo
+from benchmarks.diagram import multibody_speed
+from benchmarks.speed import Row
+from exodrake.compiled.inputs import NoiseInputs, Reference
+from exodrake.core.errors import InputError
+from exodrake.diagrams.diagram import build_diagram, logged, run_diagram
+from exodrake.estimator.quick_estimator import quick_estimator
+from exodrake.machines.robot_file import load_robot
+from exodrake.simulation.simulate import record
+from exodrake.systems.admittance_controller import AdmittanceController
+from exodrake.systems.bus import Bus
+from exodrake.systems.encoder import Encoder
+from exodrake.systems.gp_estimator import GPEstimator
+from exodrake.systems.machine_part import MachinePart
+from exodrake.systems.motion_capture import MotionCapture
+from exodrake.systems.motor import MotorDynamics
+from exodrake.systems.noise import Noise
+from exodrake.systems.part import PartSystem
+from exodrake.systems.playback import Playback
+from exodrake.systems.posture_controller import PostureController, PosturePlan
+from exodrake.systems.tendon_finger import TendonFinger
+from exodrake.systems.tension_sensor import TensionSensor
+
+PARTS = (TendonFinger, MotorDynamics, TensionSensor, Encoder, MotionCapture, AdmittanceController, Bus)
+THROUGH = {  # every other output is state
+    "TendonFinger": {("stroke", "tension"), ("stroke", "tension_spool")},
+    "TensionSensor": {("tension", "cell")},
+}
+FAULTS = {
+    "tendon.capstan_friction": {},
+    "tendon.compliance": {},
+    "motor.dead_zone": {"width": 0.002},
+    "motor.friction": {"torque": 3e-4},
+    "sensor.hysteresis": {},
+    "encoder.homing_offset": {},
+    "mocap.offset": {},
+    "timing.dropped_commands": {},
+}
+
+
+def faulty():
+    """A robot with an effect on every part but the controller, which has none."""
+    robot = nominal()
+    for identity, parameters in FAULTS.items():
+        robot = robot.splice(identity, parameters)
+    return robot
+
+
+def fixed_inputs(system, context, rng=None):
+    """Fixes every input port but `deviation` to a value of its own."""
+    for i in range(system.num_input_ports()):
+        port = system.get_input_port(i)
+        if port.get_name() != "deviation":
+            port.FixValue(context, 0.01 * np.arange(1, port.size() + 1) if rng is None else rng.random(port.size()))
+
+
+def through(system):
+    """Pairs of ports by name between which the system feeds directly through; deviations of parameters aside."""
+    return {
+        (system.get_input_port(i).get_name(), system.get_output_port(o).get_name())
+        for i in range(system.num_input_ports())
+        for o in range(system.num_output_ports())
+        if system.HasDirectFeedthrough(i, o) and system.get_input_port(i).get_name() != "deviation"
+    }
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_a_part_shows_the_ports_of_its_figure(cls):
+    leaf = cls()
+    figure = yaml.safe_load(cls.__doc__.split(".. pydrake_system::")[1].split("\n\n")[1])
+    assert isinstance(leaf, LeafSystem) and figure["name"] == cls.__name__
+    assert figure["input_ports"] == [leaf.get_input_port(i).get_name() for i in range(leaf.num_input_ports())]
+    assert figure["output_ports"] == [leaf.get_output_port(i).get_name() for i in range(leaf.num_output_ports())]
+    assert through(leaf) == THROUGH.get(cls.__name__, set())
+    leaf.ValidateContext(leaf.CreateDefaultContext())
+
+
+@pytest.mark.parametrize("cls", [*PARTS, MachinePart, GPEstimator, PostureController, Playback, Noise])
+def test_the_example_of_a_docstring_runs_the_system_alone(cls, capsys):
+    """In at most six lines, and it prints what a port shows."""
+    lines = textwrap.dedent(inspect.cleandoc(cls.__doc__).split("Example:\n")[1])
+    assert len(lines.splitlines()) <= 6
+    names = {c.__name__: c for c in (*PARTS, MachinePart, GPEstimator, PostureController, Playback, Noise)}
+    names |= {"Simulator": Simulator, "load_robot": load_robot, "np": np}
+    exec(lines, names | {"PosturePlan": PosturePlan, "quick_estimator": quick_estimator})
+    assert "nan" not in (out := capsys.readouterr().out) and out.startswith("[")
+
+
+def test_an_unknown_part_is_refused_by_name():
+    with pytest.raises(InputError, match=r"motr.*did you mean motor"):
+        MachinePart(nominal(), "motr")
+    with pytest.raises(InputError, match=r"emps has no part 'motor'"):
+        MotorDynamics(load_robot("emps"))
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_a_class_of_its_own_is_the_generic_leaf_to_the_last_bit(cls):
+    """Ports and values, with effects, from the declaration of the part."""
+    systems = [cls(faulty()), MachinePart(faulty(), cls().get_name())]
+    contexts = []
+    for system in systems:
+        simulator = Simulator(system)
+        contexts.append(simulator.get_context())
+        fixed_inputs(system, simulator.get_mutable_context())
+        simulator.AdvanceTo(0.1)
+    names = [{s.get_output_port(i).get_name() for i in range(s.num_output_ports())} for s in systems]
+    assert names[0] == names[1]
+    for name in names[0]:
+        found, wanted = (s.GetOutputPort(name).Eval(c) for s, c in zip(systems, contexts))
+        np.testing.assert_array_equal(found, wanted, name)
+
+
+@pytest.mark.parametrize("robot", [nominal(), faulty()], ids=["nominal", "faulty"])
+@pytest.mark.parametrize("substeps", [1, 2])
+def test_the_diagram_is_the_compiled_simulator_to_the_last_bit(robot, substeps):
+    reference = wavy(1.0)
+    found, wanted = (record(robot, reference, 1, True, engine, substeps).signals for engine in ("drake", "compiled"))
+    for name, rows in wanted.items():
+        np.testing.assert_array_equal(found[name], rows, name)
+
+
+def test_parts_alone_joined_by_hand_are_the_diagram():
+    """`add_exo_index` in a builder of one's own: a reference by Playback, noise by Noise, a log by Drake."""
+    builder, reference = DiagramBuilder(), wavy(0.4)
+    parts = exo.add_exo_index(builder, nominal())
+    player = builder.AddSystem(Playback({"tension_ref": reference.values}, 0.02))
+    noise = builder.AddSystem(Noise(nominal().machine, 3))
+    builder.Connect(player.GetOutputPort("tension_ref"), parts.controller.GetInputPort("tension_ref"))
+    builder.Connect(noise.GetOutputPort("noise_tension"), parts.sensor.GetInputPort("noise_tension"))
+    builder.Connect(noise.GetOutputPort("noise_angle"), parts.mocap.GetInputPort("noise_angle"))
+    builder.Connect(noise.GetOutputPort("packet_arrival"), parts.bus.GetInputPort("packet_arrival"))
+    log = LogVectorOutput(parts.finger.GetOutputPort("angle"), builder, 0.02)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(0.4)
+    found = log.FindLog(simulator.get_context()).data()[:, 1:].T
+    np.testing.assert_array_equal(found, record(nominal(), reference, seed=3).signals["angle"])
+
+
+def test_a_part_of_the_exo_index_that_is_none_is_refused():
+    with pytest.raises(InputError, match=r"no part 'controler'; did you mean controller"):
+        exo.add_exo_index(DiagramBuilder(), nominal(), controler=AdmittanceController())
+    with pytest.raises(InputError, match=r"in place of controller has no output port 'speed_cmd'"):
+        exo.add_exo_index(DiagramBuilder(), nominal(), controller=Encoder())
+
+
+def test_every_slot_of_a_log_of_drake_is_one_of_the_compiled_simulator():
+    """A VectorLogSink at the slot's period sees each tick of the plant, 2 ms apart."""
+    from exodrake.compiled.compose import compile_machine
+    from exodrake.compiled.inputs import NOTHING, input_rows, prepared
+    from exodrake.core.machine import signal_count, state_size
+
+    robot, reference = nominal(), wavy(0.4)
+    machine, module = robot.machine, compile_machine(robot.machine)
+    given = input_rows(machine, reference.values, NoiseInputs.draw(20, None, machine)).values()
+    state, w, fine = np.zeros(state_size(machine)), np.zeros(signal_count(machine)), np.zeros((200, 55))
+    fine = np.zeros((200, len(w)))
+    module.begin(prepared(robot), state)
+    module.run(prepared(robot), state, w, *given, machine.slot, 1, np.zeros((20, len(w))), fine, NOTHING)
+    builder = DiagramBuilder()
+    diagram = builder.AddSystem(build_diagram(robot, reference, seed=None))
+    log = LogVectorOutput(diagram.GetOutputPort("finger.angle"), builder, 0.002)
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(0.4)
+    found = log.FindLog(simulator.get_context())
+    np.testing.assert_allclose(found.sample_times(), 0.002 * np.arange(201), atol=1e-12)
+    np.testing.assert_array_equal(found.data()[:, 1:].T, fine[:, machine.offsets["angle"]])
+
+
+def test_a_fixed_value_acts_on_a_connected_port():
+    """Strokes fixed to 0 leave the finger in its rest posture, against whatever the motors do."""
+    diagram = build_diagram(nominal(), wavy(1.0), seed=None)
+    simulator = Simulator(diagram)
+    finger, context = diagram.GetSubsystemByName("finger"), simulator.get_mutable_context()
+    own = finger.GetMyMutableContextFromRoot(context)
+    finger.GetInputPort("stroke").FixValue(own, np.zeros(3))
+    finger.GetInputPort("wire_speed").FixValue(own, np.zeros(3))
+    simulator.AdvanceTo(1.0)
+    alone = TendonFinger(nominal())
+    other = Simulator(alone)
+    alone.GetInputPort("stroke").FixValue(other.get_mutable_context(), np.zeros(3))
+    alone.GetInputPort("wire_speed").FixValue(other.get_mutable_context(), np.zeros(3))
+    other.AdvanceTo(1.0)
+    found = diagram.GetOutputPort("finger.angle").Eval(context)
+    np.testing.assert_array_equal(found, alone.GetOutputPort("angle").Eval(other.get_context()))
+    free = record(nominal(), wavy(1.0), seed=None).signals["angle"][-1]
+    assert np.abs(found - free).max() > 0.05
+
+
+@pytest.mark.parametrize("cls", PARTS, ids=lambda cls: cls.__name__)
+def test_an_output_is_a_function_of_the_context(cls):
+    """Whatever is set in a Context, state or parameters, shows at once at the ports, as in a Context set so before."""
+    leaf, rng = cls(faulty()), np.random.default_rng(1)
+    state = 1e-3 * rng.random(leaf.CreateDefaultContext().get_discrete_state(0).size())
+    values = leaf.CreateDefaultContext().get_numeric_parameter(0).value() * 1.01
+    used, fresh = leaf.CreateDefaultContext(), leaf.CreateDefaultContext()
+    fixed_inputs(leaf, used)
+    fixed_inputs(leaf, fresh)
+    changed = 0
+    for i in range(leaf.num_output_ports()):
+        before = np.array(leaf.get_output_port(i).Eval(used))
+        changed += not np.array_equal(before, np.zeros(len(before)))
+    for context in (fresh, used):
+        context.SetDiscreteState(0, state)
+        context.get_mutable_numeric_parameter(0).SetFromVector(values)
+    for i in range(leaf.num_output_ports()):
+        port = leaf.get_output_port(i)
+        np.testing.assert_array_equal(port.Eval(used), port.Eval(fresh), port.get_name())
+
+
+def test_a_spool_turned_in_the_context_shows_at_the_port_of_the_stroke():
+    """One radian more of a spool of radius r is r more of stroke."""
+    motor = MotorDynamics()
+    context = motor.CreateDefaultContext()
+    before = np.array(motor.GetOutputPort("stroke").Eval(context))
+    state = np.array(context.get_discrete_state(0).value())
+    state[6] += 1.0
+    context.SetDiscreteState(0, state)
+    after = motor.GetOutputPort("stroke").Eval(context)
+    np.testing.assert_allclose(after - before, [nominal()["motor.r.AF"], 0.0, 0.0], atol=1e-15)
+
+
+def test_clones_are_systems_of_the_same_robot():
+    for system in (*(cls(faulty()) for cls in PARTS), MachinePart(load_robot("emps"), "carriage")):
+        clone = system.Clone()
+        assert type(clone) is type(system) and clone is not system
+        values = [s.CreateDefaultContext().get_numeric_parameter(0).value() for s in (system, clone)]
+        np.testing.assert_array_equal(*values)
+    diagram = build_diagram(faulty(), wavy(0.2), seed=4)
+    clone, found = diagram.Clone(), []
+    for one in (diagram, clone):
+        simulator = Simulator(one)
+        simulator.AdvanceTo(0.2)
+        found.append(logged(one.robot.machine, one, simulator.get_context()))
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_random_context_of_a_part_alone_draws_its_tolerances():
+    motor = MotorDynamics()
+    found = []
+    for seed in (1, 1, 2):
+        context = motor.CreateDefaultContext()
+        motor.SetRandomContext(context, RandomGenerator(seed))
+        found.append(motor.parameter("motor.r.AF").get(context)[0])
+    assert found[0] == found[1] != found[2] and abs(found[2] / nominal()["motor.r.AF"] - 1.0) < 0.2
+
+
+def test_a_motor_alone_reaches_its_speed():
+    """Without load, the PI loop follows 20 mm/s without error."""
+    motor = MotorDynamics()
+    simulator = Simulator(motor)
+    context = simulator.get_mutable_context()
+    motor.GetInputPort("speed_applied").FixValue(context, [0.02, 0.0, -0.02])
+    motor.GetInputPort("tension_spool").FixValue(context, np.zeros(3))
+    before = motor.GetOutputPort("stroke").Eval(context).copy()
+    simulator.AdvanceTo(2.0)
+    np.testing.assert_allclose(motor.GetOutputPort("wire_speed").Eval(context), [0.02, 0.0, -0.02], atol=1e-9)
+    assert motor.GetOutputPort("stroke").Eval(context)[0] - before[0] == pytest.approx(0.04, rel=0.05)
+
+
+def test_no_loop_of_feedthrough_from_outside():
+    diagram = build_diagram(nominal())
+    assert [diagram.get_input_port(i).get_name() for i in range(diagram.num_input_ports())] == ["tension_ref"]
+    assert not through(diagram)
+
+
+def test_the_ports_are_named_by_part_and_signal():
+    machine = nominal().machine
+    diagram = build_diagram(nominal(), wavy(0.1))
+    names = [diagram.get_output_port(i).get_name() for i in range(diagram.num_output_ports())]
+    assert {"motor.stroke", "finger.angle", "sensor.tension_read", "reference.tension_ref"} <= set(names)
+    assert sorted(name.split(".")[1] for name in names) == sorted(signal.name for signal in machine.signals)
+    context = diagram.CreateDefaultContext()
+    angle = diagram.GetOutputPort("finger.angle").Eval(context)
+    np.testing.assert_array_equal(angle, nominal().channels("finger.q0"))
+
+
+def test_rebuilt_diagrams_leave_nothing_behind():
+    alive = []
+    for _ in range(50):
+        diagram = build_diagram(nominal(), wavy(0.1))
+        simulator = Simulator(diagram)
+        simulator.AdvanceTo(0.1)
+        alive += [weakref.ref(diagram), *(weakref.ref(s) for s in diagram.GetSystems() if isinstance(s, PartSystem))]
+    del diagram, simulator
+    gc.collect()
+    assert not [item for item in alive if item() is not None]
+
+
+def test_exogenous_signals_can_be_ones_own():
+    """Noise inputs of 0 and no lost packet are a run without noise."""
+    robot, reference = nominal(), wavy(0.5)
+    given = NoiseInputs(noise_tension=np.zeros((25, 3)), noise_angle=np.zeros((25, 3)), packet_arrival=np.ones((25, 3)))
+    rows = run_diagram(robot, robot.values, reference, given, 1)
+    noise_free = record(robot, reference, seed=None).signals
+    np.testing.assert_array_equal(rows, np.hstack([noise_free[signal.name] for signal in robot.machine.signals]))
+
+
+@pytest.mark.parametrize("step", [0.002, 0.0])
+def test_a_multibody_finger_moves_like_ours(step):
+    """Another derivation and another integrator, on the strokes of our own run: angles within 0.3 mrad."""
+    speed, apart = multibody_speed(nominal(), wavy(2.0), step, 1.5, 1)
+    assert speed > 0 and apart < 3e-4
+
+
+def test_a_mujoco_finger_moves_like_ours():
+    """MuJoCo's own tendons under the nominal law settle where ours do: angles within 5 mrad, tensions within 0.05 N."""
+    pytest.importorskip("mujoco")
+    from benchmarks.mujoco_finger import mujoco_speed
+
+    reference = Reference(np.tile([5.0, 3.0, 1.0], (250, 1)))
+    speed, log = mujoco_speed(nominal(), reference, 5.0, 1)
+    wanted = record(nominal(), reference, seed=None, quantisation=False).signals
+    assert speed > 0
+    np.testing.assert_allclose(log[-1, 9:], wanted["angle"][-1], atol=5e-3)
+    np.testing.assert_allclose(log[-1, :3], wanted["tension"][-1], atol=0.05)
+
+
+def test_bench_rows():
+    row = Row("frame", 2.5, "s")
+    assert row.met and row.target == ""
+    assert not Row("x", 0.5, "s", most=0.4).met
+    assert Row("ratio", 21.0, "-", least=20).target == "≥ 20"
+
+
+@pytest.mark.parametrize("fixed", [1, 2, 4, 8])
+def test_a_motor_alone_follows_the_value_fixed_last(fixed):
+    """However often a value was fixed before it: C++ puts later vectors where freed ones lay."""
+    found = []
+    for times in (1, fixed):
+        motor, rng = MotorDynamics(), np.random.default_rng(3)
+        simulator = Simulator(motor)
+        context = simulator.get_mutable_context()
+        motor.GetInputPort("tension_spool").FixValue(context, np.zeros(3))
+        for step in range(100):
+            for speed in [*np.full((times - 1, 3), 0.5), rng.uniform(-0.05, 0.05, 3)]:
+                motor.GetInputPort("speed_applied").FixValue(context, speed)
+            simulator.AdvanceTo(0.004 * (step + 1))
+            found.append(motor.GetOutputPort("wire_speed").Eval(context).copy())
+    np.testing.assert_array_equal(found[:100], found[100:])
+
+
+def test_references_fixed_from_outside_act_as_those_of_a_reference():
+    """A value fixed many times in a frame, and a vector that stays and changes, are the same run."""
+    rows, found = wavy(0.4).values, []
+    for edits in (False, True):
+        diagram = build_diagram(nominal(), None, seed=1)
+        simulator = Simulator(diagram)
+        context, port = simulator.get_mutable_context(), diagram.GetInputPort("tension_ref")
+        value = port.FixValue(context, rows[0])
+        for tick in range(800):
+            row = rows[tick // 40] if tick % 2 else rows[0]
+            if edits:
+                value.GetMutableData().get_mutable_value().SetFromVector(row)
+            else:
+                port.FixValue(context, row)
+            simulator.AdvanceTo(0.0005 * (tick + 1))
+        found.append(logged(nominal().machine, diagram, context))
+    np.testing.assert_array_equal(*found)
