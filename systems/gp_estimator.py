@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, DiscreteValues, LeafSystem
 
-from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.physics.gp_estimator import Weights, predict_into, scratch
-from exodrake.systems.parameter import NamedParameter
+from exodrake.systems.parameter import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 LISTENS = 8  # slot of the frame: after the bus
@@ -68,7 +67,4 @@ class GPEstimator(LeafSystem):
 
     def parameter(self, name: str) -> NamedParameter:
         """A field of the weights, flat. InputError for another name."""
-        names = list(self.shapes)
-        if name not in names:
-            raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, names)}")
-        return NamedParameter(self, name, tuple(range(int(np.prod(self.shapes[name])))), names.index(name))
+        return array_parameter(self, name, {key: int(np.prod(shape)) for key, shape in self.shapes.items()})

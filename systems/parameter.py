@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,6 +58,14 @@ class NamedParameter:
         except RuntimeError:
             return self.leaf.GetMyMutableContextFromRoot(context)
         return context
+
+
+def array_parameter(leaf: LeafSystem, name: str, sizes: Mapping[str, int]) -> NamedParameter:
+    """All values of one of a leaf's numeric parameters, whose lengths are `sizes`. InputError for another name."""
+    names = list(sizes)
+    if name not in names:
+        raise InputError(f"{leaf.get_name()} has no parameter {name!r}{nearest(name, names)}")
+    return NamedParameter(leaf, name, tuple(range(sizes[name])), names.index(name))
 
 
 def named_parameter(leaf: Any, name: str, names: tuple[str, ...]) -> NamedParameter:

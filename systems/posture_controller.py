@@ -14,10 +14,9 @@ from pydrake.systems.framework import (
     LeafSystem,
 )
 
-from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.physics.posture_controller import corrected
-from exodrake.systems.parameter import NamedParameter
+from exodrake.systems.parameter import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 RUNS = 3  # slot of the frame: before the tension controller
@@ -109,6 +108,4 @@ class PostureController(LeafSystem):
 
     def parameter(self, name: str) -> NamedParameter:
         """All values of a parameter, flat. InputError for another name."""
-        if name not in PARAMETERS:
-            raise InputError(f"{self.get_name()} has no parameter {name!r}{nearest(name, list(PARAMETERS))}")
-        return NamedParameter(self, name, tuple(range(int(np.size(getattr(self.plan, name))))), PARAMETERS.index(name))
+        return array_parameter(self, name, {key: int(np.size(getattr(self.plan, key))) for key in PARAMETERS})
