@@ -128,7 +128,7 @@ class RobotDiagram(Diagram):
             builder.AddNamedSystem("reference", Playback(rows, machine.frame, 0.125 * machine.slot))
         noise = None
         if any(machine.signal[name].distribution and name not in rows for name in machine.inputs):
-            noise = builder.AddNamedSystem("noise", Noise(machine, seed))
+            builder.AddNamedSystem("noise", noise := Noise(machine, seed))
         join_draw(builder, robot, parts, noise)
         ports = port_names(builder)
         check_fit(machine, ports, systems)
@@ -143,8 +143,9 @@ class RobotDiagram(Diagram):
 
     def Clone(self) -> RobotDiagram:
         """A Diagram like this one; systems of one's own must be able to clone themselves."""
-        *arguments, systems, source = self._arguments
-        return RobotDiagram(*arguments, [system.Clone() for system in systems], source)
+        robot, rows, seed, quantisation, substeps, systems, source = self._arguments
+        clones = [system.Clone() for system in systems]
+        return RobotDiagram(robot, rows, seed, quantisation, substeps, clones, source)
 
 
 def add_parts(
@@ -161,7 +162,8 @@ def add_parts(
 
 def join_draw(builder: DiagramBuilder, robot: Robot, parts: Mapping[str, System], noise: Noise | None) -> None:
     """Joins the draw of a robot to noise and parts."""
-    source = builder.AddNamedSystem("random", random_source())
+    source = random_source()
+    builder.AddNamedSystem("random", source)
     draw = builder.AddNamedSystem("draw", RobotDraw(robot, source))
     builder.Connect(source.get_output_port(), draw.GetInputPort("sample"))
     if noise:
@@ -262,7 +264,8 @@ def logged_signals(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
 
 def checked(diagram: Diagram) -> RobotDiagram:
     """A Diagram from `build_diagram`. TypeError for any other."""
-    if not isinstance(argument("diagram", diagram, Diagram), RobotDiagram):
+    argument("diagram", diagram, Diagram)
+    if not isinstance(diagram, RobotDiagram):
         raise TypeError("diagram: wanted one from build_diagram, whose log has a column for each signal")
     return diagram
 

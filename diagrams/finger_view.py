@@ -27,7 +27,7 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
@@ -161,7 +161,7 @@ class FingerPoses(LeafSystem):
         else:
             scene_graph.RegisterGeometry(self.source, frame, instance)
 
-    def _poses(self, context: Context, value: Any) -> None:
+    def _poses(self, context: Any, value: Any) -> None:
         """Fills the output port."""
         angle = np.array(self.EvalVectorInput(context, 0).value())
         found, segments = FramePoseVector(), [RigidTransform()]
