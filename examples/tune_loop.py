@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import exodrake as exo
-from exodrake.analysis.tuning_figures import plot_tuning
+from exodrake.analysis.figures import plot_tuning
 from exodrake.data.plot import save_png
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "tuned")

@@ -1,8 +1,7 @@
 """Public names, for type checkers and for `__init__`, which imports each at first use."""
 
-from exodrake.analysis.assessment import Requirements as Requirements
 from exodrake.analysis.closed_loop import ClosedLoop as ClosedLoop, analyse as analyse
-from exodrake.analysis.tuning import Tuning as Tuning, tune as tune
+from exodrake.analysis.tuning import Requirements as Requirements, Tuning as Tuning, tune as tune
 from exodrake.compiled.inputs import Reference as Reference
 from exodrake.core.errors import InputError as InputError
 from exodrake.core.machine import Machine as Machine

@@ -41,7 +41,7 @@ def loop():
 @pytest.fixture(scope="session")
 def point(loop):
     """Where the loop rests."""
-    from exodrake.analysis.operating_point import operating_point
+    from exodrake.analysis.linear_model import operating_point
 
     return operating_point(loop)
 

@@ -1,17 +1,16 @@
 """Stable, unstable, marginal, conditionally stable and resting loops, against python-control and closed forms."""
 
+import control
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from scipy.optimize import brentq
 
 import exodrake as exo
-from exodrake.analysis.closed_loop import margin_remarks, remarks, returns
+from exodrake.analysis.closed_loop import list_margin_remarks, list_remarks, returns
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, linearise, spectral_radius
-from exodrake.analysis.margins import margins
-from exodrake.analysis.open_loop import cut, opened
-from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.linear_model import FrameModel, linearise, operating_point, spectral_radius
+from exodrake.analysis.margins import close, cut, margins, open_loop
 from exodrake.cli.main import cli
 
 PERIOD = 0.02
@@ -30,7 +29,6 @@ def opened_from(a, b, c, gain=1.0):
 
 def from_control(numerator, denominator, gain=1.0):
     """The same for a continuous transfer function, sampled with a hold, by python-control."""
-    control = pytest.importorskip("control")
     plant = control.ss(control.c2d(control.tf(numerator, denominator), PERIOD, "zoh"))
     return (*opened_from(plant.A, plant.B[:, 0], plant.C[0], gain), gain * control.tf(plant))
 
@@ -49,7 +47,6 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_counts_and_margins_of_a_table_of_cases(case):
-    control = pytest.importorskip("control")
     numerator, denominator, gain, unstable, of_plant = CASES[case]
     whole, _, transfer = from_control(numerator, denominator, gain)
     found = margins(whole, 0)
@@ -81,14 +78,14 @@ def test_counts_and_margins_of_a_table_of_cases(case):
 
 def test_a_conditionally_stable_loop_is_reported():
     whole, _, _ = from_control(*CASES["conditionally stable"][:3])
-    (note,) = margin_remarks((margins(whole, 0),))
+    (note,) = list_margin_remarks((margins(whole, 0),))
     assert "conditionally stable" in note
 
 
 def test_a_pole_on_the_unit_circle_is_marginal():
     """y' = y + 2 (r - y): the pole of the closed loop is -1."""
     whole, model = opened_from(np.eye(1), np.ones(1), np.ones(1), 2.0)
-    assert model.marginal and spectral_radius(whole.closed()) == pytest.approx(1.0)
+    assert model.marginal and spectral_radius(close(whole)) == pytest.approx(1.0)
 
 
 def test_an_unstable_robot_has_no_margins_and_says_so():
@@ -96,12 +93,12 @@ def test_an_unstable_robot_has_no_margins_and_says_so():
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.spectral_radius == pytest.approx(1.099, abs=5e-3)
-    whole = opened(loop, model)
+    whole = open_loop(loop, model)
     for channel in range(3):
         found = margins(whole, channel)
         assert found.closed_unstable > 0 and found.consistent
         assert np.isnan([found.gain_margin, found.phase_margin, found.delay_margin, found.delay_limit]).all()
-    assert any("no margins" in note for note in remarks(loop, point, model, ()))
+    assert any("no margins" in note for note in list_remarks(loop, point, model, ()))
     assert not returns(loop, point)
 
 
@@ -110,7 +107,7 @@ def test_a_dead_zone_rests_without_warnings(recwarn):
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.marginal and returns(loop, point)
-    notes = (*remarks(loop, point, model, ()), *margin_remarks((margins(opened(loop, model), 0),)))
+    notes = (*list_remarks(loop, point, model, ()), *list_margin_remarks((margins(open_loop(loop, model), 0),)))
     assert any("unit circle" in note for note in notes) and any("does not act" in note for note in notes)
     assert not any("growing" in note for note in notes)
     assert not recwarn.list
@@ -128,7 +125,7 @@ def test_the_loop_of_another_machine_has_the_margins_of_its_law():
     robot = exo.load_robot("emps")
     loop = FrameMap.of(robot)
     point = operating_point(loop)
-    found = margins(opened(loop, linearise(loop, point.state, point.references)), 0)
+    found = margins(open_loop(loop, linearise(loop, point.state, point.references)), 0)
     h, kp, k = robot.machine.frame, robot["drive.kp"], robot["drive.gain"] * robot["drive.kv"] / robot["carriage.M"]
     late = 0.5 * h + robot.machine.slot
 

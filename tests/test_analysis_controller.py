@@ -5,12 +5,11 @@ import pytest
 from scipy.signal import lfilter
 
 import exodrake as exo
-from exodrake.analysis.candidate_controller import law_of, performance, plant_of
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import linearise
-from exodrake.analysis.operating_point import operating_point
+from exodrake.analysis.linear_model import linearise, operating_point
+from exodrake.analysis.responses import step_response
 from exodrake.analysis.robustness import robustness
-from exodrake.analysis.step_response import step_response
+from exodrake.analysis.tuning import linearise_law, linearise_plant, predict_performance
 from exodrake.physics import controller
 
 PERIOD, ZERO = 0.02, (0.0, 0.0, 0.0)
@@ -78,7 +77,7 @@ VALUES = {"controller.ki": 0.02, "controller.tau_D": 0.01, "controller.tau_R": 0
 
 @pytest.fixture(scope="module")
 def plant():
-    return plant_of(exo.load_robot())
+    return linearise_plant(exo.load_robot())
 
 
 def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant):
@@ -88,7 +87,7 @@ def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     there = robustness(loop, point, model)
-    found = performance(plant, VALUES)
+    found = predict_performance(plant, VALUES)
     assert found.radius == pytest.approx(model.spectral_radius, abs=1e-7)
     assert found.disk_margin == pytest.approx(there.numbers["disk margin"], rel=5e-3)
     assert found.noise == pytest.approx(max(v for k, v in there.numbers.items() if k.startswith("noise")), rel=1e-4)
@@ -99,11 +98,11 @@ def test_a_candidate_on_the_linear_plant_is_the_robot_with_that_controller(plant
 
 def test_the_matrices_of_a_law_are_those_of_its_formula(plant):
     """PD: v = -kp y - kd / T (y - y before) + kp r."""
-    found, kp, kd = law_of(plant, {}), 6e-3, 1e-4
-    assert pytest.approx(-(kp + kd / PERIOD) * np.eye(3), abs=1e-9) == found.L
-    assert pytest.approx(kp * np.eye(3), abs=1e-9) == found.M
-    assert pytest.approx(np.zeros((3, 3)), abs=1e-9) == found.F
-    assert kd / PERIOD * np.eye(3) == pytest.approx(found.K @ found.G, abs=1e-9)
+    found, kp, kd = linearise_law(plant, {}), 6e-3, 1e-4
+    assert pytest.approx(-(kp + kd / PERIOD) * np.eye(3), abs=1e-9) == found.D[:, :3]
+    assert pytest.approx(kp * np.eye(3), abs=1e-9) == found.D[:, 3:]
+    assert pytest.approx(np.zeros((3, 3)), abs=1e-9) == found.A
+    assert kd / PERIOD * np.eye(3) == pytest.approx(found.C @ found.B[:, :3], abs=1e-9)
 
 
 def test_integral_action_holds_the_reference_in_spite_of_a_drive_that_is_off():

@@ -8,38 +8,35 @@ from exodrake.analysis.frame_map import FrameMap
 from exodrake.analysis.limit_cycles import (
     WINDOW,
     CommandedLoop,
-    crossing,
     describing_function,
+    find_crossing,
     limit_cycles,
 )
-from exodrake.analysis.open_loop import opened
-
-
-def commanded(robot, whole, point, channel=1):
-    return CommandedLoop(FrameMap.of(robot), point.references, whole.D, channel)
+from exodrake.analysis.margins import open_loop, plant_response, single
 
 
 @pytest.fixture(scope="module")
-def whole(loop, model):
-    return opened(loop, model)
+def commanded(point, model):
+    """The loop of a robot with the command of its second channel set from outside."""
+    return lambda robot: CommandedLoop(FrameMap.of(robot), point.references, model.D[model.rows("speed_cmd")], 1)
 
 
-def test_without_a_nonlinearity_it_is_the_linear_plant(loop, whole, point):
-    plant = commanded(loop.robot, whole, point)
+def test_without_a_nonlinearity_it_is_the_linear_plant(loop, model, commanded, point):
+    plant, one = commanded(loop.robot), single(open_loop(loop, model), 1)
     for cycles in (2, 8, 15):
         found = describing_function(plant, point.state, 1e-4, cycles)
-        expected = whole.single(1).plant(np.array([cycles / (WINDOW * 0.02)]))[0, 0, 0]
+        expected = plant_response(one, np.array([cycles / (WINDOW * 0.02)]))[0, 0, 0]
         assert found == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("ratio", [1.5, 3.0, 8.0])
-def test_of_a_dead_zone_that_passes_what_exceeds_it(loop, whole, point, ratio):
+def test_of_a_dead_zone_that_passes_what_exceeds_it(loop, commanded, point, ratio):
     """N(a) = 1 - 2/pi (asin u - u sqrt(1 - u^2)), u = width / a; sampled, 60 values a cycle."""
     width = 1e-3
     robot = loop.robot.splice("motor.dead_zone", {"width": width})
     u = 1.0 / ratio
-    with_zone = describing_function(commanded(robot, whole, point), point.state, ratio * width, 1)
-    plain = describing_function(commanded(loop.robot, whole, point), point.state, ratio * width, 1)
+    with_zone = describing_function(commanded(robot), point.state, ratio * width, 1)
+    plain = describing_function(commanded(loop.robot), point.state, ratio * width, 1)
     expected = 1.0 - 2.0 / np.pi * (np.arcsin(u) - u * np.sqrt(1.0 - u**2))
     assert abs(with_zone / plain) == pytest.approx(expected, rel=0.06)
 
@@ -47,9 +44,9 @@ def test_of_a_dead_zone_that_passes_what_exceeds_it(loop, whole, point, ratio):
 def test_crossing_of_a_relay_with_a_triple_lag():
     """L = 1 / (1 + j w)^3 crosses -1/8 at w = sqrt 3: factor 8."""
     f = np.linspace(0.05, 1.0, 400)
-    factor, where = crossing(f, 1.0 / (1.0 + 2j * np.pi * f) ** 3)
+    factor, where = find_crossing(f, 1.0 / (1.0 + 2j * np.pi * f) ** 3)
     assert factor == pytest.approx(8.0, rel=1e-3) and 2.0 * np.pi * where == pytest.approx(np.sqrt(3.0), rel=1e-3)
-    assert np.isnan(crossing(f, 1.0 / (1.0 + 2j * np.pi * f))).all()
+    assert np.isnan(find_crossing(f, 1.0 / (1.0 + 2j * np.pi * f))).all()
 
 
 def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_none():
@@ -80,7 +77,7 @@ def test_smooth_effects_belong_to_the_linear_loop(monkeypatch):
     import exodrake.analysis.limit_cycles as module
 
     robot = exo.load_robot().splice("tendon.compliance", {"stiffness": 1200.0})
-    monkeypatch.setattr(module, "cycles_of", lambda label, *rest: (label, rest[4]))
+    monkeypatch.setattr(module, "compare_cycles", lambda label, *rest: (label, rest[5]))
     soft = dict(limit_cycles(robot))
     assert "tendon.compliance" not in soft and 7.0 < soft["motor.dead_zone"] < 9.5
     stuck = dict(limit_cycles(exo.load_robot().splice("tendon.coulomb_friction")))

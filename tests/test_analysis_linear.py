@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.analysis.closed_loop import remarks, returns
-from exodrake.analysis.frame_map import FrameMap, references_of, state_names
-from exodrake.analysis.linear_model import best_slopes, linearise, matters, pole_of, spectral_radius
-from exodrake.analysis.operating_point import operating_point
-from exodrake.analysis.stability_map import latency_sweep, stability_limit, stability_map
-from exodrake.analysis.step_response import step_figures
+from exodrake.analysis.closed_loop import list_remarks, returns
+from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
+from exodrake.analysis.linear_model import (
+    Pole,
+    differentiate_best,
+    find_observed,
+    linearise,
+    operating_point,
+    spectral_radius,
+)
+from exodrake.analysis.margins import latency_sweep, stability_limit, stability_map
+from exodrake.analysis.responses import step_figures
 from exodrake.cli.analyse import course
 
 KNOWN = np.array([0.95, 0.6 + 0.5j, 0.6 - 0.5j])
@@ -33,9 +39,9 @@ def toy():
 
 def test_a_toy_loop_has_its_known_poles():
     loop, size = toy()
-    slopes, _, gap = best_slopes(loop, np.zeros(4), np.zeros(1), 0.1 * size)
-    a, c = slopes.central[:4, :4], slopes.central[4:, :4]
-    keep = matters(a, c)
+    central, _, _, gap = differentiate_best(loop, np.zeros(4), np.zeros(1), 0.1 * size)
+    a, c = central[:4, :4], central[4:, :4]
+    keep = find_observed(a, c)
     assert list(keep) == [0, 1, 2]
     found = np.linalg.eigvals(a[np.ix_(keep, keep)])
     assert max(np.abs(found - p).min() for p in KNOWN) < 1e-9
@@ -44,17 +50,17 @@ def test_a_toy_loop_has_its_known_poles():
 
 def test_poles_read_as_in_continuous_time():
     s, period = complex(-3.0, 4.0), 0.02
-    pole = pole_of(np.exp(s * period), period)
+    pole = Pole.from_z(np.exp(s * period), period)
     assert pole.frequency == pytest.approx(5.0 / (2.0 * np.pi))
     assert (pole.damping, pole.time_constant) == (pytest.approx(0.6), pytest.approx(1.0 / 3.0))
 
 
 def test_a_mode_on_the_unit_circle_neither_decays_nor_grows():
     """exp(s T) of s = +4 1/s grows e-fold in 0.25 s; what rounding leaves of |z| = 1 is no time constant."""
-    assert course(pole_of(np.exp(4.0 * 0.02 + 0.3j), 0.02).time_constant) == "grows in 0.25 s"
-    assert course(pole_of(np.exp(-4.0 * 0.02 + 0j), 0.02).time_constant) == "decays in 0.25 s"
+    assert course(Pole.from_z(np.exp(4.0 * 0.02 + 0.3j), 0.02).time_constant) == "grows in 0.25 s"
+    assert course(Pole.from_z(np.exp(-4.0 * 0.02 + 0j), 0.02).time_constant) == "decays in 0.25 s"
     for z in (1.0 - 2.5e-13, 1.0 + 2.5e-13, np.exp(0.7j) * (1.0 + 1e-15)):
-        assert course(pole_of(complex(z), 0.02).time_constant) == "stays"
+        assert course(Pole.from_z(complex(z), 0.02).time_constant) == "stays"
 
 
 def test_operating_point_is_at_rest(loop, point):
@@ -69,7 +75,7 @@ def test_differences_have_converged(model):
 
 def test_the_slowest_pole_is_the_decay_of_a_small_perturbation(loop, point, model):
     state = point.state.copy()
-    names = [n.name for n in state_names(loop.robot.machine)]
+    names = [n.name for n in name_states(loop.robot.machine)]
     state[names.index("motor.theta.AF")] += 1e-5
     rows = np.tile(point.references, (200, 1))
     away = (loop.run(state, rows)[1] - loop.run(point.state, rows)[1])[:, loop.signals["tension"]][:, 0]
@@ -143,7 +149,7 @@ def test_an_unstable_loop_is_linearised_where_it_would_rest():
 )
 def test_bad_operating_points_are_named(at, word):
     with pytest.raises(exo.InputError, match=word):
-        references_of(FrameMap.of(exo.load_robot()), at)
+        resolve_references(FrameMap.of(exo.load_robot()), at)
 
 
 def test_stability_limit():
@@ -171,7 +177,7 @@ def test_friction_is_reported_as_a_kink_and_simulation_decides():
     point = operating_point(loop)
     model = linearise(loop, point.state, point.references)
     assert model.kink > 0.1
-    assert any("kink" in note for note in remarks(loop, point, model, ()))
+    assert any("kink" in note for note in list_remarks(loop, point, model, ()))
     assert returns(loop, point)
 
 

@@ -7,9 +7,16 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.analysis.assessment import Requirements, missed_of
-from exodrake.analysis.candidate_controller import Performance, plant_of
-from exodrake.analysis.tuning import compliance, cost_of, tune
+from exodrake.analysis.tuning import (
+    Performance,
+    Requirements,
+    compliance,
+    compute_cost,
+    linearise_plant,
+    list_missed,
+    predict_performance,
+    tune,
+)
 from exodrake.cli.main import cli
 from exodrake.simulation import protocols
 from exodrake.simulation.simulate import simulate
@@ -43,14 +50,12 @@ def test_the_command_writes_figure_numbers_and_a_robot_that_holds_them(tuned):
 
 def test_the_tuned_loop_settles_no_later_than_one_that_holds_the_same(tuned):
     """A grid of gains, each by its own analysis of the plain loop, has none that is much better."""
-    from exodrake.analysis.candidate_controller import performance
-
     folder, _ = tuned
     numbers = json.loads((folder / "tune.json").read_text())
     best, most = numbers["compared"][numbers["best"]], numbers["required"]["noise [N]"]
-    plant = plant_of(exo.load_robot("emps"))
+    plant = linearise_plant(exo.load_robot("emps"))
     grid = [(a, b) for a in np.geomspace(20.0, 400.0, 9) for b in np.geomspace(50.0, 1000.0, 9)]
-    found = [performance(plant, {"drive.kp": a, "drive.kv": b}) for a, b in grid]
+    found = [predict_performance(plant, {"drive.kp": a, "drive.kv": b}) for a, b in grid]
     held = [p.settling for p in found if p.disk_margin >= 0.75 and p.overshoot <= 0.18 and p.noise <= 0.9 * most]
     assert best["settling [s]"] <= 1.15 * min(held)
 
@@ -58,7 +63,7 @@ def test_the_tuned_loop_settles_no_later_than_one_that_holds_the_same(tuned):
 def test_compliance_is_the_inverse_of_the_tension_jacobian():
     """1 mm of wire taken in slowly at one tendon, by the nonlinear simulation of the tendons' tension."""
     robot = exo.load_robot()
-    plant = plant_of(robot)
+    plant = linearise_plant(robot)
     c = np.column_stack(list(compliance(plant, robot.machine.loop.controllers[-1]).values()))
     assert np.linalg.eigvals(c).real.min() > 1.0 / (1.2 * 2700.0)  # no stiffer than the tendon itself
     assert c == pytest.approx(c.T, abs=2e-5)  # elastic: forces have a potential
@@ -70,7 +75,7 @@ def test_compliance_is_the_inverse_of_the_tension_jacobian():
 
 def test_a_controller_with_feed_forward_runs_on_both_engines():
     robot = exo.load_robot()
-    values = {**compliance(plant_of(robot), robot.machine.loop.controllers[-1])}
+    values = {**compliance(linearise_plant(robot), robot.machine.loop.controllers[-1])}
     full = {f"{n}.{t}": float(v) for n, col in values.items() for t, v in zip(robot.machine.axes.tendons, col)}
     more = {"controller.ki": 0.01, "controller.tau_D": 0.01, "controller.tau_R": 0.1, "controller.feed": 1.0}
     changed = robot.with_parameters({**full, **more})
@@ -83,15 +88,15 @@ def test_a_controller_with_feed_forward_runs_on_both_engines():
 
 def test_missed_requirements_are_phrases():
     wanted = Requirements(0.5, 0.05, 0.6, 1e-4)
-    assert missed_of(wanted, 0.4, 0.04, 0.7, 1e-5, "m/s") == ()
-    assert len(missed_of(wanted, 0.6, 0.06, 0.5, 2e-4, "m/s")) == 4
-    assert missed_of(wanted, np.nan, np.nan, np.nan, np.nan, "m/s")[0] == "does not settle"
+    assert list_missed(wanted, 0.4, 0.04, 0.7, 1e-5, "m/s") == ()
+    assert len(list_missed(wanted, 0.6, 0.06, 0.5, 2e-4, "m/s")) == 4
+    assert list_missed(wanted, np.nan, np.nan, np.nan, np.nan, "m/s")[0] == "does not settle"
 
 
 def test_the_search_prefers_stable_then_held_then_fast():
     wanted = Requirements(None, 0.05, 0.6, 1e-4)
     costs = [
-        cost_of(p, wanted, 0.02)
+        compute_cost(p, wanted, 0.02)
         for p in (
             Performance(0.9, 0.5, 0.0, 0.8, 5e-5), Performance(0.9, 1.0, 0.0, 0.8, 5e-5),
             Performance(0.9, 0.5, 0.0, 0.5, 5e-5), Performance(1.01, np.inf, np.inf, 0.0, np.inf),
@@ -130,5 +135,11 @@ def test_what_is_no_requirement_is_refused(wanted):
 def test_requirements_of_zero_are_searched_for():
     """No disk margin is asked for, so none is missed; of noise that may not be, less is better."""
     better, worse = (Performance(0.9, 0.5, 0.0, 0.8, noise) for noise in (1e-5, 2e-5))
-    assert cost_of(better, Requirements(disk_margin=0.0, noise=1.0), 0.02) == pytest.approx(25.0)  # settling in frames
-    assert cost_of(better, Requirements(noise=0.0), 0.02) < cost_of(worse, Requirements(noise=0.0), 0.02) < np.inf
+    assert compute_cost(better, Requirements(disk_margin=0.0, noise=1.0), 0.02) == pytest.approx(
+        25.0
+    )  # settling in frames
+    assert (
+        compute_cost(better, Requirements(noise=0.0), 0.02)
+        < compute_cost(worse, Requirements(noise=0.0), 0.02)
+        < np.inf
+    )

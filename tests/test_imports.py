@@ -135,7 +135,7 @@ def loaded_by(*arguments: str) -> set[str]:
 
 
 def test_help_is_light():
-    heavy = {"numpy", "scipy", "numba", "matplotlib", "pydrake", "sklearn", "yaml", "rich", "shapely"}
+    heavy = {"numpy", "scipy", "numba", "matplotlib", "pydrake", "sklearn", "yaml", "rich", "shapely", "control"}
     assert not heavy & loaded_by("--help")
     assert not heavy & loaded_by("--version")
 

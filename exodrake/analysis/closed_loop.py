@@ -1,25 +1,32 @@
-"""Analysis of the closed loop at one operating point: `exo.analyse(robot)`."""
+"""Analysis of the closed loop at one operating point, `exo.analyse(robot)`, and its results as plain data."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.analysis.delay_budget import DelayBudget, delay_budget
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.frequency_response import FrequencyResponse, frequency_response
-from exodrake.analysis.linear_model import KINK, FrameModel
-from exodrake.analysis.margins import Margins, margins
-from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.limit_cycles import LimitCycles
+from exodrake.analysis.linear_model import KINK, FrameModel, OperatingPoint, linearise_robot
+from exodrake.analysis.margins import (
+    DelayBudget,
+    LatencySweep,
+    Margins,
+    StabilityMap,
+    delay_budget,
+    latency_sweep,
+    margins,
+    open_loop,
+    stability_map,
+)
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, frequency_response, step_response
 from exodrake.analysis.robustness import Band, Robustness, robustness
-from exodrake.analysis.stability_map import LatencySweep, StabilityMap, latency_sweep, stability_map
-from exodrake.analysis.step_response import StepResponse, step_response
 from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
@@ -41,7 +48,7 @@ class ClosedLoop:
         robot: robot that was analysed.
         point: operating point at which it rests.
         model: linear model with one step per frame.
-        opened: linear model opened at its commands.
+        opened: linear model opened at its commands, see `margins.cut`.
         steps: step response of each channel, in the machine's order.
         responses: frequency response of each channel.
         margins: stability margins of each channel's loop.
@@ -57,7 +64,7 @@ class ClosedLoop:
     robot: Robot
     point: OperatingPoint
     model: FrameModel
-    opened: OpenLoop
+    opened: FrameModel
     steps: tuple[StepResponse, ...]
     responses: tuple[FrequencyResponse, ...]
     margins: tuple[Margins, ...]
@@ -80,8 +87,8 @@ class ClosedLoop:
         return not self.model.decides
 
     def to_control(self, *kinds: str) -> control.StateSpace:
-        """The linear model as a python-control `StateSpace` with dt = one frame; see `to_control` below."""
-        return to_control(self.model, *kinds)
+        """The linear model as a python-control `StateSpace` with dt = one frame; see `FrameModel.to_control`."""
+        return self.model.to_control(*kinds)
 
 
 def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int | None = None) -> ClosedLoop:
@@ -95,8 +102,8 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     Raises:
         InputError: no closed loop, unknown channel, reference outside its limits, kp = 0, or no state of rest.
     """
-    loop, point, model = linearised(argument("robot", robot, Robot), at)
-    whole = opened(loop, model)
+    loop, point, model = linearise_robot(argument("robot", robot, Robot), at)
+    whole = open_loop(loop, model)
     channels = range(len(loop.channels))
     steps = tuple(step_response(loop, point, i) for i in channels)
     found = tuple(margins(whole, i) for i in channels)
@@ -106,7 +113,7 @@ def analyse(robot: Robot, at: Mapping[str, float] | str | None = None, seed: int
     return ClosedLoop(
         robot, point, model, whole, steps, responses, found, delay_budget(loop, found),
         robustness(loop, point, model, "this robot"), *maps, back,
-        (*remarks(loop, point, model, steps), *margin_remarks(found)),
+        (*list_remarks(loop, point, model, steps), *list_margin_remarks(found)),
     )  # fmt: skip
 
 
@@ -127,7 +134,7 @@ def returns(loop: FrameMap, point: OperatingPoint) -> bool:
     return True
 
 
-def remarks(
+def list_remarks(
     loop: FrameMap, point: OperatingPoint, model: FrameModel, steps: tuple[StepResponse, ...]
 ) -> tuple[str, ...]:
     """Conditions under which the results mean little, a sentence each."""
@@ -164,7 +171,7 @@ def remarks(
     return tuple(notes)
 
 
-def margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
+def list_margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     """Remarks on the margins, a sentence each."""
     notes = []
     if idle := [m.channel for m in found if not np.abs(m.loop).max() > 0.0]:
@@ -177,24 +184,89 @@ def margin_remarks(found: tuple[Margins, ...]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def to_control(model: FrameModel, *kinds: str) -> control.StateSpace:
-    """A linear model as python-control's `StateSpace`, dt = one frame, signals named as log columns.
+UNITS = {  # names of fields in JSON
+    "rise": "rise_time [s]", "settling": "settling_time [s]", "time_constant": "time_constant [s]",
+    "frequency": "frequency [Hz]", "bandwidth": "bandwidth [Hz]", "bandwidth_measured": "bandwidth_measured [Hz]",
+    "phase_margin": "phase_margin [rad]", "crossover": "crossover [Hz]", "delay_margin": "delay_margin [s]",
+    "delay_limit": "delay_limit [s]", "step": "difference_step", "where": "kink_at", "period": "period [s]",
+    "residual": "residual [excursion/frame]", "steady": "steady_by_own_gains",
+}  # fmt: skip
 
-    Args:
-        model: to be converted.
-        kinds: of outputs, such as "tension", "stroke"; all by default.
 
-    Raises:
-        InputError: python-control is not installed, or a kind is unknown.
-    """
-    try:
-        from control import StateSpace
-    except ImportError:
-        raise InputError("python-control is not installed; pip install 'exodrake[control]'") from None
-    known = sorted({name.rsplit("_", 1)[0] for name in model.outputs})
-    for kind in kinds:
-        if kind not in known:
-            raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
-    m = model.select(*(kinds or known))
-    names = {"states": [name.replace(".", "_") for name in m.states], "inputs": [*m.inputs], "outputs": [*m.outputs]}
-    return StateSpace(m.A, m.B, m.C, m.D, m.period, remove_useless_states=False, **names)
+def name_fields(result: Any, *without: str) -> dict[str, Any]:
+    """Fields of a result, units in their names, some left out."""
+    fields: dict[str, Any] = vars(result)
+    return {UNITS.get(k, k): v for k, v in fields.items() if k not in without}
+
+
+def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, Any]:
+    """All results as plain data for JSON, units in the keys; values that are not finite become null."""
+    robot, machine, gains, latency = result.robot, result.robot.machine, result.gains, result.latency
+    readings = {
+        f"{kind} [{machine.signal[machine.column(kind).signal].unit}]": dict(
+            zip(machine.channels(machine.column(kind).signal), values)
+        )
+        for kind, values in result.point.readings.items()
+    }
+    return plain(
+        {
+            "robot": robot.source or machine.name,
+            "effects": robot.effects(),
+            "stable": result.stable,
+            "decided_by": "simulated kick" if result.witnessed else "poles",
+            "spectral_radius": result.model.spectral_radius,
+            "returns_after_kick": result.returns,
+            "notes": list(result.notes),
+            "operating_point": readings
+            | name_fields(result.point, "references", "state", "output", "readings", "slack"),
+            "poles": [{"z": p.z, "modulus": abs(p.z), **name_fields(p)} for p in result.model.poles()],
+            "linear_model": name_fields(result.model, "N", "M"),
+            "steps": {s.channel: name_fields(s, "channel", "time", "output") for s in result.steps},
+            "frequency_response": {r.channel: name_fields(r, "channel") for r in result.responses},
+            "margins": {m.channel: name_fields(m, "channel", "frequency", "loop") for m in result.margins},
+            "delays": {
+                d.channel: {
+                    "slots": {"read": d.read_slot, "control": d.control_slot, "write": d.write_slot},
+                    "reading to law [s]": d.to_control,
+                    "law to plant [s]": d.to_write,
+                    "hold [s]": d.hold,
+                    "total [s]": d.total,
+                    "margin [s]": d.margin,
+                    "margin [slots]": d.spare_slots,
+                }
+                for d in result.delays
+            },
+            "robustness": result.robust.numbers,
+            "bands": {
+                b.name: {
+                    "members": {m.label: m.numbers for m in b.members},
+                    "range over stable members": {
+                        n: b.range(n) for n in (b.members[0].numbers if b.members else ()) if n != "spectral radius"
+                    },
+                    "unstable": b.unstable,
+                    "undecided by their poles": b.undecided,
+                    "without operating point": list(b.failures),
+                }
+                for b in result.bands
+            },
+            "limit_cycles": {c.label: {k: v for k, v in vars(c).items() if k != "label"} for c in cycles},
+            "stability_map": {
+                "gains": {name: machine.parameters[robot.indices(name)[0]].unit for name in gains.names},
+                "first": gains.first,
+                "second": gains.second,
+                "spectral_radius": gains.radius,
+                "limit of the first": gains.limit,
+                "nominal": gains.nominal,
+            },
+            "latency": latency
+            and {"frames": latency.frames, "spectral_radius": latency.radius, "limit [frames]": latency.limit},
+        }
+    )
+
+
+def model_bytes(result: ClosedLoop) -> bytes:
+    """NPZ with A, B, C, D, dt, states, inputs, outputs: what `control.StateSpace` takes, without python-control."""
+    m, buffer = result.model, BytesIO()
+    states, inputs, outputs = np.array(m.states), np.array(m.inputs), np.array(m.outputs)
+    np.savez(buffer, A=m.A, B=m.B, C=m.C, D=m.D, dt=m.period, states=states, inputs=inputs, outputs=outputs)
+    return buffer.getvalue()

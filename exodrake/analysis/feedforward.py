@@ -73,7 +73,9 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     late = [delay(wanted[:, k], moved[:, k]) for k in range(width)]
     least, before = 1.0, rms(wanted - moved)
     for _ in range(ROUNDS):
-        error = np.column_stack([ahead(wanted[:, k], moved[:, k], late[k]) for k in range(width)])
+        error = np.zeros_like(wanted)  # of the frame in which a command acts; 0 beyond the end of the log
+        for k, d in enumerate(late):
+            error[: len(wanted) - d, k] = wanted[d:, k] - moved[d:, k]
         commands = np.clip(commands + GAIN * error, low, high)
         moved = motion(commands)
         found = rms(wanted - moved)
@@ -95,13 +97,6 @@ def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
     n = len(wanted)
     tried = range(1 + max(min(LATEST, n - 2), 0))  # two samples at least, or a spread says nothing
     return int(np.argmin([np.std(moved[d:] - wanted[: n - d]) for d in tried]))
-
-
-def ahead(wanted: np.ndarray, moved: np.ndarray, frames: int) -> np.ndarray:
-    """Tracking error: reference (n,) less motion (n,), both some frames later [SI]; 0 beyond the end of the log."""
-    error = np.zeros(len(wanted))
-    error[: len(wanted) - frames] = wanted[frames:] - moved[frames:]
-    return error
 
 
 def rms(error: np.ndarray) -> np.ndarray:

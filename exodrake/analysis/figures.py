@@ -1,43 +1,86 @@
-"""Figures of a closed loop: steps, poles, stability maps, frequency response, open loops."""
+"""Figures of a closed loop, its robustness and its limit cycles, and of a tuning."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
-from exodrake.analysis.figure_style import DARK, draw_damping_grid, styled
-from exodrake.analysis.frequency_response import FrequencyResponse, closed_response
 from exodrake.analysis.limit_cycles import LimitCycles
-from exodrake.analysis.margins import Margins
-from exodrake.analysis.robustness_figures import (
-    plot_delays,
-    plot_limit_cycles,
-    plot_nyquist,
-    plot_robust,
-    plot_root_locus,
-)
-from exodrake.analysis.stability_map_figure import plot_stability
-from exodrake.analysis.step_response import StepResponse
-from exodrake.core.display import colour_of, display_of
-from exodrake.data.plot import new_figure, png_of
+from exodrake.analysis.margins import LatencySweep, Margins, close
+from exodrake.analysis.responses import FrequencyResponse, StepResponse, closed_response
+from exodrake.analysis.tuning import Tuned, Tuning
+from exodrake.core.display import colour_of, display_of, shown_unit
+from exodrake.core.robot import Robot
+from exodrake.data.plot import STYLE, new_figure, png_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FAINT, GREY, DARK = "#9aa2ad", "#5b6470", "#333333"
+PLATE = {"boxstyle": "round,pad=0.1", "fc": "#f6f8fa", "ec": "none"}
+TAG: dict[str, Any] = {"fontsize": 6.5, "color": GREY, "ha": "center", "va": "center"}
 WHITE = {"fc": "white", "ec": "none", "pad": 1.0}
+BOX = {**WHITE, "alpha": 0.85}
 NOTE = {"va": "center", "fontsize": 8, "color": DARK, "bbox": WHITE}
+BAND_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+CONTROLLERS = ("#5b6470", "#0072b2", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#56b4e9")
+TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+FACTORS = (0.02, 20.0)  # of the loop gain, along the root locus
+LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spectral radius
+INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
+OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
+VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
 
 
-@styled
+def in_style(draw: Callable[[Any], Figure]) -> Callable[[Any], Figure]:
+    """Draws under the style of the package's figures."""
+
+    @wraps(draw)
+    def drawn(result: Any) -> Figure:
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            return draw(result)
+
+    return drawn
+
+
+def draw_damping_grid(axes: Any, period: float) -> None:
+    """Draws the unit circle, and z = exp(s T) for constant damping ratio and for constant natural frequency."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 400)
+    axes.fill(np.cos(turn), np.sin(turn), color="#f6f8fa", zorder=0)
+    axes.plot(np.cos(turn), np.sin(turn), color="#333", lw=1.0)
+    for damping in (0.1, 0.2, 0.4, 0.6, 0.8):
+        end = np.pi / np.sqrt(1.0 - damping**2)
+        z = np.exp(np.linspace(0.0, end, 200) * (-damping + 1j * np.sqrt(1.0 - damping**2)))
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5)
+        tag = z[np.argmin(np.abs(np.angle(z) - 0.82 * np.pi))]
+        if damping < 0.7:  # further in, poles crowd the tag
+            axes.text(tag.real, tag.imag, f"ζ {damping:g}", bbox=PLATE, **TAG)
+    for share in (0.1, 0.2, 0.3, 0.4, 0.6, 0.8):  # of the Nyquist frequency
+        hertz = share * 0.5 / period
+        radius = 2.0 * np.pi * hertz * period
+        angle = np.linspace(np.pi / 2.0, np.pi, 100)
+        s = radius * np.exp(1j * angle)
+        z = np.exp(s[np.abs(s.imag) <= np.pi])
+        for side in (z, z.conj()):
+            axes.plot(np.real(side), np.imag(side), color=FAINT, lw=0.5, ls=(0, (1, 1.5)))
+        axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{hertz:g} Hz", **TAG)
+
+
+@in_style
 def plot_steps(result: ClosedLoop) -> Figure:
     """Output of all channels when each reference steps, one panel per channel that is stepped."""
     figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
     panels = figure.subplots(1, len(result.steps), sharey=True, squeeze=False)[0]
     slowest = max((s.settling for s in result.steps if np.isfinite(s.settling)), default=np.inf)
     shown = min(1.4 * slowest, result.steps[0].time[-1])
-    channels = result.opened.channels
+    channels = [s.channel for s in result.steps]
     for axes, step in zip(panels, result.steps):
         change = (step.output - result.point.output) / step.size
         for j, name in enumerate(channels):
@@ -73,7 +116,7 @@ def output_kind(result: ClosedLoop) -> str:
     return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
-@styled
+@in_style
 def plot_poles(result: ClosedLoop) -> Figure:
     """Poles in the unit circle, with curves of equal damping and equal frequency."""
     figure = new_figure(4.6, 4.4)
@@ -91,7 +134,7 @@ def plot_poles(result: ClosedLoop) -> Figure:
     return figure
 
 
-@styled
+@in_style
 def plot_bode(result: ClosedLoop) -> Figure:
     """Frequency response from reference to reading per channel, measured and linear, and its coherence."""
     count = len(result.responses)
@@ -134,7 +177,7 @@ def decibel(size: np.ndarray) -> np.ndarray:
     return 20.0 * np.log10(size)
 
 
-@styled
+@in_style
 def plot_margins(result: ClosedLoop) -> Figure:
     """Open loop of each channel, opened at its command, with gain and phase margins."""
     figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
@@ -176,6 +219,306 @@ def margin_words(m: Margins) -> str:
     return "\n".join(lines)
 
 
+@in_style
+def plot_nyquist(result: ClosedLoop) -> Figure:
+    """Nyquist curve of each channel, the disk that it must not enter, and the same of each drawn robot."""
+    count = len(result.margins)
+    figure = new_figure(max(3.4, min(7.0, 2.4 * count)), 3.0)
+    for j, m in enumerate(result.margins):
+        axes = figure.add_subplot(1, count, j + 1)
+        for k, band in enumerate(result.bands):
+            for member in band.members:
+                loop = member.loops[:, j]
+                axes.plot(np.real(loop), np.imag(loop), color=BAND_COLOURS[k], lw=0.4, alpha=0.5)
+        draw_nyquist(axes, m, colour_of(m.channel, j, result.robot.machine))
+        if j == 0:
+            axes.set_ylabel("Im L")
+    for k, band in enumerate(result.bands):
+        figure.axes[0].plot([], [], color=BAND_COLOURS[k], lw=0.8, label=band.name)
+    if result.bands:
+        figure.legend(loc="outside lower center", ncols=len(result.bands))
+    return figure
+
+
+def draw_nyquist(axes: Any, m: Margins, colour: str) -> None:
+    """One Nyquist curve for positive frequencies (full) and negative (dashed)."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    axes.plot(np.cos(turn), np.sin(turn), color=FAINT, lw=0.7)
+    if np.isfinite(m.disk_margin):
+        low = -(2.0 + m.disk_margin) / (2.0 - m.disk_margin) if m.disk_margin < 2.0 else -10.0
+        high = -(2.0 - m.disk_margin) / (2.0 + m.disk_margin)
+        middle, radius = 0.5 * (low + high), 0.5 * (high - low)
+        axes.fill(middle + radius * np.cos(turn), radius * np.sin(turn), color="#f7b98d", alpha=0.6, lw=0)
+    axes.plot(np.real(m.loop), np.imag(m.loop), color=colour, lw=1.4)
+    axes.plot(np.real(m.loop), -np.imag(m.loop), color=colour, lw=0.8, ls=(0, (3, 2)))
+    axes.plot(-1.0, 0.0, "+", color="black", ms=7, mew=1.4)
+    unstable = f"{m.closed_unstable} unstable poles" if m.closed_unstable else "stable"
+    words = f"encirclements {m.encirclements}\n{unstable}"
+    if np.isfinite(m.disk_margin):
+        words += f"\ndisk margin {m.disk_margin:.2f}"
+    axes.text(0.03, 0.97, words, transform=axes.transAxes, va="top", fontsize=7.5, color=DARK, bbox=BOX)
+    axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal", title=m.channel, xlabel="Re L")
+
+
+@in_style
+def plot_robust(result: ClosedLoop) -> Figure:
+    """Singular values of S and T, disk margin for all commands at once, and coupling, with bands."""
+    figure = new_figure(7.0, 5.0)
+    panels = figure.subplots(2, 2, sharex=True)
+    curves = (("sigma_s", "max σ(S)"), ("sigma_t", "max σ(T)"), ("disk", "Disk margin, all commands"))
+    for axes, (name, label) in zip(panels.flat, curves):
+        for k, band in enumerate(result.bands):
+            stable = [getattr(m, name) for m in band.members if m.stable]
+            if stable:
+                ends = np.min(stable, axis=0), np.max(stable, axis=0)
+                look = {"color": BAND_COLOURS[k], "alpha": 0.25, "lw": 0, "label": band.name}
+                axes.fill_between(result.robust.frequency, *ends, **look)
+        axes.plot(result.robust.frequency, getattr(result.robust, name), color="black", lw=1.1, label="this robot")
+        axes.set(ylabel=label, yscale="log", xscale="log")
+    if len(result.steps) > 1:
+        draw_coupling(panels[1, 1], result)
+    else:
+        panels[1, 1].set_axis_off()
+    panels[0, 0].set_ylim(bottom=0.02)
+    panels[0, 1].set_ylim(0.09, 1.5 * max(1.0, float(result.robust.sigma_t.max())))
+    panels[1, 0].set_ylim(0.3, 3.0)
+    for axes in panels.flat:
+        axes.set_xlim(result.robust.frequency[0], result.robust.frequency[-1])
+        axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("")
+    for axes in panels[1]:
+        axes.set_xlabel("Frequency [Hz]")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    if not result.robust.stable:
+        figure.suptitle("not stable by its poles: S and T mean nothing", fontsize=9, color="#a83a12")
+    return figure
+
+
+def draw_coupling(axes: Any, result: ClosedLoop) -> None:
+    """Diagonal of the relative gain array over frequency."""
+    for j, name in enumerate(result.opened.inputs):
+        colour = colour_of(name, j, result.robot.machine)
+        for band in result.bands[:1]:
+            values = [m.gain_array[:, j] for m in band.members]
+            if values:
+                low, high = np.min(values, axis=0), np.max(values, axis=0)
+                axes.fill_between(result.robust.frequency, low, high, color=colour, alpha=0.2, lw=0)
+        axes.plot(result.robust.frequency, result.robust.gain_array[:, j], color=colour, label=name)
+    axes.axhline(1.0, color=GREY, lw=0.7, ls=(0, (4, 2)))
+    low, high = float(result.robust.gain_array.min()), float(result.robust.gain_array.max())
+    axes.set(ylabel="|Relative gain|; 1: no coupling", xscale="log", yscale="log")
+    axes.set_ylim(min(0.5, 0.8 * low), max(2.0, 1.3 * high))
+    axes.legend(fontsize=7.5)
+
+
+@in_style
+def plot_root_locus(result: ClosedLoop) -> Figure:
+    """Poles while the gain of all commands grows together, in the unit circle."""
+    figure = new_figure(5.4, 4.4)
+    axes = figure.subplots()
+    draw_damping_grid(axes, result.model.period)
+    factors = np.geomspace(*FACTORS, 240)
+    roots = [np.linalg.eigvals(close(result.opened, g)) for g in factors]
+    z, tint = np.concatenate(roots), np.repeat(np.log10(factors), [len(r) for r in roots])
+    shown = np.abs(z) > 1e-3
+    dots = axes.scatter(np.real(z[shown]), np.imag(z[shown]), c=tint[shown], s=3, cmap="viridis", lw=0, zorder=3)
+    for matrix, mark, label in ((result.opened.A, "o", "open loop"), (close(result.opened), "x", "this robot")):
+        poles = np.linalg.eigvals(matrix)
+        axes.plot(np.real(poles), np.imag(poles), mark, mfc="none", mec="black", ms=5, mew=1.0, label=label, zorder=4)
+    radius = np.array([np.abs(r).max() for r in roots])
+    over = np.flatnonzero((radius > 1.0 + 1e-6) & (factors > 1.0))
+    if result.robust.stable and len(over):
+        axes.set_title(f"Root locus; unstable from {factors[over[0]]:.2g} of the loop gain")
+    else:
+        axes.set_title("Root locus over the gain of all commands")
+    axes.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal", xlabel="Re z", ylabel="Im z")
+    axes.grid(False)
+    axes.legend(loc="lower left", fontsize=7.5, frameon=True, framealpha=0.9, edgecolor="none")
+    ticks = (0.02, 0.1, 0.3, 1, 3, 10, 20)
+    bar = figure.colorbar(dots, ax=axes, label="Factor on the loop gain", ticks=np.log10(ticks))
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in ticks])
+    return figure
+
+
+@in_style
+def plot_delays(result: ClosedLoop) -> Figure:
+    """Delay of each channel, from its reading through its slots to the middle of the held command, and what is left."""
+    figure = new_figure(7.0, 1.1 + 0.5 * len(result.delays))
+    axes = figure.subplots()
+    parts = (
+        ("to_control", "reading to law", "#1f6f8b"), ("to_write", "law to plant", "#68a6b9"),
+        ("hold", "half a held frame", "#c8e0e5"), ("margin", "margin left", "#e3e6ea"),
+    )  # fmt: skip
+    longest = 0.0
+    for i, d in enumerate(result.delays):
+        left = 0.0
+        for name, label, colour in parts:
+            width = 1e3 * getattr(d, name)
+            if np.isfinite(width):
+                axes.barh(i, width, left=left, color=colour, label=label if i == 0 else None, height=0.6)
+                left += width
+        longest = max(longest, left)
+        slots = f"slots {d.read_slot} → {d.control_slot} → {d.write_slot}"
+        rest = f", {d.spare_slots:.0f} slots to spare" if np.isfinite(d.spare_slots) else ""
+        axes.text(left, i, f"  {slots}{rest}", va="center", fontsize=7.5, color=DARK)
+    axes.set(yticks=range(len(result.delays)), yticklabels=[d.channel for d in result.delays], xlabel="Delay [ms]")
+    axes.set_xlim(0.0, 1.45 * longest)
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+@in_style
+def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
+    """Amplitude of each limit cycle over the loop gain: describing function as lines, simulation as dots."""
+    figure = new_figure(max(4.0, 2.5 * len(cycles)), 3.0)
+    panels = figure.subplots(1, len(cycles), squeeze=False)[0]
+    for axes, c in zip(panels, cycles):
+        factor = shown_unit(c.unit)[1]
+        axes.plot(c.factor, factor * c.amplitude, "-", color="#0072b2", label="describing function")
+        still, lost = c.swing == 0.0, np.isinf(c.swing)
+        moving = ~still & ~lost
+        lowest, top = 0.6 * factor * c.amplitude[0], factor * max(c.amplitude[-1], c.swing[moving].max(initial=0.0))
+        dots = {"ms": 4, "color": "#d55e00"}
+        axes.plot(c.factors[moving], factor * c.swing[moving], "o", label="simulated", **dots)
+        axes.plot(c.factors[still], np.full(still.sum(), lowest), "o", mfc="none", label="simulated, at rest", **dots)
+        axes.plot(c.factors[lost], np.full(lost.sum(), top), "^", label="simulated, grows", **dots)
+        axes.axvline(c.limit, color=GREY, lw=0.8, ls=(0, (4, 2)), label="linear limit")
+        axes.axvline(1.0, color=FAINT, lw=0.8, label="this robot's gain")
+        axes.set(xlabel="Factor on the loop gain", yscale="log", xlim=(0.0, 1.4 * c.limit))
+        axes.set_ylim(0.45 * factor * c.amplitude[0], 1.5 * top)
+        axes.set_title(f"{c.label}\n({c.channel})", fontsize=8.5)
+    panels[0].set_ylabel(f"Amplitude of the command [{shown_unit(cycles[0].unit)[0]}]")
+    shown = {label: line for axes in panels for line, label in zip(*axes.get_legend_handles_labels())}
+    figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=min(3, 2 * len(cycles)), fontsize=8)
+    return figure
+
+
+@in_style
+def plot_stability(result: ClosedLoop) -> Figure:
+    """Spectral radius over two gains with its boundary, and over added command latency."""
+    latency = result.latency
+    figure = new_figure(7.0 if latency else 4.4, 3.3)
+    panels = figure.subplots(1, 2, width_ratios=[1.45, 1.0]) if latency else [figure.subplots()]
+    draw_gains(figure, panels[0], result)
+    if latency:
+        draw_latency(panels[1], latency, result.model.period)
+    return figure
+
+
+def draw_gains(figure: Figure, axes: Any, result: ClosedLoop) -> None:
+    """Spectral radius over the gains; blue stable, orange not, the boundary black."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    gains, robot = result.gains, result.robot
+    labels, scales = zip(*(gain_label(robot, name) for name in gains.names))
+    x, y = scales[0] * gains.first, scales[1] * gains.second
+    nominal = scales[0] * gains.nominal[0], scales[1] * gains.nominal[1]
+    colours = ListedColormap(INSIDE + OUTSIDE).with_extremes(under="#0b5570", over="#a83a12")
+    norm = BoundaryNorm(LEVELS, colours.N)
+    filled = axes.contourf(x, y, gains.radius, LEVELS, cmap=colours, norm=norm, extend="both")
+    if gains.radius.min() < 1.0 < gains.radius.max():
+        axes.contour(x, y, gains.radius, [1.0], colors="black", linewidths=1.4)
+    if y[0] < 0.0:
+        axes.axhline(0.0, color="#555", lw=0.6, ls=(0, (4, 2)))
+    if x[0] <= nominal[0] <= x[-1] and y[0] <= nominal[1] <= y[-1]:
+        axes.plot(*nominal, "o", ms=6, mfc="white", mec="black", label="this robot")
+        axes.legend(loc="upper right", frameon=True, framealpha=0.9, edgecolor="none")
+    axes.set(xlabel=labels[0], ylabel=labels[1], title="Spectral radius; black line: 1", xlim=(x[0], x[-1]))
+    axes.grid(False)
+    figure.colorbar(filled, ax=axes, ticks=LEVELS, format="%g")
+
+
+def gain_label(robot: Robot, name: str) -> tuple[str, float]:
+    """Label of a gain's axis with the unit shown, and its factor from SI."""
+    unit = robot.machine.parameters[robot.indices(name)[0]].unit
+    shown, factor = shown_unit(unit)
+    if shown == unit and unit.startswith("m/"):  # a gain in metres per something is shown in millimetres
+        shown, factor = "m" + unit, 1e3
+    return f"{name.rsplit('.', 1)[-1]} [{shown}]", factor
+
+
+def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
+    """Spectral radius over added latency, its limit marked."""
+    axes.plot(latency.frames, latency.radius, color="#0072b2")
+    axes.axhline(1.0, color="black", lw=0.9)
+    axes.set_ylabel("Spectral radius")
+    if latency.limit > 0.0:  # neither nan nor unstable from the start
+        axes.plot(latency.limit, 1.0, "o", ms=6, mfc="white", mec="black")
+        words = f"{latency.limit:.1f} frames\n({1e3 * period * latency.limit:.0f} ms)"
+        axes.annotate(words, (latency.limit, 1.0), xytext=(-8, 8), textcoords="offset points", ha="right", fontsize=8)
+    axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
+
+
+@in_style
+def plot_tuning(tuning: Tuning) -> Figure:
+    """Steps of the channels above; settling, overshoot, disk margin and noise below, with their requirements."""
+    channels = [s.channel for s in tuning.compared[0].steps]
+    figure = new_figure(7.4, 2.6 + 1.1 + 0.24 * len(tuning.compared))
+    heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
+    panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
+    for j, (axes, channel) in enumerate(zip(panels, channels)):
+        for k, tuned in enumerate(tuning.compared):
+            draw_step(axes, tuned, j, CONTROLLERS[k % len(CONTROLLERS)])
+        axes.set(title=f"Step on {channel}", xlabel="Time [s]")
+        axes.set_xlim(0.0, shown_time(tuning))
+    panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, 1.35))
+    draw_requirements(bottom, tuning)
+    title = "No controller holds all requirements"
+    if best := tuning.best:
+        title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
+    top.suptitle(title, fontsize=10)
+    return figure
+
+
+def shown_time(tuning: Tuning) -> float:
+    """End of the time axis [s]: a little beyond the settling time of the robot's own controller."""
+    ends = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
+    return min(1.15 * max(ends, default=np.inf), tuning.compared[0].steps[0].time[-1])
+
+
+def draw_step(axes: Any, tuned: Tuned, channel: int, colour: str) -> None:
+    """One channel's own response to its step."""
+    step = tuned.steps[channel]
+    start = step.output[0, channel]
+    width = 1.1 if tuned.gains else 1.6
+    axes.plot(step.time, (step.output[:, channel] - start) / step.size, color=colour, lw=width)
+    axes.axhline(1.0, color="#444", lw=0.7, ls=(0, (4, 2)))
+
+
+def draw_requirements(figure: Any, tuning: Tuning) -> None:
+    """A row for each controller, a panel for each number; grey where the requirement is missed."""
+    wanted, unit = tuning.requirements, tuning.noise_unit
+    shown, factor = shown_unit(unit)
+    noise = None if wanted.noise is None else factor * wanted.noise
+    panels = (
+        ("settling", 1.0, "Settling [s]", wanted.settling, False),
+        ("overshoot", 100.0, "Overshoot [%]", 100.0 * wanted.overshoot, False),
+        ("disk_margin", 1.0, "Disk margin [-]", wanted.disk_margin, True),
+        ("noise", factor, f"Command noise [{shown}]", noise, False),
+    )
+    rows = np.arange(len(tuning.compared))
+    for axes, (name, scale, label, limit, above) in zip(figure.subplots(1, 4, sharey=True), panels):
+        values = np.array([scale * getattr(t, name) for t in tuning.compared])
+        axes.barh(rows, np.nan_to_num(values), color=[CONTROLLERS[k % len(CONTROLLERS)] for k in rows], height=0.62)
+        top = max([*values[np.isfinite(values)], limit or 0.0]) or 1.0
+        for row, value in zip(rows, values):
+            text = f"{value if value > VISIBLE * top else 0.0:.3g}" if np.isfinite(value) else "unstable"
+            at = max(np.nan_to_num(value), 0.0) + 0.02 * top
+            axes.text(at, row, text, va="center", fontsize=7, color=DARK, bbox=BOX)
+        if limit is not None:
+            axes.axvline(limit, color="black", lw=1.0, ls=(0, (3, 2)))
+            side = 0.0 if above else limit
+            axes.axvspan(side, limit if above else 1.6 * top, color=GREY, alpha=0.12, lw=0)
+        axes.set(xlabel=label, xlim=(0.0, 1.35 * top), yticks=rows, yticklabels=[t.name for t in tuning.compared])
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+    figure.axes[0].invert_yaxis()
+
+
 DRAWINGS = {
     "steps": plot_steps,
     "poles": plot_poles,
@@ -189,7 +532,7 @@ DRAWINGS = {
 }
 
 
-def figures_of(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
+def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure; that of limit cycles where there are any."""
     figures = {f"{name}.png": png_of(draw(result)) for name, draw in DRAWINGS.items()}
     return figures | ({"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {})

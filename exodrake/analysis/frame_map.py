@@ -34,7 +34,7 @@ class StateName:
     unit: str
 
 
-def state_names(machine: Machine) -> tuple[StateName, ...]:
+def name_states(machine: Machine) -> tuple[StateName, ...]:
     """Names of all states in the order of the flat state: each part's own, then those of the effects on it."""
     found: list[StateName] = []
     for block in machine.parts:
@@ -178,7 +178,7 @@ class FrameMap:
         machine, part = self.robot.machine, next(p for p in self.robot.machine.parts if p.name == self.loop.part)
         owners = tuple(f"{owner}." for owner in (part.name, *(e.id for e in machine.effects_on(part))))
         held = f"{part.name}.{self.loop.held}"
-        return np.array([n.group.startswith(owners) and n.group != held for n in state_names(machine)])
+        return np.array([n.group.startswith(owners) and n.group != held for n in name_states(machine)])
 
     def with_values(self, values: Mapping[str, float]) -> FrameMap:
         """The frame map with other parameters: name -> value [SI]; a name without its channel sets all channels."""
@@ -188,7 +188,7 @@ class FrameMap:
         return replace(self, parameters=parameters)
 
 
-def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
+def resolve_references(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.ndarray:
     """References (channels,) [SI] of an operating point, by its name or channel by channel; the machine's own without.
 
     Raises:
@@ -196,11 +196,18 @@ def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.nd
     """
     robot, channels = loop.robot, loop.channels
     at = next(iter(loop.loop.points)) if at is None else at
-    values = named_point(loop, at) if isinstance(at, str) else at
+    lowest, highest = robot.reference_limits()
+    values: Mapping[str, float]
+    if isinstance(at, str):
+        points = loop.loop.points
+        if at not in points:
+            raise InputError(f"no operating point {at!r}{nearest(at, list(points))}; there are {', '.join(points)}")
+        values = {c: float(np.clip(points[at][c], *ends)) for c, *ends in zip(channels, lowest, highest)}
+    else:
+        values = at
     for name in values:
         if name not in channels:
             raise InputError(f"operating point names {name!r}; the loop has {', '.join(channels)}")
-    lowest, highest = robot.reference_limits()
     if not robot.machine.reference_limits:
         lowest = -highest
     unit = robot.machine.signal[loop.loop.reference].unit
@@ -213,12 +220,3 @@ def references_of(loop: FrameMap, at: Mapping[str, float] | str | None) -> np.nd
                 f"operating point {name} = {values[name]:g} {unit} is outside {low:g} .. {highest[i]:g} {unit}"
             )
     return np.array([float(values[name]) for name in channels])
-
-
-def named_point(loop: FrameMap, name: str) -> dict[str, float]:
-    """References [SI] of one of the machine's operating points, within the robot's limits. InputError without such."""
-    points = loop.loop.points
-    if name not in points:
-        raise InputError(f"no operating point {name!r}{nearest(name, list(points))}; there are {', '.join(points)}")
-    lowest, highest = loop.robot.reference_limits()
-    return {c: float(np.clip(points[name][c], *ends)) for c, *ends in zip(loop.channels, lowest, highest)}

@@ -3,7 +3,8 @@
 The describing function N(a, f) between command and reading is measured: a sine of amplitude a and frequency f replaces
 the channel's command, and the first harmonic of its reading is fitted (Gelb, Vander Velde 1968). With the linear
 controller K a limit cycle is predicted at the factor g on the loop gain for which g K N(a, f) = -1. Where g grows with
-a, it is stable. The closed loop with that factor is then simulated after a kick.
+a, it is stable. The closed loop with that factor is then simulated after a kick. python-control knows describing
+functions of static nonlinearities alone; here N depends on the frequency, too, and rests on the frame's schedule.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.margins import gain_margins
-from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating_point import OperatingPoint, linearised
+from exodrake.analysis.linear_model import FrameModel, OperatingPoint, linearise_robot
+from exodrake.analysis.margins import frequency_grid, loop_margins, open_loop, plant_response, return_ratio, single
 from exodrake.compiled.inputs import prepared
 from exodrake.core.robot import Robot
 
@@ -138,31 +138,40 @@ def limit_cycles(robot: Robot, at: Mapping[str, float] | str | None = None) -> t
     place. None for a loop that is unstable without nonlinearities, or has no gain margin.
     """
     for plain in (robot, robot.without_effects()):
-        loop, point, model = linearised(plain, at)
+        loop, point, model = linearise_robot(plain, at)
         if model.decides:
             break
     if model.spectral_radius >= 1.0:
         return ()
-    whole = opened(loop, model)
-    margins = [gain_margins(whole.single(j).ratio(whole.frequency)[:, 0, 0])[1] for j in range(len(loop.channels))]
+    whole = open_loop(loop, model)
+    grid, direct = frequency_grid(whole), model.D[model.rows(loop.column(loop.loop.command))]
+    ratios = [return_ratio(single(whole, j), grid)[:, 0, 0] for j in range(len(loop.channels))]
+    margins = [loop_margins(grid, ratio)[1] if np.abs(ratio).max() > 0.0 else np.inf for ratio in ratios]
     channel = int(np.argmin(margins))
     if not np.isfinite(margins[channel]):
         return ()
     found, own = [], robot.effects()
     if own and plain is not robot:
-        found.append(cycles_of(" + ".join(own), robot, point, whole, channel, margins[channel], False))
+        found.append(compare_cycles(" + ".join(own), robot, point, whole, direct, channel, margins[channel], False))
     if loop.loop.resolution and plain.channels(loop.loop.resolution).max() > 0.0:
         label = f"rounding, {loop.loop.resolution}"
-        found.append(cycles_of(label, plain, point, whole, channel, margins[channel], True))
+        found.append(compare_cycles(label, plain, point, whole, direct, channel, margins[channel], True))
     for identity, values in loop.loop.nonlinear.items():
         if identity not in own:
             spliced = plain.splice(identity, values)
-            found.append(cycles_of(identity, spliced, point, whole, channel, margins[channel], False))
+            found.append(compare_cycles(identity, spliced, point, whole, direct, channel, margins[channel], False))
     return tuple(found)
 
 
-def cycles_of(
-    label: str, robot: Robot, point: OperatingPoint, whole: OpenLoop, channel: int, limit: float, rounded: bool
+def compare_cycles(
+    label: str,
+    robot: Robot,
+    point: OperatingPoint,
+    whole: FrameModel,
+    direct: np.ndarray,
+    channel: int,
+    limit: float,
+    rounded: bool,
 ) -> LimitCycles:
     """Predicted and simulated limit cycles of one robot.
 
@@ -171,6 +180,7 @@ def cycles_of(
         robot: with it.
         point: where the same robot rests without it.
         whole: linear loop without it, opened.
+        direct: (channels, channels) dv/dr of the controller [command / reference].
         channel: index of the channel.
         limit: gain margin of that linear loop.
         rounded: whether readings are rounded.
@@ -184,24 +194,24 @@ def cycles_of(
         references = references + edge
         rows = np.tile(references, (RUN, 1))
         state = replace(loop, parameters=prepared(robot, quantisation=False)).run(state, rows)[0]
-    plant = CommandedLoop(loop, references, whole.D, channel)
-    unit = abs(whole.D[channel, channel]) * loop.loop.step
+    plant = CommandedLoop(loop, references, direct, channel)
+    unit = abs(direct[channel, channel]) * loop.loop.step
     frequency = np.array(CYCLES) / (WINDOW * whole.period)
-    one = whole.single(channel)
-    controller = one.ratio(frequency)[:, 0, 0] / one.plant(frequency)[:, 0, 0]
+    one = single(whole, channel)
+    controller = return_ratio(one, frequency)[:, 0, 0] / plant_response(one, frequency)[:, 0, 0]
     curve = []
     for size in unit * AMPLITUDES:
         measured = np.array([describing_function(plant, state, size, cycles) for cycles in CYCLES])
-        curve.append(crossing(frequency, controller * measured))
+        curve.append(find_crossing(frequency, controller * measured))
     factors = np.sort(np.append(limit * np.array(FACTORS), 1.0))
     swings = [oscillation(plant, state, g, whole.period, unit) for g in factors]
     return LimitCycles(
-        label, whole.channels[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
+        label, whole.inputs[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
         *np.array(curve).T, factors, *np.array(swings).T,  # pyright: ignore
     )  # fmt: skip
 
 
-def crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
+def find_crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
     """Least factor that puts a response (f,) on -1, and the frequency [Hz] where; nan and nan if none does."""
     best = (np.nan, np.nan)
     for k in range(len(frequency) - 1):

@@ -1,4 +1,4 @@
-"""The frame map differentiated at an operating point: a linear model with one step per frame, and its poles.
+"""The frame map at an operating point: the loop at rest by simulation, its linear model with one step per frame, poles.
 
     x_{n+1} = A x_n + B r_n + N e_n        y_n = C x_n + D r_n + M e_n      (deviations from the operating point)
 
@@ -10,12 +10,19 @@ With them, a shift register of m frames would make A defective, and its zero pol
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.analysis.frame_map import FrameMap, state_names
+from exodrake.analysis.frame_map import FrameMap, name_states, resolve_references
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+
+if TYPE_CHECKING:
+    import control
 
 NUDGE = 0.02  # reference step that measures excursions, as a share of the loop's step
 FRAMES = 8  # frames of it
@@ -23,81 +30,12 @@ UNMOVED = 1e-3  # excursion assumed of a state that does not move
 FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
 FRACTION = 0.05  # where one will do
 OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
+ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
 KINK = 0.02  # one-sided slopes that differ by more deserve a word
-
-
-def excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
-    """Largest excursion of each state (states,) [SI] over small steps of all references."""
-    names = state_names(loop.robot.machine)
-    size = np.zeros(len(state))
-    for i in range(len(references)):
-        rows = references.copy()
-        rows[i] += NUDGE * loop.loop.step
-        moved, still = state, state
-        for _ in range(FRAMES):
-            moved, _ = loop.run(moved, rows[None, :])
-            still, _ = loop.run(still, references[None, :])
-            size = np.maximum(size, np.abs(moved - still))
-    groups: dict[str, list[int]] = {}
-    for i, name in enumerate(names):
-        groups.setdefault(name.group, []).append(i)
-    for places in groups.values():
-        size[places] = size[places].max()
-    size[size < 1e-12] = UNMOVED
-    return size
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """Difference quotients of the frame map, in SI.
-
-    Attributes:
-        central: (states + w, states + channels + noises): rows x' then all signals w, columns x, r, e.
-        bend: same shape: (forward - backward) / 2; zero where the map is smooth.
-    """
-
-    central: np.ndarray
-    bend: np.ndarray
-
-
-def differences(
-    loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
-) -> Slopes:
-    """Slopes in some columns (indices in x, r, e); the others stay zero. size: excursions (states,) [SI]."""
-    step, n, noises = loop.stepper(), len(state), len(loop.noises)
-    after = n + len(references)
-    point = np.concatenate([state, references, np.zeros(noises)])
-    moves = fraction * np.concatenate([size, np.full(len(references), NUDGE * loop.loop.step), np.ones(noises)])
-
-    def image(p: np.ndarray) -> np.ndarray:
-        return np.concatenate(step(p[:n], p[n:after], p[after:]))
-
-    here = image(point)
-    central, bend = np.zeros((len(here), len(point))), np.zeros((len(here), len(point)))
-    for i in columns:
-        up, down = point.copy(), point.copy()
-        up[i] += moves[i]
-        down[i] -= moves[i]
-        above, below, width = image(up), image(down), up[i] - down[i]
-        central[:, i], bend[:, i] = (above - below) / width, (above + below - 2.0 * here) / width
-    return Slopes(central, bend)
-
-
-def matters(a: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
-    used = np.any(c != 0.0, axis=0)
-    while True:
-        more = used | np.any(a[used] != 0.0, axis=0)
-        if (more == used).all():
-            return np.flatnonzero(used)
-        used = more
-
-
-def used(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
-    n = len(state)
-    central = differences(loop, state, references, size, FRACTION, np.arange(n)).central
-    return matters(central[:n, :n], central[n + output_rows(loop)[0], :n])
+CHUNK, CHUNKS = 100, 30  # frames between two looks for rest; looks
+REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
+SLOW = 1e-4  # the same after 60 s, below which what still moves is too slow to matter
+BATCH = 200  # frequencies solved at a time, for memory
 
 
 @dataclass(frozen=True)
@@ -113,15 +51,25 @@ class Pole:
     time_constant: float
     state: str
 
+    @staticmethod
+    def from_z(z: complex, period: float, state: str = "") -> Pole:
+        """A pole with its continuous-time reading s = ln(z) / T."""
+        if abs(z) < 1e-12:
+            return Pole(z, np.inf, 1.0, 0.0, state)
+        s = np.log(z) / period
+        decay = np.inf if abs(abs(z) - 1.0) < ON_CIRCLE else -1.0 / s.real
+        damping = -s.real / abs(s) if s != 0.0 else 0.0
+        return Pole(z, float(abs(s)) / (2.0 * np.pi), float(damping), float(decay), state)
+
 
 @dataclass(frozen=True, eq=False)
 class FrameModel:
-    """Linear model of the loop, one step per frame.
+    """Linear model with one step per frame: of the closed loop, of the loop opened, of a plant or of a controller.
 
     Attributes:
-        A (n, n), B (n, channels), C (outputs, n), D (outputs, channels): SI.
+        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs): SI.
         period: frame period [s].
-        states, inputs, outputs: names; outputs are log columns.
+        states, inputs, outputs: names; of the closed loop, inputs and outputs are log columns.
         step: fraction of the excursions used.
         convergence: change of A, in excursions, against the next fraction.
         kink: largest difference of one-sided slopes, in excursions.
@@ -134,9 +82,9 @@ class FrameModel:
     C: np.ndarray
     D: np.ndarray
     period: float
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
     step: float = 0.0
     convergence: float = 0.0
     kink: float = 0.0
@@ -164,19 +112,45 @@ class FrameModel:
         values, right = np.linalg.eig(self.A)
         share = np.abs(np.linalg.pinv(right).T * right)
         order = np.argsort(-np.abs(values), kind="stable")
-        return tuple(pole_of(complex(values[i]), self.period, self.states[int(share[:, i].argmax())]) for i in order)
+        return tuple(
+            Pole.from_z(complex(values[i]), self.period, self.states[int(share[:, i].argmax())]) for i in order
+        )
 
     def response(self, frequency: np.ndarray) -> np.ndarray:
         """Frequency response (f, outputs, inputs) at frequencies (f,) [Hz]."""
-        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period)
-        eye = np.eye(len(self.A))
-        return np.array([self.C @ np.linalg.solve(zz * eye - self.A, self.B) + self.D for zz in z])
+        return self.transfer(np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.period))
 
-    def select(self, *kinds: str) -> FrameModel:
-        """The model with the outputs of these column kinds only, e.g. "tension", "angle"."""
-        rows = [i for i, name in enumerate(self.outputs) if name.rsplit("_", 1)[0] in kinds]
-        noise = self.M[rows] if self.M.size else self.M
-        return replace(self, C=self.C[rows], D=self.D[rows], M=noise, outputs=tuple(self.outputs[i] for i in rows))
+    def transfer(self, z: np.ndarray) -> np.ndarray:
+        """Transfer function C (z - A)^-1 B + D (f, outputs, inputs) [SI] at points z (f,) [-]."""
+        eye, parts = np.eye(len(self.A)), np.array_split(z, max(1, len(z) // BATCH))
+        inner = np.concatenate([np.linalg.solve(p[:, None, None] * eye - self.A, self.B) for p in parts])
+        return self.C @ inner + self.D
+
+    def rows(self, kind: str) -> list[int]:
+        """Indices of the outputs of a column kind, e.g. "tension", "angle"."""
+        return [i for i, name in enumerate(self.outputs) if name.rsplit("_", 1)[0] == kind]
+
+    def to_control(self, *kinds: str) -> control.StateSpace:
+        """The model as python-control's `StateSpace`, dt = one frame, signals named as log columns.
+
+        Args:
+            kinds: of outputs, such as "tension", "stroke"; all by default.
+
+        Raises:
+            InputError: a kind is unknown.
+        """
+        from control import StateSpace
+
+        known = sorted({name.rsplit("_", 1)[0] for name in self.outputs})
+        for kind in kinds:
+            if kind not in known:
+                raise InputError(f"the model has no output {kind!r}; there are {', '.join(known)}")
+        rows = sorted(i for kind in set(kinds or known) for i in self.rows(kind))
+        return StateSpace(
+            self.A, self.B, self.C[rows], self.D[rows], self.period, remove_useless_states=False,
+            states=[name.replace(".", "_") for name in self.states], inputs=list(self.inputs),
+            outputs=[self.outputs[i] for i in rows],
+        )  # fmt: skip
 
 
 def spectral_radius(a: np.ndarray) -> float:
@@ -184,7 +158,7 @@ def spectral_radius(a: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(a)).max(initial=0.0))
 
 
-def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> np.ndarray:
+def compute_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> np.ndarray:
     """Standard deviation (outputs,) [SI] of y = C x + M e in the stationary state of a stable x' = A x + N e.
 
     Args:
@@ -202,29 +176,92 @@ def output_noise(a: np.ndarray, n: np.ndarray, c: np.ndarray, m: np.ndarray) -> 
     return np.sqrt(np.diag(c @ covariance @ c.T + m @ m.T))
 
 
-ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
+def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> np.ndarray:
+    """Largest excursion of each state (states,) [SI] over small steps of all references."""
+    size = np.zeros(len(state))
+    for i in range(len(references)):
+        rows = references.copy()
+        rows[i] += NUDGE * loop.loop.step
+        stepped, still = state, state
+        for _ in range(FRAMES):
+            stepped, _ = loop.run(stepped, rows[None, :])
+            still, _ = loop.run(still, references[None, :])
+            size = np.maximum(size, np.abs(stepped - still))
+    groups: dict[str, list[int]] = {}
+    for i, name in enumerate(name_states(loop.robot.machine)):
+        groups.setdefault(name.group, []).append(i)
+    for places in groups.values():
+        size[places] = size[places].max()
+    size[size < 1e-12] = UNMOVED
+    return size
 
 
-def pole_of(z: complex, period: float, state: str = "") -> Pole:
-    """A pole with its continuous-time reading s = ln(z) / T."""
-    if abs(z) < 1e-12:
-        return Pole(z, np.inf, 1.0, 0.0, state)
-    s = np.log(z) / period
-    decay = np.inf if abs(abs(z) - 1.0) < ON_CIRCLE else -1.0 / s.real
-    damping = -s.real / abs(s) if s != 0.0 else 0.0
-    return Pole(z, float(abs(s)) / (2.0 * np.pi), float(damping), float(decay), state)
+def differentiate(
+    loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray, fraction: float, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Difference quotients of the frame map [SI]: rows x' then all signals w, columns x, r, e.
+
+    Args:
+        loop: the frame map.
+        state: (states,) and references: (channels,) [SI], where it is differentiated.
+        references: see above.
+        size: excursions (states,) [SI].
+        fraction: of the excursions by which each state moves.
+        columns: indices in x, r, e; the other columns stay zero.
+
+    Returns:
+        The central quotients (states + w, states + channels + noises), and (forward - backward) / 2 of the same shape,
+        which is zero where the map is smooth.
+    """
+    step, n, noises = loop.stepper(), len(state), len(loop.noises)
+    after = n + len(references)
+    point = np.concatenate([state, references, np.zeros(noises)])
+    moves = fraction * np.concatenate([size, np.full(len(references), NUDGE * loop.loop.step), np.ones(noises)])
+
+    def image(p: np.ndarray) -> np.ndarray:
+        return np.concatenate(step(p[:n], p[n:after], p[after:]))
+
+    here = image(point)
+    central, bend = np.zeros((len(here), len(point))), np.zeros((len(here), len(point)))
+    for i in columns:
+        up, down = point.copy(), point.copy()
+        up[i] += moves[i]
+        down[i] -= moves[i]
+        above, below, width = image(up), image(down), up[i] - down[i]
+        central[:, i], bend[:, i] = (above - below) / width, (above + below - 2.0 * here) / width
+    return central, bend
 
 
-def best_slopes(
+def differentiate_best(
     loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray
-) -> tuple[Slopes, float, float]:
-    """Slopes with the step of best agreement, that step in excursions (states,) [SI], and the disagreement."""
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Quotients (states + w, columns) [SI] with the fraction of best agreement, it, and the disagreement [excursions].
+
+    Arguments and the first two results as in `differentiate`.
+    """
     n, columns = len(state), np.arange(len(state) + len(references) + len(loop.noises))
-    tried = [differences(loop, state, references, size, f, columns) for f in FRACTIONS]
-    scaled = [t.central[:n, :n] * size / size[:, None] for t in tried]
+    tried = [differentiate(loop, state, references, size, f, columns) for f in FRACTIONS]
+    scaled = [central[:n, :n] * size / size[:, None] for central, _ in tried]
     gaps = [float(np.abs(a - b).max()) for a, b in pairwise(scaled)]
     best = int(np.argmin(gaps)) + 1
-    return tried[best], FRACTIONS[best], gaps[best - 1]
+    return *tried[best], FRACTIONS[best], gaps[best - 1]
+
+
+def find_observed(a: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Indices of the states on which outputs y = C x depend, at once or later; a (n, n) and c (outputs, n) [SI]."""
+    observed = np.any(c != 0.0, axis=0)
+    while True:
+        more = observed | np.any(a[observed] != 0.0, axis=0)
+        if (more == observed).all():
+            return np.flatnonzero(observed)
+        observed = more
+
+
+def observed_states(loop: FrameMap, state: np.ndarray, references: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Indices of the states on which the log depends, at once or later; size: excursions (states,) [SI]."""
+    n = len(state)
+    central, _ = differentiate(loop, state, references, size, FRACTION, np.arange(n))
+    return find_observed(central[:n, :n], central[n + output_rows(loop)[0], :n])
 
 
 def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -238,16 +275,91 @@ def output_rows(loop: FrameMap) -> tuple[np.ndarray, tuple[str, ...]]:
 def linearise(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> FrameModel:
     """The linear model at a state of rest (states,), from references (channels,) [SI] to the log's columns."""
     machine, n = loop.robot.machine, len(state)
-    size = excursions(loop, state, references)
-    slopes, fraction, gap = best_slopes(loop, state, references, size)
+    size = measure_excursions(loop, state, references)
+    central, bend, fraction, gap = differentiate_best(loop, state, references, size)
     rows, outputs = output_rows(loop)
-    a, b, e = np.split(slopes.central[:n], [n, n + len(references)], axis=1)
-    c, d, m = np.split(slopes.central[n + rows], [n, n + len(references)], axis=1)
-    keep = matters(a, c)
-    bends = np.abs(slopes.bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
-    names = tuple(state_names(machine)[i].name for i in keep)
+    a, b, e = np.split(central[:n], [n, n + len(references)], axis=1)
+    c, d, m = np.split(central[n + rows], [n, n + len(references)], axis=1)
+    keep = find_observed(a, c)
+    bends = np.abs(bend[np.ix_(keep, keep)] * size[keep] / size[keep, None]).max(axis=0, initial=0.0)
+    names = tuple(name_states(machine)[i].name for i in keep)
     return FrameModel(
         a[np.ix_(keep, keep)], b[keep], c[:, keep], d, machine.frame, names,
         tuple(f"{loop.loop.reference}_{channel}" for channel in loop.channels), outputs,
         fraction, gap, float(bends.max()), names[int(bends.argmax())], e[keep], m,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """Operating point: the state of rest of a loop under constant references.
+
+    Attributes:
+        references: (channels,) [SI].
+        state: (states,) at a frame's start.
+        output: (channels,) the controlled quantity [SI].
+        readings: column kind -> reading of each of its channels [SI].
+        frames: simulated until rest.
+        residual: largest change over one frame, in units of each state's excursion.
+        steady: whether the robot's own gains brought it there, rather than gentler ones.
+        slack: names of channels whose reference is above 0 and whose output is not, such as slack tendons.
+    """
+
+    references: np.ndarray
+    state: np.ndarray
+    output: np.ndarray
+    readings: dict[str, np.ndarray]
+    frames: int
+    residual: float
+    steady: bool
+    slack: tuple[str, ...]
+
+
+def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> float:
+    """Largest change [excursions] over a frame from a state (states,), of the states on which the log depends."""
+    after, _ = loop.run(state, references[None, :])
+    size = measure_excursions(loop, state, references)
+    keep = observed_states(loop, state, references, size)
+    return float(np.max(np.abs(after - state)[keep] / size[keep], initial=0.0))
+
+
+def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, float]:
+    """State (states,) [SI] after the loop came to rest, frames until then, what still moves; as it is after 60 s."""
+    state, rows, drift, frames = loop.start(), np.tile(references, (CHUNK, 1)), np.inf, 0
+    while not drift < REST and frames < CHUNK * CHUNKS:
+        state, _ = loop.run(state, rows)
+        drift, frames = measure_drift(loop, state, references), frames + CHUNK
+    return state, frames, drift
+
+
+def operating_point(loop: FrameMap, at: Mapping[str, float] | str | None = None) -> OperatingPoint:
+    """The loop at rest under references `at` [SI per channel, or the name of a point of the machine].
+
+    Where the robot's own gains do not bring it to rest, gentle ones do; that state counts if its own keep it at rest.
+    InputError where neither does, for such a loop has no operating point: drift, creep, tremor, a limit cycle.
+    """
+    references = resolve_references(loop, at)
+    state, frames, residual = settle(loop, references)
+    steady = residual < SLOW
+    machine = loop.robot.machine
+    if not steady:
+        state, more, _ = settle(loop.with_values(loop.loop.gentle), references)
+        residual, frames = measure_drift(loop, state, references), frames + more
+        if not residual < SLOW:
+            unit = machine.signal[loop.loop.reference].unit
+            words = ", ".join(f"{name} = {r:g} {unit}" for name, r in zip(loop.channels, references))
+            raise InputError(f"the loop does not come to rest at {words}: it still moves {residual:.2g} a frame")
+    _, signals = loop.run(state, references[None, :])
+    output = signals[0, loop.signals[loop.loop.output]]
+    readings = {c.kind: signals[0, loop.signals[c.signal]] for c in machine.columns}
+    slack = tuple(n for n, r, y in zip(loop.channels, references, output) if machine.reference_limits and r > 0.0 >= y)
+    return OperatingPoint(references, state, output, readings, frames, residual, steady, slack)
+
+
+def linearise_robot(
+    robot: Robot, at: Mapping[str, float] | str | None = None
+) -> tuple[FrameMap, OperatingPoint, FrameModel]:
+    """The frame map of a robot, where it rests, and its linear model there. InputError as `operating_point`."""
+    loop = FrameMap.of(robot)
+    point = operating_point(loop, at)
+    return loop, point, linearise(loop, point.state, point.references)

@@ -1,4 +1,10 @@
-"""Gain, phase, delay and disk margins of each channel's loop, opened at its command, the other loops closed.
+"""Stability margins of a sampled loop: gain, phase, delay and disk margins, delay budget, maps over gains and latency.
+
+A loop is opened at its commands: x' = A x + B u, v = C x, with u what the plant gets and v what the controller sends. A
+reference enters the controller only, and the command answers within the frame: dv/dr = D. So u acts on the plant like a
+reference D^-1 u, and does not act on the controller's own states. No second simulation is needed:
+
+    B = B_r D^-1, 0 in the controller's states         A = A_closed - B C         L(z) = -C (z - A)^-1 B
 
 Margins of an unstable loop mean nothing and are NaN. Where a loop is stable, they are found twice: from the open loop
 L, and from the poles with the command of the channel scaled or late. The encirclements of -1 count the unstable poles
@@ -9,17 +15,143 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from math import floor
 
 import numpy as np
 
-from exodrake.analysis.disk_margin import disk_margin
-from exodrake.analysis.linear_model import OUTSIDE, spectral_radius
-from exodrake.analysis.open_loop import OpenLoop
+from exodrake.analysis.frame_map import FrameMap, name_states
+from exodrake.analysis.linear_model import (
+    FRACTION,
+    OUTSIDE,
+    FrameModel,
+    OperatingPoint,
+    differentiate,
+    measure_excursions,
+    observed_states,
+    spectral_radius,
+)
+from exodrake.analysis.responses import first_crossing
+from exodrake.core.errors import InputError
+from exodrake.core.part import Part
 
+TURN = 0.5  # rad: largest step of phase when encirclements are counted
 MOST_GAIN, LEAST_GAIN, MOST_FRAMES = 1e3, 1e-3, 40.0  # where the searches end
-ALMOST_REAL = 0.02
+ALMOST_REAL = 0.02  # share of |L| below which its imaginary part at the lowest frequency counts as 0
+DECOUPLED, FAR = 1e-20, 1e6  # share of squared coupling that scales nothing; bound of scalings
+TIGHT = 1e-6  # of the search for scalings
+GAINS = 31  # points along each gain of the stability map
+LATENCIES = np.arange(0.0, 8.01, 0.25)  # frames
 NAN = float("nan")
+
+
+def open_loop(loop: FrameMap, model: FrameModel) -> FrameModel:
+    """A loop opened at its commands, see `cut`. InputError where a command ignores its reference (a gain of 0)."""
+    own = controller_states(loop, model)
+    return cut(model, own, loop.column(loop.loop.command), loop.column(loop.loop.measured), loop.channels)
+
+
+def controller_states(loop: FrameMap, model: FrameModel) -> np.ndarray:
+    """Whether each state (n,) [-] of a linear model is the controller's own."""
+    names = [name.name for name in name_states(loop.robot.machine)]
+    return loop.own[[names.index(name) for name in model.states]]
+
+
+def cut(
+    model: FrameModel, controller: np.ndarray, command: str, measured: str, channels: tuple[str, ...]
+) -> FrameModel:
+    """The linear model opened at its commands; `close` closes it again.
+
+    Args:
+        model: of the closed loop.
+        controller: (n,) mask of the controller's states [-].
+        command: kind of the commands' columns.
+        measured: kind of the readings' columns.
+        channels: names.
+
+    Returns:
+        The model from u, named as the channels, to the commands v, then the readings y.
+    """
+    v, y = ([model.outputs.index(f"{kind}_{c}") for c in channels] for kind in (command, measured))
+    direct, rows = model.D[v], v + y
+    if (np.abs(direct).max(axis=1) == 0.0).any() or np.linalg.cond(direct) > 1e12:
+        raise InputError(f"the {command} does not answer to its reference (kp = 0): there is no loop to break")
+    b = model.B @ np.linalg.inv(direct)
+    b[controller] = 0.0
+    noise = (model.N - b @ model.M[v], model.M[rows]) if model.N.size else (model.N, model.M)
+    return FrameModel(
+        model.A - b @ model.C[v], b, model.C[rows], np.zeros((len(rows), len(v))), model.period, model.states, channels,
+        tuple(model.outputs[i] for i in rows), N=noise[0], M=noise[1],
+    )  # fmt: skip
+
+
+def close(whole: FrameModel, gain: np.ndarray | float = 1.0) -> np.ndarray:
+    """A (n, n) [SI] of an open loop closed with factors (channels,) [-] on the commands."""
+    m = len(whole.inputs)
+    return whole.A + whole.B @ (np.broadcast_to(gain, (m,))[:, None] * whole.C[:m])
+
+
+def single(whole: FrameModel, channel: int) -> FrameModel:
+    """The loop of one channel opened, the others closed."""
+    m = len(whole.inputs)
+    rows, shut = [channel, m + channel], np.ones(m)
+    shut[channel] = 0.0
+    return FrameModel(
+        close(whole, shut), whole.B[:, [channel]], whole.C[rows], np.zeros((2, 1)), whole.period, whole.states,
+        (whole.inputs[channel],), tuple(whole.outputs[i] for i in rows),
+    )  # fmt: skip
+
+
+def delay(whole: FrameModel, frames: float) -> np.ndarray:
+    """A (k, k) [SI] of an open loop closed by commands late by `frames`, with a straight line between two commands."""
+    n, m = len(whole.A), len(whole.inputs)
+    depth = floor(frames) + 1  # commands of 1 .. depth frames ago
+    a = np.zeros((n + depth * m, n + depth * m))
+    a[:n, :n] = whole.A
+    a[n : n + m, :n] = whole.C[:m]
+    a[n + m :, n:-m] = np.eye((depth - 1) * m)
+    for age, share in ((depth - 1, depth - frames), (depth, frames - depth + 1)):
+        if age == 0:
+            a[:n, :n] += share * whole.B @ whole.C[:m]
+        else:
+            a[:n, n + (age - 1) * m : n + age * m] += share * whole.B
+    return a
+
+
+def return_ratio(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+    """Return ratio L (f, channels, channels) [-] of an open loop at frequencies (f,) [Hz]."""
+    return -whole.response(frequency)[:, : len(whole.inputs)]
+
+
+def plant_response(whole: FrameModel, frequency: np.ndarray) -> np.ndarray:
+    """Response of the readings to the commands (f, channels, channels) [reading / command] at frequencies (f,) [Hz]."""
+    return whole.response(frequency)[:, len(whole.inputs) :]
+
+
+def frequency_grid(whole: FrameModel) -> np.ndarray:
+    """Frequencies (f,) [Hz] up to the Nyquist frequency, dense where margins are read."""
+    top = 0.5 / whole.period
+    return np.concatenate([np.geomspace(4e-5 * top, 0.04 * top, 300), np.linspace(0.04, 1.0, 1500)[1:] * top])
+
+
+def count_encirclements(whole: FrameModel) -> int:
+    """Counter-clockwise encirclements of 0 by det(I + L), z on a circle just outside |z| = 1.
+
+    The steps in angle are halved where the phase changes fast. python-control counts a false one on the robot's loop.
+    """
+    m = len(whole.inputs)
+
+    def determinant(angle: np.ndarray) -> np.ndarray:
+        return np.linalg.det(np.eye(m) - whole.transfer((1.0 + OUTSIDE) * np.exp(1j * angle))[:, :m])
+
+    angle = np.geomspace(1e-9, np.pi, 400)
+    value = determinant(angle)
+    for _ in range(40):
+        wide = np.flatnonzero(np.abs(np.angle(value[1:] / value[:-1])) > TURN)
+        if not len(wide):
+            break
+        middle = np.sqrt(angle[wide] * angle[wide + 1])
+        angle, value = np.insert(angle, wide + 1, middle), np.insert(value, wide + 1, determinant(middle))
+    return round(np.angle(value[1:] / value[:-1]).sum() / np.pi)  # both halves of the circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +198,48 @@ class Margins:
         return self.closed_unstable == self.open_unstable - self.encirclements
 
 
-def limit_of(radius: Callable[[float], float], low: float, high: float) -> float:
+def margins(whole: FrameModel, channel: int) -> Margins:
+    """Margins of a channel's loop (its index); NaN where the closed loop is unstable, or the two counts disagree."""
+    one, frequency, name = single(whole, channel), frequency_grid(whole), whole.inputs[channel]
+    response = return_ratio(one, frequency)[:, 0, 0]
+    unstable = [int((np.abs(np.linalg.eigvals(a)) > 1.0 + OUTSIDE).sum()) for a in (one.A, close(one))]
+    counts = count_encirclements(one), *unstable
+    if counts[2] or counts[2] != counts[1] - counts[0] or not np.abs(response).max() > 0.0:
+        return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
+    low, high, phase, crossover, late = loop_margins(frequency, response)
+    sensitivity = 1.0 / (1.0 + response)
+    low_limit = gain_limit(one, LEAST_GAIN)
+    return Margins(
+        name, frequency, response, high, gain_limit(one), low, 0.0 if np.isnan(low_limit) else low_limit, phase,
+        crossover, late, delay_limit(one) * whole.period, float(disk_margin(sensitivity[:, None, None]).min()),
+        float(np.abs(sensitivity).max()), *counts,
+    )  # fmt: skip
+
+
+def loop_margins(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float, float, float]:
+    """Margins of a loop L (n,) [-], sampled at frequencies (n,) [Hz] up to Nyquist, where it is real.
+
+    Returns:
+        Largest factor < 1 and smallest > 1 that put L on -1, 0 and inf without any; phase margin [rad], crossover [Hz]
+        and delay margin [s] at the crossover with the least delay margin, inf, nan and inf without any.
+    """
+    from control import frd, stability_margins
+
+    gains, phases, _, _, crossovers, _ = stability_margins(frd(loop, 2.0 * np.pi * frequency), returnall=True)
+    ends = [loop[-1].real]
+    if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
+        ends.append(loop[0].real)
+    factors = np.array([*gains, *(-1.0 / real for real in ends if real < 0.0)])
+    low = float(factors[(factors > LEAST_GAIN) & (factors < 1.0)].max(initial=0.0))
+    high = float(factors[factors > 1.0].min(initial=np.inf))
+    if not len(crossovers):
+        return low, high, np.inf, NAN, np.inf
+    phase = np.radians(np.asarray(phases) % 360.0)
+    k = int(np.argmin(phase / crossovers))
+    return low, high, float(phase[k]), float(crossovers[k] / (2.0 * np.pi)), float(phase[k] / crossovers[k])
+
+
+def find_limit(radius: Callable[[float], float], low: float, high: float) -> float:
     """Value at which a spectral radius passes 1 from low towards high (grid, then Brent's method); nan if none."""
     from scipy.optimize import brentq
 
@@ -80,57 +253,210 @@ def limit_of(radius: Callable[[float], float], low: float, high: float) -> float
     return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
 
 
-def gain_limit(one: OpenLoop, far: float = MOST_GAIN) -> float:
+def gain_limit(one: FrameModel, far: float = MOST_GAIN) -> float:
     """Factor on the gain of a single loop, from 1 towards `far`, at which the spectral radius passes 1; nan if none."""
-    return limit_of(lambda g: spectral_radius(one.closed(g)), 1.0, far)
+    return find_limit(lambda g: spectral_radius(close(one, g)), 1.0, far)
 
 
-def delay_limit(one: OpenLoop) -> float:
+def delay_limit(one: FrameModel) -> float:
     """Frames of delay in a single loop at which the spectral radius passes 1; nan if none below 40."""
-    return limit_of(lambda d: spectral_radius(one.delayed(d)), 0.0, MOST_FRAMES)
+    return find_limit(lambda d: spectral_radius(delay(one, d)), 0.0, MOST_FRAMES)
 
 
-def gain_margins(loop: np.ndarray) -> tuple[float, float]:
-    """Largest factor < 1 and smallest > 1 that put L (n,) [-], sampled up to Nyquist (real there), on -1; 0 and inf."""
-    reals = [float(loop[-1].real)]
-    if abs(loop[0].imag) < ALMOST_REAL * abs(loop[0].real):  # a loop without integrator begins on the real axis
-        reals.append(float(loop[0].real))
-    for a, b in pairwise(loop):
-        if a.imag * b.imag <= 0.0 and a.imag != b.imag:
-            reals.append(float(a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)))
-    factors = [-1.0 / real for real in reals if real < 0.0]
-    return max((g for g in factors if LEAST_GAIN < g < 1.0), default=0.0), min(
-        (g for g in factors if g > 1.0), default=np.inf
+def disk_margin(sensitivity: np.ndarray) -> np.ndarray:
+    """Balanced disk margin (f,) [-] at each frequency, for all channels at once (Seiler, Packard, Gahinet 2020).
+
+    Each command j passes (1 + d_j / 2) / (1 - d_j / 2), d_j complex with |d_j| < alpha. The loop stays stable for all
+    of them if and only if alpha max mu((S - T) / 2) < 1 over all frequencies, mu for diagonal uncertainty. The bound
+    min sigma_max(Q M Q^-1) over diagonal Q > 0 is mu itself for up to three channels, and above it for more. alpha
+    covers gains from (2 - alpha) / (2 + alpha) to its inverse and phases to 2 atan(alpha / 2). python-control needs
+    slycot, a Fortran package without wheels, for more than one channel.
+
+    Args:
+        sensitivity: S (f, channels, channels) of the commands [-].
+
+    Returns:
+        The margins; their minimum is exact, others may be a little pessimistic.
+    """
+    balanced = sensitivity - 0.5 * np.eye(sensitivity.shape[-1])  # (S - T) / 2 with T = I - S
+    bound, scale = structured_bound(balanced)
+    if sensitivity.shape[-1] > 1:
+        done: set[int] = set()
+        while (worst := int(bound.argmax())) not in done:
+            bound[worst] = min(refine_bound(balanced[worst], scale[worst]), bound[worst])
+            done.add(worst)
+    return 1.0 / np.maximum(bound, np.finfo(float).tiny)
+
+
+def structured_bound(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Largest singular value (f,) [-] of matrices (f, k, k) [-] under balancing scalings (f, k) [-], and these."""
+    k = m.shape[-1]
+    size, scale = np.abs(m) ** 2, np.ones(m.shape[:2])
+    for _ in range(30 if k > 1 else 0):
+        for i in range(k):
+            weighted = size * scale[:, :, None] ** 2 / scale[:, None, :] ** 2
+            row, column = weighted[:, i].sum(-1) - weighted[:, i, i], weighted[:, :, i].sum(-1) - weighted[:, i, i]
+            least = DECOUPLED * size.max(axis=(1, 2))
+            scale[:, i] = np.clip(scale[:, i] * ((column + least) / (row + least)) ** 0.25, 1.0 / FAR, FAR)
+    return np.linalg.norm(scale[:, :, None] * m / scale[:, None, :], 2, axis=(-2, -1)), scale
+
+
+def refine_bound(m: np.ndarray, start: np.ndarray) -> float:
+    """Least sigma_max(Q M Q^-1) over diagonal Q > 0 of a matrix (k, k) [-], searched from scalings (k,) [-]."""
+    from scipy.optimize import minimize
+
+    def size(logs: np.ndarray) -> float:
+        scale = np.exp(np.append(0.0, logs))
+        return float(np.linalg.norm(scale[:, None] * m / scale, 2))
+
+    logs, found = np.log(start[1:] / start[0]), np.inf
+    for _ in range(3):  # the largest singular value has kinks: start again where the simplex ended
+        result = minimize(size, logs, method="Nelder-Mead", options={"xatol": TIGHT, "fatol": TIGHT})
+        logs, before, found = result.x, found, min(found, float(result.fun))
+        if found > before * (1.0 - 10.0 * TIGHT):
+            break
+    return found
+
+
+@dataclass(frozen=True)
+class DelayBudget:
+    """Delays of one channel between a reading and its command [s], and the further delay that is allowed.
+
+    A task runs in the middle of its slot. One that comes before what it reads has the value of the frame before.
+
+    Attributes:
+        channel: its name.
+        slot: length of a slot.
+        read_slot, control_slot, write_slot: in which the reading, the law and the command are executed.
+        to_control: from reading to law.
+        to_write: from law to the plant.
+        hold: half a frame, since a command is held for a frame.
+        margin: further delay at the limit of stability; nan if the loop is unstable, inf if there is none.
+    """
+
+    channel: str
+    slot: float
+    read_slot: int
+    control_slot: int
+    write_slot: int
+    to_control: float
+    to_write: float
+    hold: float
+    margin: float
+
+    @property
+    def total(self) -> float:
+        """Delay that the schedule costs [s]."""
+        return self.to_control + self.to_write + self.hold
+
+    @property
+    def spare_slots(self) -> float:
+        """Number of slots by which the command may be late at the limit of stability."""
+        return self.margin / self.slot
+
+
+def delay_budget(loop: FrameMap, margins: tuple[Margins, ...]) -> tuple[DelayBudget, ...]:
+    """The delay budget of every channel."""
+    machine, kinds = loop.robot.machine, loop.loop
+
+    def find_slot(part: Part, channel: int, reads: str = "") -> int | None:
+        tasks = (t for t in part.tasks if t.slots and (not reads or reads in t.reads))
+        return next((t.slots[channel] if t.per_channel else t.slots[0] for t in tasks), None)
+
+    def find_writer(signal: str) -> Part:
+        return next(p for p in machine.parts if any(signal in output.writes for output in p.outputs))
+
+    budgets = []
+    for k, m in enumerate(margins):
+        control = find_slot(find_writer(kinds.command), k) or 0
+        read = find_slot(find_writer(kinds.measured), k)
+        read = control if read is None else read
+        writes = (find_slot(part, k, kinds.command) for part in machine.parts if part.name != kinds.part)
+        write = next((slot for slot in writes if slot is not None), control)  # a plant that reads the command at once
+        to_control, to_write = ((b - a) % machine.slots * machine.slot for a, b in ((read, control), (control, write)))
+        budgets.append(
+            DelayBudget(
+                m.channel, machine.slot, read, control, write, to_control, to_write, 0.5 * machine.frame, m.delay_margin
+            )
+        )
+    return tuple(budgets)
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMap:
+    """Spectral radius over two gains.
+
+    Attributes:
+        names: of the gains.
+        first (m,), second (n,): their values [SI].
+        radius: (n, m) [-].
+        nominal: values of the robot.
+        limit: (n,) first gain up to which the loop is stable at that second; nan beyond the map, 0 where none is.
+    """
+
+    names: tuple[str, str]
+    first: np.ndarray
+    second: np.ndarray
+    radius: np.ndarray
+    nominal: tuple[float, float]
+    limit: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class LatencySweep:
+    """Spectral radius (n,) over `frames` (n,) of command latency added on all channels; `limit` [frames] or nan."""
+
+    frames: np.ndarray
+    radius: np.ndarray
+    limit: float
+
+
+def stability_limit(x: np.ndarray, radius: np.ndarray) -> float:
+    """Abscissa x (n,) [-] at which the radius (n,) first passes 1 upwards; 0 if never below 1, NaN if never above."""
+    below = np.flatnonzero(radius < 1.0)
+    return first_crossing(x[below[0] :], radius[below[0] :], 1.0) if len(below) else 0.0
+
+
+def radius_at(loop: FrameMap, point: OperatingPoint, size: np.ndarray, keep: np.ndarray) -> float:
+    """Spectral radius of the frame map where it rests, from the states `keep`; size: excursions (states,) [SI]."""
+    central, _ = differentiate(loop, point.state, point.references, size, FRACTION, keep)
+    return spectral_radius(central[np.ix_(keep, keep)])
+
+
+def stability_map(
+    loop: FrameMap, point: OperatingPoint, first: np.ndarray | None = None, second: np.ndarray | None = None
+) -> StabilityMap:
+    """The map over the loop's two gains, linearised afresh at each pair; the loop rests in the same state under all.
+
+    Args:
+        loop: the frame map.
+        point: operating point.
+        first: (m,) rising [SI]; a grid by default.
+        second: (n,) rising [SI]; a grid by default.
+    """
+    across, up = loop.loop.gains
+    names = (across.parameter, up.parameter)
+    nominal = tuple(float(loop.parameters[loop.robot.indices(name)[0]]) for name in names)
+    x = np.linspace(across.low, across.high, GAINS)[across.low == 0.0 :] if first is None else np.asarray(first, float)
+    y = np.linspace(up.low, up.high, GAINS) if second is None else np.asarray(second, float)
+    size = measure_excursions(loop, point.state, point.references)
+    largest = loop.with_values({names[0]: x.max(), names[1]: np.abs(y).max()})
+    keep = observed_states(largest, point.state, point.references, size)
+    radius = np.array(
+        [[radius_at(loop.with_values({names[0]: a, names[1]: b}), point, size, keep) for a in x] for b in y]
     )
+    limit = np.array([stability_limit(x, row) for row in radius])
+    return StabilityMap(names, x, y, radius, (nominal[0], nominal[1]), limit)
 
 
-def phase_margin(frequency: np.ndarray, loop: np.ndarray) -> tuple[float, float, float]:
-    """Phase margin [rad], crossover [Hz] and delay margin [s] of L (n,) at the crossover of least delay margin."""
-    best = (float("inf"), NAN, float("inf"))
-    size = np.log(np.maximum(np.abs(loop), np.finfo(float).tiny))
-    for k in np.flatnonzero(size[:-1] * size[1:] <= 0.0):
-        share = size[k] / (size[k] - size[k + 1]) if size[k] != size[k + 1] else 0.0
-        here = frequency[k] + share * (frequency[k + 1] - frequency[k])
-        margin = float(np.angle(-(loop[k] + share * (loop[k + 1] - loop[k])))) % (2.0 * np.pi)
-        if margin / (2.0 * np.pi * here) < best[2]:
-            best = (margin, float(here), float(margin / (2.0 * np.pi * here)))
-    return best
-
-
-def margins(whole: OpenLoop, channel: int) -> Margins:
-    """Margins of a channel's loop (its index); NaN where the closed loop is unstable, or the two counts disagree."""
-    one, frequency = whole.single(channel), whole.frequency
-    response = one.ratio(frequency)[:, 0, 0]
-    counts = one.encirclements(), one.outside(one.A), one.outside(one.closed())
-    name = whole.channels[channel]
-    if counts[2] or counts[2] != counts[1] - counts[0] or not np.abs(response).max() > 0.0:
-        return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
-    low, high = gain_margins(response)
-    margin, crossover, delay = phase_margin(frequency, response)
-    sensitivity = 1.0 / (1.0 + response)
-    low_limit = gain_limit(one, LEAST_GAIN)
-    return Margins(
-        name, frequency, response, high, gain_limit(one), low, 0.0 if np.isnan(low_limit) else low_limit, margin,
-        crossover, delay, delay_limit(one) * whole.period, float(disk_margin(sensitivity[:, None, None]).min()),
-        float(np.abs(sensitivity).max()), *counts,
-    )  # fmt: skip
+def latency_sweep(loop: FrameMap, point: OperatingPoint, frames: np.ndarray = LATENCIES) -> LatencySweep | None:
+    """Spectral radius over latency (n,) [frames] added to all commands; None where the loop names no such effect."""
+    name = loop.loop.latency
+    if not name:
+        return None
+    size = measure_excursions(loop, point.state, point.references)
+    own = loop.parameters[loop.robot.indices(name)[0]]
+    late = [loop.with_values({name: own + f}) for f in frames]
+    keeps = [observed_states(one, point.state, point.references, size) for one in late]
+    radius = np.array([radius_at(one, point, size, keep) for one, keep in zip(late, keeps)])
+    return LatencySweep(np.asarray(frames, dtype=float), radius, stability_limit(frames, radius))

@@ -1,19 +1,23 @@
-"""Robustness of a loop with all its commands at once, and its bands over a population of robots or operating points."""
+"""Robustness of a loop with all its commands at once, and its bands over a population of robots or operating points.
+
+Populations are drawn within the tolerances of the robot file, or within the intervals of a diagnosis.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
-from exodrake.analysis.disk_margin import disk_margin
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel, output_noise
-from exodrake.analysis.margins import gain_margins, phase_margin
-from exodrake.analysis.open_loop import OpenLoop, opened
-from exodrake.analysis.operating_point import OperatingPoint, linearised
-from exodrake.analysis.step_response import step_response
+from exodrake.analysis.linear_model import FrameModel, OperatingPoint, compute_noise, linearise_robot
+from exodrake.analysis.margins import disk_margin, loop_margins, open_loop, plant_response, return_ratio
+from exodrake.analysis.responses import step_response
+from exodrake.core.confidence import NORMAL_90
+from exodrake.core.draws import drawn_robot
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 
@@ -71,11 +75,6 @@ class Band:
         return sum(m.stable is None for m in self.members)
 
 
-def grid(loop: OpenLoop) -> np.ndarray:
-    """Frequencies (f,) [Hz], logarithmic to the Nyquist frequency."""
-    return np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / loop.period
-
-
 def relative_gains(plant: np.ndarray) -> np.ndarray:
     """Diagonal (f, channels) [-] of the relative gain array of a plant (f, channels, channels): 1 without coupling.
 
@@ -84,65 +83,100 @@ def relative_gains(plant: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("fii,fii->fi", plant, np.linalg.pinv(plant)))
 
 
-def noise_of(model: FrameModel, kind: str) -> np.ndarray:
+def output_noise(model: FrameModel, kind: str) -> np.ndarray:
     """Standard deviation (channels,) [SI] of the outputs of a kind under the sensors' noise, in a stable loop."""
-    rows = [i for i, name in enumerate(model.outputs) if name.rsplit("_", 1)[0] == kind]
-    return output_noise(model.A, model.N, model.C[rows], model.M[rows])
+    rows = model.rows(kind)
+    return compute_noise(model.A, model.N, model.C[rows], model.M[rows])
 
 
 def robustness(loop: FrameMap, point: OperatingPoint, model: FrameModel, label: str = "") -> Robustness:
     """Robustness of a loop at an operating point."""
-    whole = opened(loop, model)
-    frequency, eye = grid(whole), np.eye(len(loop.channels))
-    s = np.linalg.inv(eye + whole.ratio(frequency))
+    whole, eye = open_loop(loop, model), np.eye(len(loop.channels))
+    frequency = np.geomspace(SLOWEST, 1.0, POINTS) * 0.5 / whole.period
+    s = np.linalg.inv(eye + return_ratio(whole, frequency))
     loops = 1.0 / np.einsum("fii->fi", s) - 1.0
     t, disk, stable = eye - s, disk_margin(s), model.spectral_radius < 1.0 if model.decides else None
     sigma = np.linalg.norm(s, 2, axis=(1, 2)), np.linalg.norm(t, 2, axis=(1, 2))
-    gains = relative_gains(whole.plant(frequency))
+    gains = relative_gains(plant_response(whole, frequency))
     numbers = {"max sigma(S)": sigma[0].max(), "max sigma(T)": sigma[1].max(), "disk margin": disk.min()}
     for j, name in enumerate(loop.channels):
-        margin, _, delay = phase_margin(frequency, loops[:, j])
-        single = s[:, j : j + 1, j : j + 1]
-        numbers[f"gain margin {name}"] = gain_margins(loops[:, j])[1]
-        numbers[f"phase margin {name} [rad]"] = margin
-        numbers[f"delay margin {name} [s]"] = delay
-        numbers[f"disk margin {name}"] = disk_margin(single).min()
+        _, gain, phase, _, late = loop_margins(frequency, loops[:, j]) if stable else (np.nan,) * 5
+        numbers[f"gain margin {name}"] = gain
+        numbers[f"phase margin {name} [rad]"] = phase
+        numbers[f"delay margin {name} [s]"] = late
+        numbers[f"disk margin {name}"] = disk_margin(s[:, j : j + 1, j : j + 1]).min()
         numbers[f"relative gain {name}"] = gains[0, j]
-    numbers |= closed_numbers(loop, point, model) if stable else {}
-    if not stable:
+    if stable:
+        kind, unit = loop.column(loop.loop.command), loop.robot.machine.signal[loop.loop.command].unit
+        for j, (name, noise) in enumerate(zip(loop.channels, output_noise(model, kind))):
+            step = step_response(loop, point, j)
+            numbers[f"noise of {kind} {name} [{unit}]"] = noise
+            numbers[f"settling {name} [s]"], numbers[f"overshoot {name}"] = step.settling, step.overshoot
+    else:
         numbers = dict.fromkeys(numbers, np.nan)
     numbers["spectral radius"] = model.spectral_radius
     return Robustness(label, stable, frequency, loops, *sigma, disk, gains, {k: float(v) for k, v in numbers.items()})
 
 
-def closed_numbers(loop: FrameMap, point: OperatingPoint, model: FrameModel) -> dict[str, float]:
-    """Noise of the commands, and settling and overshoot of nonlinear steps, of a stable loop."""
-    kind, unit = loop.column(loop.loop.command), loop.robot.machine.signal[loop.loop.command].unit
-    numbers = {}
-    for j, (name, noise) in enumerate(zip(loop.channels, noise_of(model, kind))):
-        step = step_response(loop, point, j)
-        numbers[f"noise of {kind} {name} [{unit}]"] = noise
-        numbers[f"settling {name} [s]"], numbers[f"overshoot {name}"] = step.settling, step.overshoot
-    return numbers
-
-
 def band(name: str, robots: Iterable[tuple[str, Robot]], at: Mapping[str, float] | str | None = None) -> Band:
     """Robustness of each labelled robot at an operating point; robots without one are failures."""
-    return gathered(name, ((label, robot, at) for label, robot in robots))
+    return gather(name, ((label, robot, at) for label, robot in robots))
 
 
 def points_band(robot: Robot) -> Band:
     """Robustness at each operating point that the machine names."""
     points = robot.machine.loop.points if robot.machine.loop else {}
-    return gathered("operating points", ((label, robot, label) for label in points))
+    return gather("operating points", ((label, robot, label) for label in points))
 
 
-def gathered(name: str, members: Iterable[tuple[str, Robot, Mapping[str, float] | str | None]]) -> Band:
+def gather(name: str, members: Iterable[tuple[str, Robot, Mapping[str, float] | str | None]]) -> Band:
     """The band of labelled robots, each at an operating point."""
     found, failures = [], []
     for label, robot, at in members:
         try:
-            found.append(robustness(*linearised(robot, at), label))
+            found.append(robustness(*linearise_robot(robot, at), label))
         except InputError as problem:
             failures.append(f"{label}: {problem}")
     return Band(name, tuple(found), tuple(failures))
+
+
+def within_tolerances(robot: Robot, draws: int, seed: int = 0) -> Iterator[tuple[str, Robot]]:
+    """Robots within the tolerances, with labels."""
+    for k in range(draws):
+        yield f"draw {k + 1}", drawn_robot(robot, np.random.default_rng([seed, k]))
+
+
+def within_intervals(robot: Robot, answer: Mapping[str, Any], draws: int, seed: int = 0) -> Iterator[tuple[str, Robot]]:
+    """Robots within the 90 % intervals of the effects that a diagnosis named, with labels.
+
+    Args:
+        robot: the improved robot of that diagnosis, or the nominal one.
+        answer: the diagnosis as `exodrake diagnose --json` writes it.
+        draws: number of robots.
+        seed: of the draws; each parameter is normal on either side of its value, and inside its interval.
+
+    Raises:
+        InputError: the answer has no effects, or names parameters that the robot lacks.
+    """
+    effects = answer.get("effects") if isinstance(answer, Mapping) else None
+    if not isinstance(effects, list):
+        raise InputError("the diagnosis holds no list of effects: not an answer of exodrake diagnose --json")
+    if not effects:
+        raise InputError("the diagnosis names no effect, so there are no intervals to draw from")
+    for k in range(draws):
+        rng, drawn = np.random.default_rng([seed, k]), robot
+        for effect in effects:
+            try:
+                values: dict[str, Any] = {n: draw_within(i, rng) for n, i in effect["parameters"].items()}
+                values |= {n: {c: draw_within(i, rng) for c, i in at.items()} for n, at in effect["channels"].items()}
+                channels = [*effect["wires"], *effect["joints"]]
+                drawn = drawn.splice(effect["id"], values, channels)
+            except (KeyError, TypeError, AttributeError):
+                raise InputError("the diagnosis states an effect without id, parameters and intervals") from None
+        yield f"draw {k + 1}", drawn
+
+
+def draw_within(interval: Mapping[str, float], rng: np.random.Generator) -> float:
+    """A value inside a 90 % interval, normal on either side of the estimate: tails could leave what a robot can be."""
+    value, x = interval["value"], float(ndtri(rng.uniform(0.05, 0.95)))
+    return value + x * ((interval["high"] - value) if x > 0.0 else (value - interval["low"])) / NORMAL_90

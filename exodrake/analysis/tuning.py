@@ -3,35 +3,105 @@
     minimise  max settling      subject to  overshoot, disk margin of all commands, noise of the commands
 
 The maxima run over steps of every channel, the machine's operating points and robots drawn within the tolerances. The
-search is on linear models (`candidate_controller`), by differential evolution over the logarithms of the gains; the
-answer is then judged by nonlinear steps of other robots (`assessment`).
+search is on linear models, by differential evolution over the logarithms of the gains; the answer is then judged by
+nonlinear steps of other robots. The plant is linearised once, and no controller needs a simulation:
+
+    plant        x' = A x + B v + N e            y = C x + M e
+    controller   q' = F q + G [y; r]             v = K q + L [y; r]
+
+The controller's matrices are differences of the same compiled frame map, with its own states, the references and the
+readings moved. Any law of the machine's controller can therefore be tuned.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from exodrake.analysis.assessment import NOISE_FACTOR, Requirements, Tuned, assessed
-from exodrake.analysis.candidate_controller import FRAMES, Performance, Plant, performance, plant_of
-from exodrake.analysis.closed_loop import remarks
-from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.populations import within_tolerances
+from exodrake.analysis.closed_loop import list_remarks
+from exodrake.analysis.frame_map import FrameMap, name_states
+from exodrake.analysis.linear_model import (
+    FrameModel,
+    OperatingPoint,
+    compute_noise,
+    find_observed,
+    linearise_robot,
+    measure_excursions,
+    operating_point,
+    spectral_radius,
+)
+from exodrake.analysis.margins import controller_states, open_loop, plant_response, structured_bound
+from exodrake.analysis.responses import BAND, StepResponse, step_response
+from exodrake.analysis.robustness import Band, band, points_band, within_tolerances
 from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 
-DESIGN_SEED = 1  # of the robots that the search sees
+FREQUENCIES, FRAMES = 120, 300  # of the disk margin; of a step
+DESIGN_SEED, JUDGE_SEED = 1, 2  # of the robots that the search sees, and of others that judge its answer
 SLACK = 0.04  # by which the search keeps away from each requirement, since steps are linear there
 PENALTY = 20.0  # cost of a requirement missed by 100 %, in the length of the simulated steps: assumed
 LEAST = 1e-12  # of a requirement that is 0, for a division
 SEARCH: dict[str, Any] = {"maxiter": 14, "popsize": 8, "seed": 0, "polish": False, "init": "sobol", "tol": 1e-3}
 OWN = "as it is"
+NOISE_FACTOR = 2.0  # noise of the commands that is allowed by default, in units of what the robot has: assumed
+
+
+@short_repr
+@dataclass(frozen=True)
+class Requirements:
+    """Requirements on a closed loop; among controllers that hold them the fastest to settle is the best.
+
+    Attributes:
+        settling: longest settling time to 2 % of a step [s]; None: as short as possible.
+        overshoot: largest overshoot as a fraction of a step.
+        disk_margin: least disk margin of all commands at once.
+        noise: largest standard deviation of a command [SI]; None: that of the robot as it is, times `NOISE_FACTOR`.
+    """
+
+    settling: float | None = None
+    overshoot: float = 0.05
+    disk_margin: float = 0.6
+    noise: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a requirement that is negative or no number."""
+        for name, value in vars(self).items():
+            if value is not None and not value >= 0.0:
+                raise InputError(f"{name.replace('_', ' ')} is {value:g}, wanted a number from 0")
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """A tuned controller with its assessment on the robot.
+
+    Attributes:
+        name: of its structure.
+        robot: with it.
+        gains: parameter -> value [SI] that was searched.
+        steps: nonlinear, of the robot itself at its own operating point.
+        bands: over tolerances and operating points.
+        settling [s], overshoot, disk_margin, noise [SI]: the worst of these; nan where one is unstable.
+        missed: requirements that it does not hold, a phrase each.
+    """
+
+    name: str
+    robot: Robot
+    gains: dict[str, float]
+    steps: tuple[StepResponse, ...]
+    bands: tuple[Band, ...]
+    settling: float
+    overshoot: float
+    disk_margin: float
+    noise: float
+    missed: tuple[str, ...]
 
 
 @short_repr
@@ -111,31 +181,195 @@ def tune(
     known = [c.name for c in loop.controllers]
     if (name := next((name for name in only if name not in known), None)) is not None:
         raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
-    plants = [plant_of(robot, at) for at in loop.points]
-    plants += [plant_of(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
-    wanted = with_noise(requirements or Requirements(), plants)
-    compared = [assessed(OWN, robot, {}, wanted, judges)]
+    plants = [linearise_plant(robot, at) for at in loop.points]
+    plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
+    wanted = allow_noise(requirements or Requirements(), plants)
+    compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
             progress(structure.name)
             fixed = {**structure.fixed, **compliance(plants[0], structure)}
-            gains = searched(plants, structure, fixed, wanted)
+            gains = search_gains(plants, structure, fixed, wanted)
             source = f"tuned by exodrake as {structure.name}"
-            changed = robot.with_parameters(spread(robot, {**fixed, **gains}), source)
-            compared.append(assessed(structure.name, changed, gains, wanted, judges))
+            changed = robot.with_parameters(expand_channels(robot, {**fixed, **gains}), source)
+            compared.append(assess(structure.name, changed, gains, wanted, judges))
     plant = plants[0]
-    return Tuning(robot, wanted, tuple(compared), remarks(plant.loop, plant.point, plant.model, ()))
+    return Tuning(robot, wanted, tuple(compared), list_remarks(plant.loop, plant.point, plant.model, ()))
 
 
-def with_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:
+def assess(name: str, robot: Robot, gains: dict[str, float], wanted: Requirements, draws: int) -> Tuned:
+    """Assessment of a loop by nonlinear steps and linear margins, over operating points and tolerances."""
+    loop = FrameMap.of(robot)
+    point = operating_point(loop)
+    steps = tuple(step_response(loop, point, j) for j in range(len(loop.channels)))
+    bands = (points_band(robot), band("tolerances", within_tolerances(robot, draws, JUDGE_SEED)))
+    members = list(chain.from_iterable(b.members for b in bands))
+    kind, unit = loop.column(loop.loop.command), robot.machine.signal[loop.loop.command].unit
+
+    def worst(prefix: str, suffix: str, most: bool = True) -> float:
+        names = [f"{prefix} {c}{suffix}" if prefix else suffix for c in loop.channels]
+        found = [m.numbers.get(n, np.nan) for m in members for n in names]
+        return float(np.max(found) if most else np.min(found))
+
+    settling, overshoot = worst("settling", " [s]"), worst("overshoot", "")
+    disk, noise = worst("", "disk margin", most=False), worst(f"noise of {kind}", f" [{unit}]")
+    missed = list_missed(wanted, settling, overshoot, disk, noise, unit)
+    if failures := sum(len(b.failures) for b in bands):
+        missed = (*missed, f"{failures} robots without rest")
+    return Tuned(name, robot, gains, steps, bands, settling, overshoot, disk, noise, missed)
+
+
+def list_missed(
+    wanted: Requirements, settling: float, overshoot: float, disk: float, noise: float, unit: str
+) -> tuple[str, ...]:
+    """The requirements that are not held, a phrase each; nan holds nothing."""
+    missed = []
+    if not np.isfinite(settling):
+        missed.append("does not settle")
+    elif wanted.settling is not None and settling > wanted.settling:
+        missed.append(f"settles in {settling:.3g} s")
+    if not overshoot <= wanted.overshoot:
+        missed.append(f"overshoots {100.0 * overshoot:.2g} %")
+    if not disk >= wanted.disk_margin:
+        missed.append(f"disk margin {disk:.2g}")
+    if wanted.noise is not None and not noise <= wanted.noise:
+        missed.append(f"command noise {noise:.2g} {unit}")
+    return tuple(missed)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A robot's plant at an operating point, linear.
+
+    Attributes:
+        loop, point: frame map and state of rest.
+        model: closed loop with the robot's own controller.
+        plant: from commands to readings.
+        frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
+        places: (channels,) places in the full state that move one reading each, by size (channels,).
+    """
+
+    loop: FrameMap
+    point: OperatingPoint
+    model: FrameModel
+    plant: FrameModel
+    frequency: np.ndarray
+    response: np.ndarray
+    places: np.ndarray
+    size: np.ndarray
+
+
+def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -> Plant:
+    """The linear plant of a robot at an operating point. InputError without loop or state of rest."""
+    loop, point, model = linearise_robot(robot, at)
+    whole, own, m = open_loop(loop, model), controller_states(loop, model), len(loop.channels)
+    frequency = np.geomspace(4e-4, 1.0, FREQUENCIES) * 0.5 / whole.period
+    plant = FrameModel(
+        whole.A[np.ix_(~own, ~own)], whole.B[~own], whole.C[m:, ~own], np.zeros((m, m)), whole.period,
+        N=whole.N[~own], M=whole.M[m:],
+    )  # fmt: skip
+    names = [name.name for name in name_states(robot.machine)]
+    places = np.array([names.index(name) for name in whole.states])
+    size = measure_excursions(loop, point.state, point.references)
+    chosen = places[np.where(own, 0.0, np.abs(whole.C[m:]) * size[places]).argmax(axis=1)]
+    response = plant_response(whole, frequency)
+    return Plant(loop, point, model, plant, frequency, response, chosen, 0.05 * size[chosen])
+
+
+def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
+    """The linear law of the plant's own controller with other parameters [SI], one or one for each channel.
+
+    Its inputs are the readings, then the references; its outputs the commands.
+    """
+    loop, point = plant.loop.with_values(values), plant.point
+    step, m = loop.stepper(), len(loop.channels)
+    own = np.flatnonzero(loop.own)
+    command, reading = loop.signals[loop.loop.command], loop.signals[loop.loop.measured]
+
+    def image(x: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        after, signals = step(x, r)
+        return np.append(after[own], signals[command]), signals[reading]
+
+    rest, y = image(point.state, point.references)
+    q, nudge = len(own), 1e-3 * loop.loop.step
+    inner, outer, read = np.zeros((q + m, q)), np.zeros((q + m, m)), np.zeros((q + m, m))
+    change = np.zeros((m, m))
+    for i, place in enumerate(own):
+        x = point.state.copy()
+        x[place] += nudge
+        inner[:, i] = (image(x, point.references)[0] - rest) / nudge
+    for j in range(m):
+        r, x = point.references.copy(), point.state.copy()
+        r[j] += nudge
+        outer[:, j] = (image(point.state, r)[0] - rest) / nudge
+        x[plant.places[j]] += plant.size[j]
+        sent, measured = image(x, point.references)
+        read[:, j], change[:, j] = sent - rest, measured - y
+    driven = np.hstack([read @ np.linalg.inv(change), outer])
+    keep = find_observed(inner[:q], inner[q:])
+    return FrameModel(inner[np.ix_(keep, keep)], driven[keep], inner[q:][:, keep], driven[q:], plant.plant.period)
+
+
+@dataclass(frozen=True)
+class Performance:
+    """Performance of a controller on one linear plant; the worst over channels.
+
+    Attributes:
+        radius: spectral radius.
+        settling: to 2 % [s], beyond the horizon by what is missing.
+        overshoot: fraction.
+        disk_margin: of all commands at once, never overstated.
+        noise: largest standard deviation of a command [SI].
+    """
+
+    radius: float
+    settling: float
+    overshoot: float
+    disk_margin: float
+    noise: float
+
+
+def predict_performance(plant: Plant, values: Mapping[str, Any]) -> Performance:
+    """Performance of the controller with these values [SI]."""
+    law, p, m = linearise_law(plant, values), plant.plant, len(plant.loop.channels)
+    (g, h), (read, direct) = np.hsplit(law.B, [m]), np.hsplit(law.D, [m])
+    a = np.block([[p.A + p.B @ read @ p.C, p.B @ law.C], [g @ p.C, law.A]])  # the plant's states first
+    radius = spectral_radius(a)
+    if radius >= 1.0:
+        return Performance(radius, np.inf, np.inf, 0.0, np.inf)
+    settling, overshoot = predict_steps(plant, a, np.vstack([p.B @ direct, h]))
+    ratio = -law.response(plant.frequency)[:, :, :m] @ plant.response
+    balanced = np.linalg.inv(np.eye(m) + ratio) - 0.5 * np.eye(m)
+    drive = np.vstack([p.N + p.B @ read @ p.M, g @ p.M])
+    noise = compute_noise(a, drive, np.hstack([read @ p.C, law.C]), read @ p.M)
+    return Performance(
+        radius, settling, overshoot, float(1.0 / structured_bound(balanced)[0].max()), float(noise.max())
+    )
+
+
+def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
+    """Settling [s] and overshoot [-] of x' = A x + B r, a (n, n), b (n, channels), the worst over the references."""
+    n, m = len(plant.plant.A), b.shape[1]
+    x, share = np.zeros((len(a), m)), np.zeros((FRAMES, m))
+    for k in range(FRAMES):
+        x = a @ x + b
+        share[k] = np.diag(plant.plant.C @ x[:n])
+    outside = np.abs(share - 1.0) > BAND
+    last = np.where(outside.any(axis=0), FRAMES - 1 - outside[::-1].argmax(axis=0), -1)
+    missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
+    settling = plant.plant.period * (last + 2 + FRAMES * missing)
+    return float(settling.max()), max(0.0, float(share.max()) - 1.0)
+
+
+def allow_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:
     """The requirements with a largest noise of the commands, from that of the robot's own controller where none is."""
     if wanted.noise is not None:
         return wanted
-    noises = [noise for plant in plants if np.isfinite(noise := performance(plant, {}).noise)]
+    noises = [noise for plant in plants if np.isfinite(noise := predict_performance(plant, {}).noise)]
     return replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
 
 
-def spread(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
+def expand_channels(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
     """Values [SI] by full names: an array (channels,) gives one to each channel."""
     found = {}
     for name, value in values.items():
@@ -157,7 +391,7 @@ def compliance(plant: Plant, structure: Controller) -> dict[str, np.ndarray]:
     return dict(zip(structure.compliance, static.T, strict=True))
 
 
-def searched(
+def search_gains(
     plants: list[Plant], structure: Controller, fixed: Mapping[str, float | np.ndarray], wanted: Requirements
 ) -> dict[str, float]:
     """Gains [SI] of least cost, for the nominal plants first, then for all; `fixed` holds values, or (channels,)."""
@@ -175,23 +409,19 @@ def searched(
         inside = np.clip(logs, *np.array(bounds).T)
         worst = 0.0
         for plant in over:
-            worst = max(worst, cost_of(performance(plant, {**fixed, **values(inside)}), wanted, scale))
+            worst = max(worst, compute_cost(predict_performance(plant, {**fixed, **values(inside)}), wanted, scale))
             if worst > 1e6:
                 break
         return worst + 1e3 * float(np.abs(logs - inside).sum())
 
     found = differential_evolution(cost, bounds, (nominal,), **SEARCH)
-    options = {"maxfev": 40 * len(names), "xatol": 1e-2, "fatol": 0.1, "initial_simplex": simplex(found.x)}
+    simplex = np.vstack([found.x, found.x - 0.15 * np.eye(len(names))])  # lowers each gain in turn by 15 %
+    options = {"maxfev": 40 * len(names), "xatol": 1e-2, "fatol": 0.1, "initial_simplex": simplex}
     found = minimize(cost, found.x, (plants,), method="Nelder-Mead", options=options)
     return values(np.clip(found.x, *np.array(bounds).T))
 
 
-def simplex(start: np.ndarray) -> np.ndarray:
-    """A start (n + 1, n) [logarithms, -] that lowers each gain in turn by 15 %, from gains (n,)."""
-    return np.vstack([start, start - 0.15 * np.eye(len(start))])
-
-
-def cost_of(p: Performance, wanted: Requirements, frame: float) -> float:
+def compute_cost(p: Performance, wanted: Requirements, frame: float) -> float:
     """Settling time in frames, plus what each missed requirement costs; far above for an unstable loop."""
     if p.radius >= 1.0:
         return 1e6 * (1.0 + p.radius)

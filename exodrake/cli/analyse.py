@@ -59,9 +59,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     """
     from rich.console import Console
 
-    from exodrake.analysis.closed_loop import analyse
-    from exodrake.analysis.closed_loop_json import closed_loop_numbers, model_bytes
-    from exodrake.analysis.figures import figures_of
+    from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
+    from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
     from exodrake.cli.run_summary import warn
     from exodrake.core.files import make_folder, write_bytes
@@ -72,8 +71,8 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
         result = analyse(robot, point, seed)
         result = replace(result, bands=bands_of(robot, point, draws, answer))
         cycles = limit_cycles(robot, point) if out or target else ()
-        text = (json.dumps(closed_loop_numbers(result, cycles), indent=1, allow_nan=False) + "\n").encode()
-        contents = {out / name: png for name, png in figures_of(result, cycles).items()} if out else {}
+        text = (json.dumps(to_plain(result, cycles), indent=1, allow_nan=False) + "\n").encode()
+        contents = {out / name: png for name, png in draw_figures(result, cycles).items()} if out else {}
         contents |= {out / "analysis.json": text} if out else {}
         contents |= {target: text} if target else {}
         contents |= {model: model_bytes(result)} if model else {}
@@ -104,8 +103,7 @@ def robot_of(file: str, parameters: tuple[str, ...], effects: tuple[str, ...], p
 
 def bands_of(robot: Robot, at: dict[str, float] | str | None, draws: int, answer: Any) -> tuple[Band, ...]:
     """Bands over the tolerances, the intervals of a diagnosis, and the operating points."""
-    from exodrake.analysis.populations import within_intervals, within_tolerances
-    from exodrake.analysis.robustness import band, points_band
+    from exodrake.analysis.robustness import band, points_band, within_intervals, within_tolerances
 
     found = []
     if draws and robot.machine.tolerances:

@@ -10,8 +10,7 @@ import click
 from exodrake.cli.options import OutputFile, robot_option
 
 if TYPE_CHECKING:
-    from exodrake.analysis.assessment import Tuned
-    from exodrake.analysis.tuning import Tuning
+    from exodrake.analysis.tuning import Tuned, Tuning
 
 ABOVE = click.FloatRange(min=0.0, min_open=True)
 FILE = {"type": OutputFile(), "default": None, "metavar": "FILE"}
@@ -45,8 +44,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     """
     from rich.console import Console
 
-    from exodrake.analysis.assessment import Requirements
-    from exodrake.analysis.tuning import tune
+    from exodrake.analysis.tuning import Requirements, tune
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import plain
     from exodrake.machines.robot_file import load_robot
@@ -60,7 +58,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     if target:
         write_bytes(target, (json.dumps(plain(tuning.to_dict()), indent=1, allow_nan=False) + "\n").encode())
     if figure:
-        from exodrake.analysis.tuning_figures import plot_tuning
+        from exodrake.analysis.figures import plot_tuning
         from exodrake.data.plot import png_of
 
         write_bytes(figure, png_of(plot_tuning(tuning)))

@@ -1,4 +1,4 @@
-"""Frequency response from reference to reading: measured by multisine on the nonlinear loop, and from the frame map.
+"""Responses of a closed loop: steps of the nonlinear loop, and frequency response by multisine and from the frame map.
 
 The multisine has 500 frames (10 s at 20 ms), all odd harmonics of its period at one amplitude, and random phases. It
 repeats; the first period is thrown away as transient, so the second is periodic and free of leakage. Several draws of
@@ -12,18 +12,87 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.analysis.crossing import first_crossing
 from exodrake.analysis.frame_map import FrameMap
-from exodrake.analysis.linear_model import FrameModel
-from exodrake.analysis.operating_point import OperatingPoint
+from exodrake.analysis.linear_model import FrameModel, OperatingPoint
 from exodrake.compiled.inputs import prepared
 
+BEFORE, AFTER = 10, 300  # frames shown before the step and simulated after it
+BAND = 0.02  # settling band, as a share of the step
 PERIOD = 500  # frames
 LINES = np.arange(1, (PERIOD + 1) // 2, 2)  # odd harmonics below the Nyquist frequency
 DRAWS = 4
 RMS = 0.05  # of the excitation, as a share of the loop's step
 PHASES = 20  # seed of the phases
 HALF_POWER = 0.5**0.5
+
+
+def first_crossing(x: np.ndarray, y: np.ndarray, level: float) -> float:
+    """Abscissa at which y (n,) first reaches a level [unit of y] from below, linear between samples at x (n,), rising.
+
+    x[0] if y begins at the level or above, NaN if it never reaches it.
+    """
+    above = np.flatnonzero(y >= level)
+    if not len(above):
+        return float("nan")
+    k = int(above[0])
+    if k == 0:
+        return float(x[0])
+    return float(x[k - 1] + (x[k] - x[k - 1]) * (level - y[k - 1]) / (y[k] - y[k - 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class StepResponse:
+    """Response of the controlled quantity to a step of one channel's reference, without noise.
+
+    Attributes:
+        channel: whose reference steps.
+        size: of the step [SI].
+        time: (n,) [s], a sample per slot; the frame with the new reference starts at 0.
+        output: (n, channels) [SI].
+        rise: 10 to 90 % [s].
+        overshoot: fraction of the step.
+        settling: last time outside +-2 % [s], nan if never inside.
+        steady_error: reference minus output at the end [SI].
+        crosstalk: largest change of another channel, fraction of the step.
+    """
+
+    channel: str
+    size: float
+    time: np.ndarray
+    output: np.ndarray
+    rise: float
+    overshoot: float
+    settling: float
+    steady_error: float
+    crosstalk: float
+
+
+def step_figures(time: np.ndarray, share: np.ndarray) -> tuple[float, float, float]:
+    """Rise time [s], overshoot [-] and settling time [s] of a response (n,) that ought to go from 0 to 1.
+
+    python-control's `step_info` takes the rise time from sample to sample; here it is interpolated.
+    """
+    outside = np.flatnonzero(np.abs(share - 1.0) > BAND)
+    last = int(outside[-1]) if len(outside) else -1
+    settling = float("nan") if last == len(time) - 1 else float(time[last + 1])
+    rise = first_crossing(time, share, 0.9) - first_crossing(time, share, 0.1)
+    return rise, max(0.0, float(share.max()) - 1.0), settling
+
+
+def step_response(loop: FrameMap, point: OperatingPoint, channel: int, size: float | None = None) -> StepResponse:
+    """The loop's response when the reference of a channel (its index) steps by `size` [SI], the loop's own without."""
+    machine, size = loop.robot.machine, loop.loop.step if size is None else size
+    rows = np.tile(point.references, (BEFORE + AFTER, 1))
+    rows[BEFORE:, channel] += size
+    signals = loop.ticks(point.state, rows)
+    output = signals[:, loop.signals[loop.loop.output]]
+    time = machine.slot * (np.arange(len(signals)) + 1) - BEFORE * machine.frame
+    later = time > 0.0
+    rise, overshoot, settling = step_figures(time[later], (output[later, channel] - point.output[channel]) / size)
+    others = np.delete(np.abs(output - point.output), channel, axis=1)
+    error = float(rows[-1, channel] - output[-1, channel])
+    crosstalk = float(others.max(initial=0.0) / abs(size))
+    return StepResponse(loop.channels[channel], size, time, output, rise, overshoot, settling, error, crosstalk)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +155,14 @@ def frequency_response(
     ratio = read / sent
     cross, power = (read * sent.conj()).mean(0), (np.abs(sent) ** 2).mean(0) * (np.abs(read) ** 2).mean(0)
     coherence = np.divide(np.abs(cross) ** 2, power, out=np.full(len(lines), np.nan), where=power > 0.0)
-    name, kinds = loop.channels[channel], (loop.loop.reference, loop.column(loop.loop.measured))
     fine = np.linspace(0.0, 0.5 / machine.frame, 2001)
-    static = float(abs(closed_response(model, name, kinds, fine[:1])[0]))
+    name, kinds = loop.channels[channel], (loop.loop.reference, loop.column(loop.loop.measured))
+    finely = closed_response(model, name, kinds, fine)
+    static = float(abs(finely[0]))
     return FrequencyResponse(
         name, frequency, ratio.mean(0), ratio.std(0, ddof=1), coherence,
         closed_response(model, name, kinds, frequency),
-        bandwidth(fine, static, closed_response(model, name, kinds, fine)), bandwidth(frequency, static, ratio.mean(0)),
+        bandwidth(fine, static, finely), bandwidth(frequency, static, ratio.mean(0)),
     )  # fmt: skip
 
 
