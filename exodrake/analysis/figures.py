@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
 
 from exodrake.analysis.closed_loop import ClosedLoop
 from exodrake.analysis.limit_cycles import LimitCycles
 from exodrake.analysis.margins import LatencySweep, Margins, close
 from exodrake.analysis.responses import FrequencyResponse, StepResponse, closed_response
-from exodrake.analysis.tuning import Tuned, Tuning
+from exodrake.analysis.tuning import Tuning
 from exodrake.core.display import colour_of, display_of, shown_unit
 from exodrake.core.robot import Robot
 from exodrake.data.plot import STYLE, new_figure, png_of
@@ -34,19 +33,6 @@ LEVELS = [0.90, 0.92, 0.94, 0.96, 0.98, 1.0, 1.1, 1.25, 1.5, 2.0]  # of the spec
 INSIDE = ["#1f6f8b", "#3f8aa3", "#68a6b9", "#97c3cf", "#c8e0e5"]
 OUTSIDE = ["#fde3cf", "#f7b98d", "#ec8c55", "#d7602f"]
 VISIBLE = 1e-4  # of a panel: below, the rest of a simulation
-
-
-def in_style(draw: Callable[[Any], Figure]) -> Callable[[Any], Figure]:
-    """Draws under the style of the package's figures."""
-
-    @wraps(draw)
-    def drawn(result: Any) -> Figure:
-        import matplotlib
-
-        with matplotlib.rc_context(STYLE):
-            return draw(result)
-
-    return drawn
 
 
 def draw_damping_grid(axes: Any, period: float) -> None:
@@ -73,7 +59,7 @@ def draw_damping_grid(axes: Any, period: float) -> None:
         axes.text(1.08 * z[0].real, 1.06 * z[0].imag, f"{hertz:g} Hz", **TAG)
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_steps(result: ClosedLoop) -> Figure:
     """Output of all channels when each reference steps, one panel per channel that is stepped."""
     figure = new_figure(max(4.0, min(7.0, 1.0 + 2.0 * len(result.steps))), 2.7)
@@ -81,26 +67,19 @@ def plot_steps(result: ClosedLoop) -> Figure:
     slowest = max((s.settling for s in result.steps if np.isfinite(s.settling)), default=np.inf)
     shown = min(1.4 * slowest, result.steps[0].time[-1])
     channels = [s.channel for s in result.steps]
-    for axes, step in zip(panels, result.steps):
-        change = (step.output - result.point.output) / step.size
+    changes = [(s.output - result.point.output) / s.size for s in result.steps]
+    for axes, step, change in zip(panels, result.steps, changes):
         for j, name in enumerate(channels):
             look = {"lw": 1.5} if name == step.channel else {"lw": 0.9, "alpha": 0.75}
             axes.plot(step.time, change[:, j], color=colour_of(name, j, result.robot.machine), label=name, **look)
         axes.plot([step.time[0], 0, 0, step.time[-1]], [0, 0, 1, 1], color="#444", lw=0.8, ls=(0, (4, 2)))
         axes.set(xlim=(-0.04 * shown, shown), xlabel="Time [s]", title=f"Step on {step.channel}")
         axes.text(0.97, 0.55, step_words(step), transform=axes.transAxes, ha="right", **NOTE)
-    panels[0].set(
-        ylabel=f"{display_of(output_kind(result), result.robot.machine).label} / step [-]", ylim=panel_limits(result)
-    )
+    low, high = np.min(changes), np.max(changes)  # an unstable step must not hide the rest
+    panels[0].set_ylim(max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5))
+    panels[0].set_ylabel(f"{display_of(output_kind(result), result.robot.machine).label} / step [-]")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(channels))
     return figure
-
-
-def panel_limits(result: ClosedLoop) -> tuple[float, float]:
-    """Ordinates that show every step without letting an unstable one hide the rest."""
-    change = [(s.output - result.point.output) / s.size for s in result.steps]
-    low, high = min(float(c.min()) for c in change), max(float(c.max()) for c in change)
-    return max(low - 0.05, -1.0), min(max(high, 1.0) + 0.12, 2.5)
 
 
 def step_words(step: StepResponse) -> str:
@@ -116,7 +95,7 @@ def output_kind(result: ClosedLoop) -> str:
     return next(c.kind for c in machine.columns if c.signal == machine.loop.measured)
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_poles(result: ClosedLoop) -> Figure:
     """Poles in the unit circle, with curves of equal damping and equal frequency."""
     figure = new_figure(4.6, 4.4)
@@ -134,7 +113,7 @@ def plot_poles(result: ClosedLoop) -> Figure:
     return figure
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_bode(result: ClosedLoop) -> Figure:
     """Frequency response from reference to reading per channel, measured and linear, and its coherence."""
     count = len(result.responses)
@@ -177,7 +156,7 @@ def decibel(size: np.ndarray) -> np.ndarray:
     return 20.0 * np.log10(size)
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_margins(result: ClosedLoop) -> Figure:
     """Open loop of each channel, opened at its command, with gain and phase margins."""
     figure = new_figure(min(7.0, 1.6 + 2.4 * len(result.margins)), 4.2)
@@ -219,7 +198,7 @@ def margin_words(m: Margins) -> str:
     return "\n".join(lines)
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_nyquist(result: ClosedLoop) -> Figure:
     """Nyquist curve of each channel, the disk that it must not enter, and the same of each drawn robot."""
     count = len(result.margins)
@@ -260,7 +239,7 @@ def draw_nyquist(axes: Any, m: Margins, colour: str) -> None:
     axes.set(xlim=(-2.6, 1.4), ylim=(-2.0, 2.0), aspect="equal", title=m.channel, xlabel="Re L")
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_robust(result: ClosedLoop) -> Figure:
     """Singular values of S and T, disk margin for all commands at once, and coupling, with bands."""
     figure = new_figure(7.0, 5.0)
@@ -312,7 +291,7 @@ def draw_coupling(axes: Any, result: ClosedLoop) -> None:
     axes.legend(fontsize=7.5)
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_root_locus(result: ClosedLoop) -> Figure:
     """Poles while the gain of all commands grows together, in the unit circle."""
     figure = new_figure(5.4, 4.4)
@@ -341,7 +320,7 @@ def plot_root_locus(result: ClosedLoop) -> Figure:
     return figure
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_delays(result: ClosedLoop) -> Figure:
     """Delay of each channel, from its reading through its slots to the middle of the held command, and what is left."""
     figure = new_figure(7.0, 1.1 + 0.5 * len(result.delays))
@@ -370,7 +349,7 @@ def plot_delays(result: ClosedLoop) -> Figure:
     return figure
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     """Amplitude of each limit cycle over the loop gain: describing function as lines, simulation as dots."""
     figure = new_figure(max(4.0, 2.5 * len(cycles)), 3.0)
@@ -396,7 +375,7 @@ def plot_limit_cycles(cycles: tuple[LimitCycles, ...]) -> Figure:
     return figure
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_stability(result: ClosedLoop) -> Figure:
     """Spectral radius over two gains with its boundary, and over added command latency."""
     latency = result.latency
@@ -452,7 +431,7 @@ def draw_latency(axes: Any, latency: LatencySweep, period: float) -> None:
     axes.set(xlabel="Added latency [frames]", title="Latency of all commands", xlim=(0.0, latency.frames[-1]))
 
 
-@in_style
+@matplotlib.rc_context(STYLE)
 def plot_tuning(tuning: Tuning) -> Figure:
     """Steps of the channels above; settling, overshoot, disk margin and noise below, with their requirements."""
     channels = [s.channel for s in tuning.compared[0].steps]
@@ -460,11 +439,14 @@ def plot_tuning(tuning: Tuning) -> Figure:
     heights = [2.6, 1.1 + 0.24 * len(tuning.compared)]
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
     panels = top.subplots(1, len(channels), sharey=True, squeeze=False)[0]
+    settled = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
+    end = min(1.15 * max(settled, default=np.inf), tuning.compared[0].steps[0].time[-1])
     for j, (axes, channel) in enumerate(zip(panels, channels)):
         for k, tuned in enumerate(tuning.compared):
-            draw_step(axes, tuned, j, CONTROLLERS[k % len(CONTROLLERS)])
-        axes.set(title=f"Step on {channel}", xlabel="Time [s]")
-        axes.set_xlim(0.0, shown_time(tuning))
+            step, look = tuned.steps[j], {"color": CONTROLLERS[k % len(CONTROLLERS)], "lw": 1.1 if tuned.gains else 1.6}
+            axes.plot(step.time, (step.output[:, j] - step.output[0, j]) / step.size, **look)
+        axes.axhline(1.0, color="#444", lw=0.7, ls=(0, (4, 2)))
+        axes.set(title=f"Step on {channel}", xlabel="Time [s]", xlim=(0.0, end))
     panels[0].set(ylabel="Response / step [-]", ylim=(-0.05, 1.35))
     draw_requirements(bottom, tuning)
     title = "No controller holds all requirements"
@@ -472,21 +454,6 @@ def plot_tuning(tuning: Tuning) -> Figure:
         title = f"Fastest within the requirements: {best.name}, settles in {best.settling:.3g} s"
     top.suptitle(title, fontsize=10)
     return figure
-
-
-def shown_time(tuning: Tuning) -> float:
-    """End of the time axis [s]: a little beyond the settling time of the robot's own controller."""
-    ends = [s.settling for t in tuning.compared for s in t.steps if np.isfinite(s.settling)]
-    return min(1.15 * max(ends, default=np.inf), tuning.compared[0].steps[0].time[-1])
-
-
-def draw_step(axes: Any, tuned: Tuned, channel: int, colour: str) -> None:
-    """One channel's own response to its step."""
-    step = tuned.steps[channel]
-    start = step.output[0, channel]
-    width = 1.1 if tuned.gains else 1.6
-    axes.plot(step.time, (step.output[:, channel] - start) / step.size, color=colour, lw=width)
-    axes.axhline(1.0, color="#444", lw=0.7, ls=(0, (4, 2)))
 
 
 def draw_requirements(figure: Any, tuning: Tuning) -> None:
@@ -519,20 +486,12 @@ def draw_requirements(figure: Any, tuning: Tuning) -> None:
     figure.axes[0].invert_yaxis()
 
 
-DRAWINGS = {
-    "steps": plot_steps,
-    "poles": plot_poles,
-    "stability": plot_stability,
-    "bode": plot_bode,
-    "margins": plot_margins,
-    "nyquist": plot_nyquist,
-    "robust": plot_robust,
-    "root_locus": plot_root_locus,
-    "delays": plot_delays,
-}
-
-
 def draw_figures(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[str, bytes]:
     """File name -> PNG of every figure; that of limit cycles where there are any."""
-    figures = {f"{name}.png": png_of(draw(result)) for name, draw in DRAWINGS.items()}
-    return figures | ({"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {})
+    figures = {
+        "steps": plot_steps, "poles": plot_poles, "stability": plot_stability, "bode": plot_bode,
+        "margins": plot_margins, "nyquist": plot_nyquist, "robust": plot_robust, "root_locus": plot_root_locus,
+        "delays": plot_delays,
+    }  # fmt: skip
+    found = {f"{name}.png": png_of(plot(result)) for name, plot in figures.items()}
+    return found | ({"limit_cycles.png": png_of(plot_limit_cycles(cycles))} if cycles else {})

@@ -31,10 +31,10 @@ FRACTIONS = (0.5, 0.25, 0.1, 0.05, 0.02)
 FRACTION = 0.05  # where one will do
 OUTSIDE = 1e-6  # width of the ring about the unit circle in which poles count as neither in nor out
 ON_CIRCLE = 1e-9  # of |z|: what rounding leaves of an eigenvalue on the unit circle [-]
-KINK = 0.02  # one-sided slopes that differ by more deserve a word
-CHUNK, CHUNKS = 100, 30  # frames between two looks for rest; looks
+KINK = 0.02  # difference of one-sided slopes from which a note is given
+CHUNK, CHUNKS = 100, 30  # frames between two checks for rest; checks
 REST = 1e-8  # change over a frame, in units of a state's excursion, below which the loop rests
-SLOW = 1e-4  # the same after 60 s, below which what still moves is too slow to matter
+SLOW = 1e-4  # the same after 60 s, below which a drift is too slow to matter
 BATCH = 200  # frequencies solved at a time, for memory
 
 
@@ -190,8 +190,8 @@ def measure_excursions(loop: FrameMap, state: np.ndarray, references: np.ndarray
     groups: dict[str, list[int]] = {}
     for i, name in enumerate(name_states(loop.robot.machine)):
         groups.setdefault(name.group, []).append(i)
-    for places in groups.values():
-        size[places] = size[places].max()
+    for indices in groups.values():
+        size[indices] = size[indices].max()
     size[size < 1e-12] = UNMOVED
     return size
 
@@ -324,7 +324,7 @@ def measure_drift(loop: FrameMap, state: np.ndarray, references: np.ndarray) -> 
 
 
 def settle(loop: FrameMap, references: np.ndarray) -> tuple[np.ndarray, int, float]:
-    """State (states,) [SI] after the loop came to rest, frames until then, what still moves; as it is after 60 s."""
+    """State (states,) [SI] at rest, or after 60 s, the frames simulated, and the drift that is left [excursions]."""
     state, rows, drift, frames = loop.start(), np.tile(references, (CHUNK, 1)), np.inf, 0
     while not drift < REST and frames < CHUNK * CHUNKS:
         state, _ = loop.run(state, rows)

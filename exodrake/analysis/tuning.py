@@ -246,7 +246,7 @@ class Plant:
         model: closed loop with the robot's own controller.
         plant: from commands to readings.
         frequency (f,) [Hz], response (f, channels, channels): of the readings to the commands.
-        places: (channels,) places in the full state that move one reading each, by size (channels,).
+        index (channels,): of a state that moves each reading, and size (channels,): by how far.
     """
 
     loop: FrameMap
@@ -255,7 +255,7 @@ class Plant:
     plant: FrameModel
     frequency: np.ndarray
     response: np.ndarray
-    places: np.ndarray
+    index: np.ndarray
     size: np.ndarray
 
 
@@ -269,9 +269,9 @@ def linearise_plant(robot: Robot, at: Mapping[str, float] | str | None = None) -
         N=whole.N[~own], M=whole.M[m:],
     )  # fmt: skip
     names = [name.name for name in name_states(robot.machine)]
-    places = np.array([names.index(name) for name in whole.states])
+    indices = np.array([names.index(name) for name in whole.states])
     size = measure_excursions(loop, point.state, point.references)
-    chosen = places[np.where(own, 0.0, np.abs(whole.C[m:]) * size[places]).argmax(axis=1)]
+    chosen = indices[np.where(own, 0.0, np.abs(whole.C[m:]) * size[indices]).argmax(axis=1)]
     response = plant_response(whole, frequency)
     return Plant(loop, point, model, plant, frequency, response, chosen, 0.05 * size[chosen])
 
@@ -294,15 +294,15 @@ def linearise_law(plant: Plant, values: Mapping[str, Any]) -> FrameModel:
     q, nudge = len(own), 1e-3 * loop.loop.step
     inner, outer, read = np.zeros((q + m, q)), np.zeros((q + m, m)), np.zeros((q + m, m))
     change = np.zeros((m, m))
-    for i, place in enumerate(own):
+    for i, state in enumerate(own):
         x = point.state.copy()
-        x[place] += nudge
+        x[state] += nudge
         inner[:, i] = (image(x, point.references)[0] - rest) / nudge
     for j in range(m):
         r, x = point.references.copy(), point.state.copy()
         r[j] += nudge
         outer[:, j] = (image(point.state, r)[0] - rest) / nudge
-        x[plant.places[j]] += plant.size[j]
+        x[plant.index[j]] += plant.size[j]
         sent, measured = image(x, point.references)
         read[:, j], change[:, j] = sent - rest, measured - y
     driven = np.hstack([read @ np.linalg.inv(change), outer])
@@ -373,8 +373,8 @@ def expand_channels(robot: Robot, values: Mapping[str, float | np.ndarray]) -> d
     """Values [SI] by full names: an array (channels,) gives one to each channel."""
     found = {}
     for name, value in values.items():
-        places = robot.indices(name)
-        for i, one in zip(places, np.broadcast_to(value, len(places)), strict=True):
+        indices = robot.indices(name)
+        for i, one in zip(indices, np.broadcast_to(value, len(indices)), strict=True):
             found[robot.machine.parameters[i].name] = float(one)
     return found
 
