@@ -88,6 +88,14 @@ def test_singular_values_are_those_of_python_control(whole, found):
     assert 1.66 < found.numbers["max sigma(S)"] < 1.76 and 0.78 < found.numbers["disk margin"] < 0.85
 
 
+def test_margins_do_not_depend_on_the_grid_of_frequencies(whole, found):
+    """240 frequencies here, 1800 there."""
+    for j, name in enumerate(whole.inputs):
+        fine = margins(whole, j)
+        assert found.numbers[f"gain margin {name}"] == pytest.approx(fine.gain_margin, rel=1e-5)
+        assert found.numbers[f"delay margin {name} [s]"] == pytest.approx(fine.delay_margin, rel=1e-5)
+
+
 def test_relative_gains_of_two_loops_follow_bristol():
     """1 / (1 - G12 G21 / (G11 G22))."""
     g = np.array([[[2.0, 0.5], [0.8, 1.0]]])

@@ -208,10 +208,11 @@ def margins(whole: FrameModel, channel: int) -> Margins:
         return Margins(name, frequency, response, *(NAN,) * 10, *counts)  # pyright: ignore
     low, high, phase, crossover, late = loop_margins(frequency, response)
     sensitivity = 1.0 / (1.0 + response)
-    low_limit = gain_limit(one, LEAST_GAIN)
+    most, least = (find_limit(lambda g: spectral_radius(close(one, g)), 1.0, end) for end in (MOST_GAIN, LEAST_GAIN))
+    late_limit = whole.period * find_limit(lambda frames: spectral_radius(delay(one, frames)), 0.0, MOST_FRAMES)
     return Margins(
-        name, frequency, response, high, gain_limit(one), low, 0.0 if np.isnan(low_limit) else low_limit, phase,
-        crossover, late, delay_limit(one) * whole.period, float(disk_margin(sensitivity[:, None, None]).min()),
+        name, frequency, response, high, most, low, 0.0 if np.isnan(least) else least, phase, crossover, late,
+        late_limit, float(disk_margin(sensitivity[:, None, None]).min()),
         float(np.abs(sensitivity).max()), *counts,
     )  # fmt: skip
 
@@ -251,16 +252,6 @@ def find_limit(radius: Callable[[float], float], low: float, high: float) -> flo
     if above is None:
         return NAN
     return float(brentq(beyond, grid[above - 1], grid[above], rtol=1e-7)) if above else low  # pyright: ignore
-
-
-def gain_limit(one: FrameModel, far: float = MOST_GAIN) -> float:
-    """Factor on the gain of a single loop, from 1 towards `far`, at which the spectral radius passes 1; nan if none."""
-    return find_limit(lambda g: spectral_radius(close(one, g)), 1.0, far)
-
-
-def delay_limit(one: FrameModel) -> float:
-    """Frames of delay in a single loop at which the spectral radius passes 1; nan if none below 40."""
-    return find_limit(lambda d: spectral_radius(delay(one, d)), 0.0, MOST_FRAMES)
 
 
 def disk_margin(sensitivity: np.ndarray) -> np.ndarray:

@@ -183,7 +183,10 @@ def tune(
         raise InputError(f"{robot.machine.name}: no controller {name!r}; there are {'; '.join(known)}")
     plants = [linearise_plant(robot, at) for at in loop.points]
     plants += [linearise_plant(drawn) for _, drawn in within_tolerances(robot, draws, DESIGN_SEED)]
-    wanted = allow_noise(requirements or Requirements(), plants)
+    wanted = requirements or Requirements()
+    if wanted.noise is None:
+        noises = [noise for plant in plants if np.isfinite(noise := predict_performance(plant, {}).noise)]
+        wanted = replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
     compared = [assess(OWN, robot, {}, wanted, judges)]
     for structure in loop.controllers:
         if not only or structure.name in only:
@@ -359,14 +362,6 @@ def predict_steps(plant: Plant, a: np.ndarray, b: np.ndarray) -> tuple[float, fl
     missing = np.maximum(np.abs(share[-1] - 1.0) - BAND, 0.0)
     settling = plant.plant.period * (last + 2 + FRAMES * missing)
     return float(settling.max()), max(0.0, float(share.max()) - 1.0)
-
-
-def allow_noise(wanted: Requirements, plants: list[Plant]) -> Requirements:
-    """The requirements with a largest noise of the commands, from that of the robot's own controller where none is."""
-    if wanted.noise is not None:
-        return wanted
-    noises = [noise for plant in plants if np.isfinite(noise := predict_performance(plant, {}).noise)]
-    return replace(wanted, noise=NOISE_FACTOR * max(noises, default=np.inf))
 
 
 def expand_channels(robot: Robot, values: Mapping[str, float | np.ndarray]) -> dict[str, float]:
