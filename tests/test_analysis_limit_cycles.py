@@ -52,13 +52,13 @@ def test_crossing_of_a_relay_with_a_triple_lag():
 def test_rounding_makes_the_predicted_limit_cycle_and_dead_zone_and_friction_none():
     found = {c.label: c for c in limit_cycles(exo.load_robot())}
     rounding = found["rounding, sensor.q_F"]
-    size, frequency = rounding.predicted()
-    swing, beat = rounding.simulated()
+    size, frequency = rounding.predict()
+    swing, beat = rounding.read_simulation()
     assert size == pytest.approx(swing, rel=0.5) and frequency == pytest.approx(beat, rel=0.25)
     near = np.flatnonzero(rounding.factors > 0.9 * rounding.limit)[0]
-    assert rounding.predicted(float(rounding.factors[near]))[0] == pytest.approx(float(rounding.swing[near]), rel=0.7)
+    assert rounding.predict(float(rounding.factors[near]))[0] == pytest.approx(float(rounding.swing[near]), rel=0.7)
     for name in ("motor.dead_zone", "tendon.coulomb_friction"):
-        assert found[name].predicted() == (0.0, 0.0) and found[name].simulated() == (0.0, 0.0)
+        assert found[name].predict() == (0.0, 0.0) and found[name].read_simulation() == (0.0, 0.0)
         beyond = found[name].factors > 1.1 * found[name].limit
         assert (found[name].swing[beyond] > 0.0).all()
 
@@ -68,7 +68,7 @@ def test_a_machine_without_saturation_has_no_bounded_motion_beyond_its_linear_li
     cycles = limit_cycles(exo.load_robot("emps"))
     assert cycles
     for found in cycles:
-        assert np.isinf(found.swing[found.factors > found.limit]).all() and found.simulated() == (0.0, 0.0)
+        assert np.isinf(found.swing[found.factors > found.limit]).all() and found.read_simulation() == (0.0, 0.0)
         assert np.isfinite(found.swing[found.factors < 0.9 * found.limit]).all()
 
 

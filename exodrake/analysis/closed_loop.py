@@ -79,10 +79,10 @@ class ClosedLoop:
     @property
     def stable(self) -> bool:
         """Whether all poles lie inside the unit circle; where they mean little, whether the loop returns to rest."""
-        return self.returns if self.witnessed else self.model.spectral_radius < 1.0
+        return self.returns if self.kick_decides else self.model.spectral_radius < 1.0
 
     @property
-    def witnessed(self) -> bool:
+    def kick_decides(self) -> bool:
         """Whether the nonlinear simulation decides on stability, because the poles do not."""
         return not self.model.decides
 
@@ -213,7 +213,7 @@ def to_plain(result: ClosedLoop, cycles: tuple[LimitCycles, ...] = ()) -> dict[s
             "robot": robot.source or machine.name,
             "effects": robot.effects(),
             "stable": result.stable,
-            "decided_by": "simulated kick" if result.witnessed else "poles",
+            "decided_by": "simulated kick" if result.kick_decides else "poles",
             "spectral_radius": result.model.spectral_radius,
             "returns_after_kick": result.returns,
             "notes": list(result.notes),

@@ -61,30 +61,30 @@ def feedforward(robot: Robot, reference: Reference) -> Feedforward:
     width = len(channels)
     wanted = reference.values[:, :width]
 
-    def sent(commands: np.ndarray) -> Reference:
+    def to_reference(commands: np.ndarray) -> Reference:
         return replace(reference, values=np.hstack([commands, reference.values[:, width:]]))
 
-    def motion(commands: np.ndarray) -> np.ndarray:
-        return simulate(robot, sent(commands), seed=None, quantisation=False).array(kind, channels)
+    def simulate_motion(commands: np.ndarray) -> np.ndarray:
+        return simulate(robot, to_reference(commands), seed=None, quantisation=False).array(kind, channels)
 
-    low, high = limits(robot, wanted)
+    low, high = find_limits(robot, wanted)
     commands = best = wanted
-    moved = motion(commands)
-    late = [delay(wanted[:, k], moved[:, k]) for k in range(width)]
+    moved = simulate_motion(commands)
+    late = [find_delay(wanted[:, k], moved[:, k]) for k in range(width)]
     least, before = 1.0, rms(wanted - moved)
     for _ in range(ROUNDS):
         error = np.zeros_like(wanted)  # of the frame in which a command acts; 0 beyond the end of the log
         for k, d in enumerate(late):
             error[: len(wanted) - d, k] = wanted[d:, k] - moved[d:, k]
         commands = np.clip(commands + GAIN * error, low, high)
-        moved = motion(commands)
+        moved = simulate_motion(commands)
         found = rms(wanted - moved)
         if np.mean(found / np.maximum(before, TINY)) < least:  # of all channels together, since they may be coupled
             best, least = commands, float(np.mean(found / np.maximum(before, TINY)))
-    return Feedforward(sent(best), before, rms(wanted - motion(best)), kind)
+    return Feedforward(to_reference(best), before, rms(wanted - simulate_motion(best)), kind)
 
 
-def limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest commands (channels,) [SI]: the robot file's, else what is wanted and as much again."""
     if robot.machine.reference_limits and robot.limits:
         return robot.reference_limits()
@@ -92,7 +92,7 @@ def limits(robot: Robot, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return wanted.min(axis=0) - span, wanted.max(axis=0) + span
 
 
-def delay(wanted: np.ndarray, moved: np.ndarray) -> int:
+def find_delay(wanted: np.ndarray, moved: np.ndarray) -> int:
     """Delay of a motion (n,) [SI] behind its reference (n,) in frames, by the smallest spread of their difference."""
     n = len(wanted)
     tried = range(1 + max(min(LATEST, n - 2), 0))  # two samples at least, or a spread says nothing

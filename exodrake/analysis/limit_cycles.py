@@ -58,7 +58,7 @@ class LimitCycles:
     swing: np.ndarray
     swing_frequency: np.ndarray
 
-    def predicted(self, factor: float = 1.0) -> tuple[float, float]:
+    def predict(self, factor: float = 1.0) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the smallest stable limit cycle at a factor; 0 and 0 without any."""
         low, high = self.factor[:-1], self.factor[1:]
         for k in np.flatnonzero((low <= factor) & (factor < high)):
@@ -67,7 +67,7 @@ class LimitCycles:
             return float(size), float(self.frequency[k] * (1.0 - share) + self.frequency[k + 1] * share)
         return 0.0, 0.0
 
-    def simulated(self) -> tuple[float, float]:
+    def read_simulation(self) -> tuple[float, float]:
         """Amplitude [SI] and frequency [Hz] of the simulated command with the robot's own gains; 0 and 0 at rest."""
         k = int(np.flatnonzero(self.factors == 1.0)[0])
         return float(self.swing[k]), float(self.swing_frequency[k])
@@ -105,9 +105,9 @@ class CommandedLoop:
             change = np.zeros(len(self.references))
             wanted = rule(n, signals[command][self.channel])
             change[self.channel] = wanted - signals[command][self.channel]
-            x, moved = step(x, self.references + inverse @ change)
+            x, commanded = step(x, self.references + inverse @ change)
             x[own] = after[own]
-            rows[n] = moved[command][self.channel], moved[reading]
+            rows[n] = commanded[command][self.channel], commanded[reading]
         return rows[:, 0], rows[:, 1]
 
 
@@ -204,7 +204,7 @@ def compare_cycles(
         measured = np.array([describing_function(plant, state, size, cycles) for cycles in CYCLES])
         curve.append(find_crossing(frequency, controller * measured))
     factors = np.sort(np.append(limit * np.array(FACTORS), 1.0))
-    swings = [oscillation(plant, state, g, whole.period, unit) for g in factors]
+    swings = [simulate_oscillation(plant, state, g, whole.period, unit) for g in factors]
     return LimitCycles(
         label, whole.inputs[channel], loop.robot.machine.signal[loop.loop.command].unit, limit, unit * AMPLITUDES,
         *np.array(curve).T, factors, *np.array(swings).T,  # pyright: ignore
@@ -225,7 +225,7 @@ def find_crossing(frequency: np.ndarray, response: np.ndarray) -> tuple[float, f
     return best
 
 
-def oscillation(
+def simulate_oscillation(
     plant: CommandedLoop, state: np.ndarray, factor: float, period: float, unit: float
 ) -> tuple[float, float]:
     """Amplitude [SI] and frequency [Hz] of the command at the end of a run from a state (states,) after a kick.

@@ -195,7 +195,7 @@ def robust_lines(result: ClosedLoop) -> list[str]:
 def verdict(result: ClosedLoop) -> str:
     """Stable or not, by the poles, by the simulation where these mean little, and up to which latency."""
     radius, word = result.model.spectral_radius, "stable" if result.stable else "UNSTABLE"
-    if result.witnessed:
+    if result.kick_decides:
         return (
             f"{word}: simulated, a kick {'dies' if result.returns else 'does not die'} out; poles mean little, see note"
         )
