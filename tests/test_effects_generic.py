@@ -1,5 +1,7 @@
 """Generic effects of any signal and any sliding part: closed forms, identities, and every machine that has them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from effects_motion import motion_of
@@ -7,7 +9,9 @@ from scipy.signal import lfilter
 
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
+from exodrake.compiled.splice import named_by
 from exodrake.core.effect import Effect
+from exodrake.core.errors import InputError
 from exodrake.core.part import Part
 from exodrake.effects import LIBRARY, generic_effects
 from exodrake.effects.friction import (
@@ -186,3 +190,21 @@ def test_two_sensors_of_one_machine_have_effects_of_their_own() -> None:
     assert found["p.offset"].at.keys() == {"reading_p.shown"} and found["q.offset"].at.keys() == {"reading_q.shown"}
     assert [found[i].parameters[0].unit for i in ("p.offset", "q.offset", "q.drift")] == ["m", "A", "A/s"]
     assert found["q.offset"].parameters[0].high == pytest.approx(0.9)
+
+
+def neighbour_twice(aim, behind, share):
+    """Takes one of the point's arguments, by its name."""
+    return aim + 2.0 * share * behind
+
+
+def mistaken(aim, neighbour, share):
+    """Takes an argument that the point does not have."""
+    return aim + share * neighbour
+
+
+def test_a_law_takes_of_its_point_what_it_names_and_is_refused_for_what_the_point_lacks() -> None:
+    fits, lacks = (replace(LIBRARY["joint.gain"], at={"joint.aimed": f}) for f in (neighbour_twice, mistaken))
+    given = ["ahead", "behind", "setting"]
+    assert named_by(fits, "joint.aimed", given, 1) == ["behind"]
+    with pytest.raises(InputError, match=r"mistaken\(aim, neighbour, share\) does not fit joint.aimed"):
+        named_by(lacks, "joint.aimed", given, 1)

@@ -11,6 +11,7 @@ import ast
 import math
 
 from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part, Point, module_name, prefix
 from exodrake.core.signal import SCALAR
@@ -88,13 +89,39 @@ def spliced_body(
         act, own = effect.at[key], channel if effect.axis == point.axis or effect.axis == SCALAR else None
         states = state_indices(machine, part, effect, own)
         parameters = [value_of(machine, part, effect, n, own) for n in effect.parameters]
-        arguments = ", ".join([value, *context, *parameters, *states])
+        given = named_by(effect, key, context, len(parameters) + len(states))
+        arguments = ", ".join([value, *given, *parameters, *states])
         call = f"{prefix(act.__module__)}__{act.__name__}({arguments})"
         filtered = [value, *states] if key in effect.filters else [value]
         target = ", ".join(states if key in effect.advances else filtered)
         advances = advances or key in effect.advances
         body += [f"    if {guard(machine, part, effect, own)}:", f"        {target} = {call}"]
     return body, "" if advances else value
+
+
+def named_by(effect: Effect, key: str, context: list[str], own: int) -> list[str]:
+    """Of a point's arguments after the value those that the effect's law takes: those that it names, else all.
+
+    Args:
+        effect: that acts there.
+        key: of the point.
+        context: names of the point's arguments after the value.
+        own: number of the law's last arguments, which are the effect's parameters and states.
+
+    Raises:
+        InputError: for a law that takes something else.
+    """
+    code = effect.at[key].__code__
+    names = list(code.co_varnames[1 : max(1, code.co_argcount - own)])
+    if code.co_argcount > own and set(names) <= set(context):
+        return names
+    if code.co_argcount == own + 1 + len(context):
+        return context
+    given, taken = ", ".join(["a value", *context]), ", ".join(code.co_varnames[: code.co_argcount])
+    raise InputError(
+        f"{effect.id}: {code.co_name}({taken}) does not fit {key}, which gives {given}; "
+        f"{own} parameters and states of the effect follow"
+    )
 
 
 def literal(value: float) -> str:

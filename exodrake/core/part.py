@@ -80,7 +80,7 @@ class Point:
     """A named point where effects act: the module's function of that name, whose value passes through each effect.
 
     Calls have the form `name(e, z, [channel,] value, *context)`; an effect's function gets
-    `(value, *context, *parameters, *states)`.
+    `(value, *context, *parameters, *states)`, where it names all of the context or only what it needs.
     """
 
     name: str
