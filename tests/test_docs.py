@@ -186,9 +186,9 @@ def test_sources_of_effects_lead_into_the_page_on_physics():
 def test_the_effect_to_add_is_one():
     space: dict = {}
     exec(blocks(ROOT / "docs" / "howto" / "effect.md", "python")[0], space)
-    law, effect = space["EFFECT"].at["tendon.transmit"], space["EFFECT"]
-    assert law(5.0, 1.0, 0.0, 0.05, effect.parameters[0].null) == 5.0
-    assert law(5.0, 1.0, 0.0, 0.05, 100.0) == pytest.approx(5.0 - 100.0 * 0.05**2)
+    law, effect = space["WINDAGE"].at["tendon.transmit"], space["WINDAGE"]
+    assert law(5.0, 0.05, effect.parameters[0].null) == 5.0
+    assert law(5.0, 0.05, 100.0) == pytest.approx(5.0 - 100.0 * 0.05**2)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -6,18 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from exodrake.effects.friction import (
-    lugre,
-    motor_gear_efficiency,
-    sensor_pulley_friction,
-    stribeck,
-    tendon_capstan_friction,
-    tendon_coulomb_friction,
-    tendon_lugre,
-    tendon_prandtl_ishlinskii,
-    tendon_presliding,
-    tendon_sheath_friction,
-)
+from exodrake.effects import friction, motor, sensor, tendon
 from exodrake.physics.tendon import slid
 
 K, MU, DT = 2700.0, 0.6, 0.002  # N/m, -, s
@@ -28,9 +17,9 @@ def sheath(strokes, takens, mu=MU) -> np.ndarray:
     pieces, before, rows = (0.0,) * 5, 0.0, []
     for stroke, taken in zip(strokes, takens, strict=True):
         stretched, travel = max(0.0, stroke - taken), taken - before
-        near = tendon_sheath_friction.near_end(K * stretched, stretched, travel, mu, *pieces)
-        far = tendon_sheath_friction.far_end(near, stretched, travel, mu, *pieces)
-        pieces = tendon_sheath_friction.settle(0.002, stretched, near, far, travel, mu, *pieces)
+        near = tendon.near_end(K * stretched, stretched, travel, mu, *pieces)
+        far = tendon.far_end(near, stretched, travel, mu, *pieces)
+        pieces = tendon.settle_sheath(0.002, stretched, travel, mu, *pieces)
         assert sum(pieces) == pytest.approx(stretched, abs=1e-15)
         rows.append((near, far, 2.5 * K * sum(piece**2 for piece in pieces)))
         before = taken
@@ -88,48 +77,48 @@ def test_pulley_takes_its_work_from_the_motor() -> None:
     course = reach * np.sin(np.linspace(0.0, 4 * pi, 8001))
     work = 0.0
     for k, step in enumerate(np.diff(course)):
-        state = sensor_pulley_friction.settle(0.002, 0.0, tension, tension, step, mu, 5e-5, *state)
-        near = sensor_pulley_friction.at_spool(tension, mu, 5e-5, *state)
-        assert sensor_pulley_friction.at_cell(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
+        state = sensor.settle_pulley(0.002, 0.0, tension, step, mu, 5e-5, *state)
+        near = sensor.at_spool(tension, mu, 5e-5, *state)
+        assert sensor.at_cell(tension, mu, 5e-5, *state) == pytest.approx(0.5 * (near + tension))
         work += near * step * (k >= 4000)
     assert work == pytest.approx(2.0 * reach * tension * (exp(mu * pi) - exp(-mu * pi)), rel=1e-2)
 
 
 def capstan(load, travel, state):
     """Friction [N] after a travel under a load, and the states; so are the next ones."""
-    force = load - tendon_capstan_friction.transmit(load, 0.0, travel, travel / DT, 0.3, *state)
-    return force, (tendon_capstan_friction.settle(DT, 0.0, load, load, travel, 0.3, *state),)
+    force = load - tendon.capstan(load, travel, 0.3, *state)
+    return force, (tendon.settle_capstan(DT, load, travel, 0.3, *state),)
 
 
 def pulley(load, travel, state):
-    state = sensor_pulley_friction.settle(DT, state[1] + travel, load, load, 0.0, 0.15, 5e-5, *state)
-    return sensor_pulley_friction.at_spool(load, 0.15, 5e-5, *state) - load, state
+    state = sensor.settle_pulley(DT, state[1] + travel, load, 0.0, 0.15, 5e-5, *state)
+    return sensor.at_spool(load, 0.15, 5e-5, *state) - load, state
 
 
 def gear(load, travel, state):
-    felt, *state = motor_gear_efficiency.load(load, state[1] + travel, 0.65, *state)
+    felt, *state = motor.geared(load, state[1] + travel, 0.65, *state)
     return felt - load, state
 
 
 def coulomb(load, travel, state):
     slide = slid(state[0], travel, 5e-5, load)
-    return load - tendon_coulomb_friction.transmit(load, slide, travel, travel / DT, 0.4), (slide,)
+    return load - tendon.coulomb(load, slide, 0.4), (slide,)
 
 
 def dahl(load, travel, state):
-    force = load - tendon_presliding.transmit(load, 0.0, travel, travel / DT, 0.4, 8000.0, *state)
-    return force, (tendon_presliding.settle(DT, 0.0, load, load, travel, 0.4, 8000.0, *state),)
+    force = load - tendon.dahl(load, travel, 0.4, 8000.0, *state)
+    return force, (tendon.settle_dahl(DT, load, travel, 0.4, 8000.0, *state),)
 
 
 def stops(load, travel, state):
-    force = load - tendon_prandtl_ishlinskii.transmit(load, 0.0, travel, travel / DT, 0.4, 5e-5, *state)
-    return force, tendon_prandtl_ishlinskii.settle(DT, 0.0, load, load, travel, 0.4, 5e-5, *state)
+    force = load - tendon.prandtl_ishlinskii(load, travel, 0.4, 5e-5, *state)
+    return force, tendon.settle_stops(DT, load, travel, 0.4, 5e-5, *state)
 
 
 def lugre_law(load, travel, state):
     law = (0.4, 1.4, 0.005, 8000.0, 5.0, *state)
-    force = load - tendon_lugre.transmit(load, 0.0, travel, travel / DT, *law)
-    return force, (tendon_lugre.settle(DT, 0.0, load, load, travel, *law),)
+    force = load - tendon.lugre(load, travel, travel / DT, *law)
+    return force, (tendon.settle_lugre(DT, load, travel, *law),)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -162,8 +151,8 @@ def lugre_run(speeds, dt: float) -> np.ndarray:
     """Friction [N] at the end of each step of a course of speeds [m/s]."""
     z, forces = 0.0, []
     for v in speeds:
-        after = lugre.deflected(z, v * dt, stribeck.level(v, **LUGRE), SIGMA_0)
-        forces.append(lugre.force(z, after, v * dt, v, SIGMA_0, SIGMA_1))
+        after = friction.deflected(z, v * dt, friction.level(v, **LUGRE), SIGMA_0)
+        forces.append(friction.bristle_force(z, after, v * dt, v, SIGMA_0, SIGMA_1))
         z = after
     return np.array(forces)
 
@@ -175,7 +164,7 @@ def test_lugre_agrees_with_an_integrator() -> None:
         return 0.02 * np.sin(2 * pi * 2.0 * t)
 
     def rate(t, z):
-        return speed(t) - SIGMA_0 * abs(speed(t)) * z / stribeck.level(speed(t), **LUGRE)
+        return speed(t) - SIGMA_0 * abs(speed(t)) * z / friction.level(speed(t), **LUGRE)
 
     dt = 1e-4
     t = dt * np.arange(1, 10001)
@@ -187,10 +176,10 @@ def test_lugre_agrees_with_an_integrator() -> None:
 
 def test_lugre_slides_at_its_level_and_starts_as_a_spring_with_a_damper() -> None:
     for v in (1e-3, 0.005, 0.1, -0.1):
-        assert lugre_run([v] * 5000, 0.002)[-1] == pytest.approx(np.sign(v) * stribeck.level(v, **LUGRE), rel=1e-6)
+        assert lugre_run([v] * 5000, 0.002)[-1] == pytest.approx(np.sign(v) * friction.level(v, **LUGRE), rel=1e-6)
     v, dt = 1e-3, 1e-7
     assert lugre_run([v], dt)[0] == pytest.approx(SIGMA_1 * v + SIGMA_0 * v * dt, rel=1e-3)
-    assert tendon_lugre.transmit(5.0, 0.0, 1.0, 500.0, 0.4, 1.5, 0.005, SIGMA_0, SIGMA_1, 4e-4) == pytest.approx(4.6)
+    assert tendon.lugre(5.0, 1.0, 500.0, 0.4, 1.5, 0.005, SIGMA_0, SIGMA_1, 4e-4) == pytest.approx(4.6)
 
 
 @pytest.mark.parametrize("amplitude", [1e-4, 1e-3, 1e-2])

@@ -1,6 +1,7 @@
 """Generic effects of any signal and any sliding part: closed forms, identities, and every machine that has them."""
 
 from dataclasses import replace
+from inspect import signature
 
 import numpy as np
 import pytest
@@ -13,28 +14,7 @@ from exodrake.compiled.splice import named_by
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError
 from exodrake.core.part import Part
-from exodrake.effects import LIBRARY, generic_effects
-from exodrake.effects.friction import (
-    sliding_coulomb_friction,
-    sliding_load_friction,
-    sliding_lugre,
-    sliding_stribeck_friction,
-)
-from exodrake.effects.signal import (
-    signal_backlash,
-    signal_clock_skew,
-    signal_crosstalk,
-    signal_dead_zone,
-    signal_delay,
-    signal_drift,
-    signal_gain,
-    signal_hysteresis,
-    signal_low_pass,
-    signal_offset,
-    signal_packet_loss,
-    signal_quantisation,
-    signal_saturation,
-)
+from exodrake.effects import LIBRARY, friction, generic_effects, signal
 from exodrake.machines.library import machine_names
 from exodrake.simulation.simulate import record
 
@@ -45,45 +25,42 @@ SPREAD = {"emps": 1e-6}  # m; by what a log must change; else 1e-4 rad
 
 def course(law, values, *parameters, states: int) -> np.ndarray:
     """What a filter shows of a course of values (samples,)."""
-    own, shown = (0.0,) * states, []
+    own, shown, named = (0.0,) * states, [], signature(law).parameters
     for k, value in enumerate(values):
-        found, *rest = law(value, PERIOD * k, PERIOD if k else 0.0, *parameters, *own)
+        point = {"clock": PERIOD * k, "period": PERIOD if k else 0.0}
+        found, *rest = law(value, *(point[name] for name in point if name in named), *parameters, *own)
         own = tuple(rest)
         shown.append(found)
     return np.array(shown)
 
 
 def test_static_errors_are_what_they_say() -> None:
-    assert signal_gain.shown(2.0, 0.0, PERIOD, -0.1) == pytest.approx(1.8)
-    assert signal_offset.shown(2.0, 0.0, PERIOD, 0.3) == pytest.approx(2.3)
-    assert signal_drift.shown(2.0, 30.0, PERIOD, 0.01) == pytest.approx(2.3)
-    assert signal_crosstalk.mixed(2.0, 5.0, -0.1) == pytest.approx(1.5)
-    assert [signal_saturation.shown(v, 0.0, PERIOD, 0.4) for v in (-1.0, 0.3, 1.0)] == [-0.4, 0.3, 0.4]
-    assert [signal_dead_zone.shown(v, 0.0, PERIOD, 0.25) for v in (-1.0, 0.2, 1.0)] == [-0.75, 0.0, 0.75]
-    assert [signal_quantisation.delivered(v, 0.0, 1.0, 0.25) for v in (-0.3, 0.1, 0.2)] == [-0.25, 0.0, 0.25]
-    assert [signal_packet_loss.delivered(2.0, 1.0, u, 0.1) for u in (0.05, 0.15)] == [1.0, 2.0]
+    assert [signal.clipped(v, 0.4) for v in (-1.0, 0.3, 1.0)] == [-0.4, 0.3, 0.4]
+    assert [signal.beyond(v, 0.25) for v in (-1.0, 0.2, 1.0)] == [-0.75, 0.0, 0.75]
+    assert [signal.coarse(v, 0.25) for v in (-0.3, 0.1, 0.2)] == [-0.25, 0.0, 0.25]
+    assert [signal.lost(2.0, 1.0, u, 0.1) for u in (0.05, 0.15)] == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("samples", [0.0, 0.3, 1.0, 2.75, 8.0])
 def test_a_delay_shifts_a_straight_line_by_fractions_of_a_sample(samples: float) -> None:
     """Mixing two neighbours is exact for a line; a sine of slow phase is late by the delay, too."""
     line = 3.0 * PERIOD * np.arange(40)
-    assert course(signal_delay.shown, line, samples * PERIOD, states=8)[8:] == pytest.approx(
+    assert course(signal.delay, line, samples * PERIOD, states=8)[8:] == pytest.approx(
         (line - 3.0 * samples * PERIOD)[8:]
     )
-    late = course(signal_delay.shown, SIGNAL, samples * PERIOD, states=8)[8:]
+    late = course(signal.delay, SIGNAL, samples * PERIOD, states=8)[8:]
     assert late == pytest.approx(np.sin(2 * np.pi * 0.7 * PERIOD * (np.arange(400) - samples))[8:], abs=2e-3)
 
 
 def test_a_delay_ends_at_eight_samples_and_starts_with_the_first_value() -> None:
     line = np.arange(20.0)
-    assert course(signal_delay.shown, line, 11.0 * PERIOD, states=8)[10:] == pytest.approx(line[10:] - 8.0)
-    assert course(signal_delay.shown, line + 5.0, 3.0 * PERIOD, states=8)[:3] == pytest.approx([5.0, 5.0, 5.0])
+    assert course(signal.delay, line, 11.0 * PERIOD, states=8)[10:] == pytest.approx(line[10:] - 8.0)
+    assert course(signal.delay, line + 5.0, 3.0 * PERIOD, states=8)[:3] == pytest.approx([5.0, 5.0, 5.0])
 
 
 @pytest.mark.parametrize("skew", [2e-3, -2e-3])
 def test_a_skewed_clock_stretches_time(skew: float) -> None:
-    shown = course(signal_clock_skew.shown, SIGNAL, skew, states=8)
+    shown = course(signal.skewed, SIGNAL, skew, states=8)
     time = PERIOD * np.arange(400)
     assert shown == pytest.approx(np.sin(2 * np.pi * 0.7 * (1.0 - skew) * time), abs=6e-3)
 
@@ -91,15 +68,15 @@ def test_a_skewed_clock_stretches_time(skew: float) -> None:
 def test_low_pass_is_the_filter_of_scipy() -> None:
     decay = np.exp(-PERIOD / 0.1)
     wanted = lfilter([1.0 - decay], [1.0, -decay], SIGNAL, zi=[decay * SIGNAL[0]])[0]
-    assert course(signal_low_pass.shown, SIGNAL, 0.1, states=1) == pytest.approx(wanted)
+    assert course(signal.low_pass, SIGNAL, 0.1, states=1) == pytest.approx(wanted)
 
 
 def test_backlash_and_hysteresis_enclose_the_area_of_their_loops() -> None:
     values = np.sin(np.linspace(0.0, 4 * np.pi, 8001))
     cycle = slice(4000, None)
-    play = course(signal_backlash.shown, values, 0.1, states=1)
+    play = course(signal.backlash, values, 0.1, states=1)
     assert abs(np.trapezoid(play[cycle], values[cycle])) == pytest.approx(4.0 * 0.1 * 0.9, rel=1e-3)
-    loop = course(signal_hysteresis.shown, values, 0.05, 0.02, states=2)
+    loop = course(signal.hysteresis, values, 0.05, 0.02, states=2)
     assert abs(np.trapezoid(loop[cycle], values[cycle])) == pytest.approx(4.0 * 0.05 * (1.0 - 0.02), rel=1e-2)
 
 
@@ -107,11 +84,11 @@ def test_friction_of_the_load_is_a_share_of_the_drive() -> None:
     """A part of 2 kg driven by 10 N with a fifth of it lost moves as under 8 N, and never starts by itself."""
     mass, dt, v = 2.0, 1e-3, 0.0
     for _ in range(500):
-        v = sliding_load_friction.braked(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
+        v = friction.loaded(v + dt * 10.0 / mass, dt / mass, 10.0, 0.2)
     assert v == pytest.approx(0.5 * 8.0 / mass)
-    assert sliding_load_friction.braked(1e-6, dt / mass, 10.0, 0.2) == 0.0
-    assert sliding_coulomb_friction.braked(-1e-6, dt / mass, 0.0, 2.0) == 0.0
-    slow, fast = (1.0 - sliding_stribeck_friction.braked(1.0, 1e-3, 0.0, 5.0, 2.0, s) for s in (10.0, 0.1))
+    assert friction.loaded(1e-6, dt / mass, 10.0, 0.2) == 0.0
+    assert friction.coulomb(-1e-6, dt / mass, 2.0) == 0.0
+    slow, fast = (1.0 - friction.stribeck(1.0, 1e-3, 5.0, 2.0, s) for s in (10.0, 0.1))
     assert (slow, fast) == (pytest.approx(1e-2, rel=0.02), pytest.approx(5e-3))
 
 
@@ -121,8 +98,8 @@ def test_lugre_of_a_part_slides_at_its_level_and_holds_below_it() -> None:
     def end(drive: float) -> tuple[float, float]:
         v, z = 0.0, 0.0
         for k in range(20_000):  # the drive comes up within a tenth of a second
-            v += dt * sliding_lugre.pushed(drive * min(k * 1e-3, 1.0), v, *law, z) / mass
-            z = sliding_lugre.settle(dt, v * dt, *law, z)
+            v += dt * friction.lugre_force(drive * min(k * 1e-3, 1.0), v, *law, z) / mass
+            z = friction.settle_lugre(dt, v * dt, *law, z)
         return v, z
 
     held, moved = end(18.0), end(30.0)

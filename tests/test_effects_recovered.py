@@ -8,7 +8,8 @@ from effects_motion import motion_of
 from scipy.optimize import least_squares
 
 import exodrake as exo
-from exodrake.core.effect import Effect, EffectParameter
+from exodrake.core.effect import EffectParameter
+from exodrake.effects import LIBRARY
 from exodrake.machines.library import machine_names
 
 SEED = 20  # of the packets that arrive; the noise itself is switched off
@@ -46,17 +47,15 @@ STEPWISE = {"motor.dead_zone", "timing.dropped_commands", "reading.quantisation"
 NEAR = {"reading.quantisation": 0.03}
 
 
-def law(effect: Effect) -> str:
-    """Module of its equation."""
-    return next(iter(effect.at.values())).__module__
-
-
 def every() -> list[tuple[str, str]]:
     """Machine and effect; a generic effect once, on the machine with the fewest channels."""
     machines = [exo.load_robot(name).machine for name in machine_names()]
     machines.sort(key=lambda machine: (len(machine.axes.joints), machine.frame < 0.01))
+    generic = {e.signature for e in LIBRARY.values() if e.block == "signal"}
     found = {
-        (law(e) if "signal_" in law(e) else (m.name, e.id)): (m.name, e.id) for m in machines[::-1] for e in m.effects
+        (e.signature if e.signature in generic else (m.name, e.id)): (m.name, e.id)
+        for m in machines[::-1]
+        for e in m.effects
     }
     return list(found.values())
 

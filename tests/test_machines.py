@@ -11,27 +11,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
-from exodrake.effects import (
-    joint_bend_loss,
-    joint_sag,
-    joint_sheath_play,
-)
-from exodrake.effects.friction import (
-    joint_drag,
-    sliding_coulomb_friction,
-    sliding_direction,
-    sliding_offset,
-    sliding_presliding_friction,
-    sliding_viscous_friction,
-)
-from exodrake.effects.friction.stribeck import level
-from exodrake.effects.signal import (
-    joint_coupling,
-    joint_gain,
-    joint_lag,
-    joint_offset,
-    joint_play,
-)
+from exodrake.effects import friction, servo, signal
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate
 from studies.real_machines.growing_models import growing_models
@@ -122,18 +102,18 @@ def test_a_braked_carriage_stops_after_the_way_that_energy_allows_and_stays():
     way, v = 0.0, speed
     for _ in range(20_000):
         before = v
-        v = sliding_coulomb_friction.braked(v, dt / mass, 0.0, force)
+        v = friction.coulomb(v, dt / mass, force)
         way += 0.5 * dt * (before + v)
     assert v == 0.0 and way == pytest.approx(0.5 * mass * speed**2 / force, rel=1e-3)
 
 
 def test_laws_of_the_carriage():
-    assert sliding_viscous_friction.pushed(10.0, 0.1, 50.0) == pytest.approx(5.0)
-    assert sliding_offset.pushed(10.0, 0.1, -3.0) == 13.0
-    forwards, backwards = (sliding_direction.pushed(0.0, v, 30.0) for v in (0.2, -0.2))
+    assert friction.viscous(10.0, 0.1, 50.0) == pytest.approx(5.0)
+    assert friction.opposed(10.0, -3.0) == 13.0
+    forwards, backwards = (friction.directed(0.0, v, 30.0) for v in (0.2, -0.2))
     assert forwards == backwards == pytest.approx(-6.0)
-    assert level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
-    assert level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
+    assert friction.level(0.0, 20.0, 1.5, 0.01) == pytest.approx(30.0)
+    assert friction.level(1.0, 20.0, 1.5, 0.01) == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.4])
@@ -141,11 +121,11 @@ def test_play_in_a_sheath_is_the_mean_of_three_plays(spread):
     """Play keeps an angle, a stop what is left of the way: two forms of one operator (Brokate, Sprekels 1996)."""
     rng, bend, width, mu = np.random.default_rng(4), 1.2, 0.3, 0.15
     aims = np.cumsum(rng.normal(0.0, 0.1, 400))
-    middle = joint_sheath_play.half_width(bend, width, mu)
+    middle = servo.half_width(bend, width, mu)
     plays, stops, before = np.zeros(3), (0.0, 0.0, 0.0), 0.0
     for aim in aims:
-        stops = joint_sheath_play.settle(0.01, aim - before, 0.0, 0.0, bend, width, mu, spread, *stops)
-        angle = joint_sheath_play.followed(aim, 0.0, 0.01, bend, width, mu, spread, *stops)
+        stops = servo.settle_strands(0.01, aim - before, bend, width, mu, spread, *stops)
+        angle = servo.behind_sheath(aim, bend, width, mu, spread, *stops)
         half = middle * np.array([1.0 - spread, 1.0, 1.0 + spread])
         plays, before = np.clip(plays, aim - half, aim + half), aim
         assert angle == pytest.approx(np.mean(plays), abs=1e-12)
@@ -156,8 +136,8 @@ def test_presliding_friction_encloses_the_area_of_its_parallelogram():
     force, presliding, way, steps = 5.0, 1.5e-4, 2e-3, 4000
     slide, work = -1.0, 0.0
     for step in np.concatenate([np.full(steps, way / steps), np.full(steps, -way / steps)]):
-        work -= sliding_presliding_friction.pushed(0.0, 0.0, force, presliding, slide) * step
-        slide = sliding_presliding_friction.settle(1e-3, step, force, presliding, slide)
+        work -= friction.presliding_force(0.0, force, presliding, slide) * step
+        slide = friction.settle_presliding(1e-3, step, force, presliding, slide)
     assert slide == -1.0
     assert work == pytest.approx(2.0 * force * (way - 2.0 * presliding), rel=1e-3)
 
@@ -184,7 +164,7 @@ def test_play_encloses_the_area_of_its_parallelogram():
     command = size * np.sin(np.linspace(0, 4 * np.pi, 40_001))
     angle, z = [], 0.0
     for aim in command:
-        z = joint_play.followed(aim, z, 0.0, 0.0, half)
+        z = signal.rests(aim, z, half)
         angle.append(z)
     cycle = slice(20_000, None)
     area = abs(np.trapezoid(np.array(angle)[cycle], command[cycle]))
@@ -192,25 +172,23 @@ def test_play_encloses_the_area_of_its_parallelogram():
 
 
 def test_play_of_a_sheath_grows_as_round_a_capstan():
-    ratio = joint_sheath_play.half_width(math.pi, 0.3, 0.17) / joint_sheath_play.half_width(0.0, 0.3, 0.17)
+    ratio = servo.half_width(math.pi, 0.3, 0.17) / servo.half_width(0.0, 0.3, 0.17)
     assert ratio == pytest.approx(math.exp(0.17 * math.pi))
-    stops = joint_sheath_play.settle(0.0, 1.0, 0.0, 0.0, 0.0, 0.3, 0.17, 0.0, 0.0, 0.0, 0.0)
-    assert joint_sheath_play.followed(1.0, 0.0, 0.0, 0.0, 0.3, 0.17, 0.0, *stops) == pytest.approx(0.7)
+    stops = servo.settle_strands(0.0, 1.0, 0.0, 0.3, 0.17, 0.0, 0.0, 0.0, 0.0)
+    assert servo.behind_sheath(1.0, 0.0, 0.3, 0.17, 0.0, *stops) == pytest.approx(0.7)
 
 
 def test_laws_of_the_joints():
-    assert joint_gain.aimed(0.5, 0, 0, 0, -0.1) == pytest.approx(0.45)
-    assert joint_offset.aimed(0.5, 0, 0, 0, -0.1) == pytest.approx(0.4)
-    assert joint_bend_loss.aimed(0.5, 0, 0, math.pi, 0.1) == pytest.approx(0.5 * math.exp(-0.1 * math.pi))
-    assert joint_sag.aimed(0.0, 0, 0, 0, 0.03) == pytest.approx(0.03)
-    assert joint_sag.aimed(math.pi / 2, 0, 0, 0, 0.03) == pytest.approx(math.pi / 2)
-    assert joint_coupling.aimed_by_next(0.1, 1.0, 5.0, 0, 0.2) == pytest.approx(0.3)
-    assert joint_coupling.aimed_by_previous(0.1, 5.0, 1.0, 0, 0.2) == pytest.approx(0.3)
-    assert joint_drag.settle_by_next(0.01, 7.0, 0.1, 5.0, 0.0, 0.2, 0.1, 0.05) == pytest.approx(0.07)
-    assert joint_drag.settle_by_previous(0.01, 7.0, 5.0, -1.0, 0.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
+    assert servo.lost_in_bends(0.5, math.pi, 0.1) == pytest.approx(0.5 * math.exp(-0.1 * math.pi))
+    assert servo.sagging(0.0, 0.03) == pytest.approx(0.03)
+    assert servo.sagging(math.pi / 2, 0.03) == pytest.approx(math.pi / 2)
+    assert servo.moved_by_next(0.1, 1.0, 0.2) == pytest.approx(0.3)
+    assert servo.moved_by_previous(0.1, 1.0, 0.2) == pytest.approx(0.3)
+    assert servo.drag_by_next(0.01, 0.1, 0.2, 0.1, 0.05) == pytest.approx(0.07)
+    assert servo.drag_by_previous(0.01, -1.0, 0.2, 0.1, 0.05) == pytest.approx(-0.1)
     angle = 0.0
     for _ in range(50):
-        angle = joint_lag.followed(1.0, angle, 0.002, 0.0, 0.05)
+        angle = servo.lagging(1.0, angle, 0.002, 0.05)
     assert angle == pytest.approx(1.0 - math.exp(-0.1 / 0.05))
 
 

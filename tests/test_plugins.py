@@ -34,18 +34,19 @@ EFFECT = '''
 
 from dataclasses import replace
 
-from exodrake.effects.signal import sensor_offset
+from exodrake.effects import sensor, servo
 
-BIAS = replace(sensor_offset.EFFECT, id="sensor.bias")
+BIAS = replace(sensor.OFFSET, id="sensor.bias")
+WEAR = replace(servo.GAIN, id="servo.wear")
 '''
 DETECTABLE = '''
 """Play of a servo, which a detector finds rather than a fit."""
 
 from dataclasses import replace
 
-from exodrake.effects.signal import joint_play
+from exodrake.effects import servo
 
-PLAY = replace(joint_play.EFFECT, id="servo.play", detector="dead_band")
+PLAY = replace(servo.PLAY, id="servo.play", detector="dead_band")
 '''
 DETECTOR = '''
 """Dead band: a joint that stands still while its command moves."""
@@ -168,9 +169,20 @@ def test_a_file_format_from_a_plugin_is_written_and_read(plugin, tmp_path):
 def test_an_effect_from_a_plugin_is_in_the_library(tmp_path):
     (tmp_path / "effects").mkdir()
     (tmp_path / "effects" / "sensor_bias.py").write_text(EFFECT)
-    there = exodrake("--plugin", tmp_path, "effects", "sensor.bias")
-    assert there.returncode == 0 and "sensor.bias" in there.stdout, there.stderr
-    assert "sensor.bias" not in exodrake("effects").stdout
+    for identity, robot, equation in (
+        ("sensor.bias", "exo_index", "F = T + offset"),
+        ("servo.wear", "so101", "aim = (1 + gain) command"),
+    ):
+        there = exodrake("--plugin", tmp_path, "effects", identity, "--robot", robot)
+        assert there.returncode == 0 and identity in there.stdout and equation in there.stdout, there.stderr
+        assert identity not in exodrake("effects", "--robot", robot).stdout
+
+
+def test_a_plugin_file_that_the_library_would_hide_is_refused(tmp_path):
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "effects" / "sensor.py").write_text(EFFECT)
+    said = exodrake("--plugin", tmp_path, "effects")
+    assert said.returncode == 2 and "sensor.py: the library has a file of this name; rename it" in said.stderr
 
 
 def test_a_detector_and_its_effect_from_a_plugin_decide_a_diagnosis(puppet, tmp_path):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from inspect import cleandoc
 
 from exodrake.core.part import State
-from exodrake.core.signal import SCALAR
+from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,9 @@ class EffectParameter:
         return self.low + (value - self.low) % self.period if self.period else value
 
 
+per_tendon = partial(EffectParameter, axis=TENDONS)
+per_joint = partial(EffectParameter, axis=JOINTS)
+
 # law_std of an effect that states none; of parameters that shape a law; of all parameters of a law whose form is one of
 # many, as one relaxation time for a spectrum of them: development cases of the blind package
 LAW_STD, SHAPE_STD, ANY_SHAPE = 0.08, 0.2, 0.3
@@ -85,7 +89,9 @@ class Effect:
             which no residual tells [-]; further parameters, which shape a law, differ by `SHAPE_STD` at least.
         not_tried: why a diagnosis does not try the effect by default, in one sentence; empty for a candidate.
         detector: module of `diagnosis.detect` that finds the effect before any fit; empty if there is none.
-        order: where several effects act at one point, those of lower order act first; equal ones by id.
+        order: where several effects act at one point, those of lower order act first; equal ones by id. Those of the
+            library are numbered in the order in which their files define them.
+        formula: equation in this effect's own letters, where its law serves several.
     """
 
     id: str
@@ -103,6 +109,7 @@ class Effect:
     detector: str = ""
     order: int = LAST
     filters: tuple[str, ...] = ()
+    formula: str = ""
 
     @property
     def block(self) -> str:
@@ -121,5 +128,12 @@ class Effect:
 
     @property
     def equation(self) -> str:
-        """Equation of the effect with a description: the docstring of the module of its law."""
-        return cleandoc(sys.modules[next(iter(self.at.values())).__module__].__doc__ or "")
+        """Equation of the effect with a description: the docstring of its first law, whose equation `formula` replaces.
+
+        Where that has one paragraph and there is no formula, the docstring of the law's module, which then has one law.
+        """
+        law = next(iter(self.at.values()))
+        said, _, rest = cleandoc(law.__doc__ or "").partition("\n\n")
+        if self.formula or rest:
+            return f"{said}\n\n{self.formula or rest}"
+        return cleandoc(sys.modules[law.__module__].__doc__ or "")

@@ -1,17 +1,18 @@
-"""The effect library, a module for each effect: errors of signals in `signal/`, friction laws in `friction/`.
+"""The effect library, a file for each family: its laws as functions, then the effects that name where they act.
 
 Those called `signal.*` and `sliding.*` are generic: they suit any sensor's signal and any sliding or turning part, and
 each part with standard points gets them (`Point.standard`).
 
-Where several effects act at one point, they act in the order of their field `order`.
+Where several effects act at one point, they act in the order in which `FAMILIES` and their files list them; those of
+plugins follow, by their field `order` and their id.
 """
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from pkgutil import walk_packages
 
 from exodrake.core import plugins
@@ -20,28 +21,31 @@ from exodrake.core.errors import InputError, nearest
 from exodrake.core.part import Part, module_name, points_of
 
 plugins.extend(__path__, "effects")
+FAMILIES = ("motor", "friction", "tendon", "sensor", "finger", "timing", "signal", "arm", "cable", "servo")
 
 
-def discover(package: str) -> tuple[Effect, ...]:
-    """Effects that the modules of a package define, in the order in which they act.
-
-    Args:
-        package: name of an importable package; its sub-packages are searched, too.
+def discover() -> tuple[dict[str, Effect], tuple[Effect, ...]]:
+    """All effects by id, in the order in which they act, and those of plugins among them.
 
     Raises:
-        InputError: for two effects of one id.
+        InputError: for two effects of one id, or a plugin's file that is named as one of the families'.
     """
+    for file in [file for place in __path__[1:] for file in Path(place).iterdir() if file.stem in FAMILIES]:
+        raise InputError(f"{file}: the library has a file of this name; rename it")
+    modules = [f"{__name__}.{family}" for family in FAMILIES]
+    plugged = [info.name for info in walk_packages(__path__, f"{__name__}.") if info.name not in modules]
     found: dict[str, tuple[Effect, str]] = {}
-    for info in walk_packages(import_module(package).__path__, f"{package}."):
+    for name in (*modules, *plugged):
         with plugins.shown_errors():
-            module = import_module(info.name)
-        for value in vars(module).values():
-            if not isinstance(value, Effect):
-                continue
-            other, home = found.setdefault(value.id, (value, info.name))
-            if other is not value:
-                raise InputError(f"effect {value.id!r} is defined in both {home} and {info.name}")
-    return in_order(effect for effect, _ in found.values())
+            module = import_module(name)
+        for effect in [value for value in vars(module).values() if isinstance(value, Effect)]:
+            other, home = found.setdefault(effect.id, (effect, name))
+            if other is not effect:
+                raise InputError(f"effect {effect.id!r} is defined in both {home} and {name}")
+    own = [effect for effect, home in found.values() if home in modules]
+    others = in_order(effect for effect, home in found.values() if home in plugged)
+    numbered = (replace(effect, order=number) for number, effect in enumerate(own))
+    return {effect.id: effect for effect in in_order((*numbered, *others))}, others
 
 
 def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -49,7 +53,7 @@ def in_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     return tuple(sorted(effects, key=lambda effect: (effect.order, effect.id)))
 
 
-LIBRARY = {effect.id: effect for effect in discover(__name__)}
+LIBRARY, PLUGGED = discover()
 
 
 def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
@@ -60,11 +64,10 @@ def effects_of(parts: Iterable[Part]) -> tuple[Effect, ...]:
     return in_order([*own, *(effect for part in parts for effect in generic_effects(part))])
 
 
-def plugin_effects(parts: Iterable[Part]) -> tuple[Effect, ...]:
-    """Effects of plugins made for points of these parts, for a machine that lists those of the library itself."""
-    points, own = set(points_of(parts)), str(plugins.PACKAGE)
-    homes = {e.id: sys.modules[next(iter(e.at.values())).__module__].__file__ or own for e in LIBRARY.values()}
-    return tuple(e for e in LIBRARY.values() if set(e.at) <= points and not homes[e.id].startswith(own))
+def plugin_effects(parts: Iterable[Part], listed: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Effects of plugins made for points of these parts, for a machine that lists others itself."""
+    points, known = set(points_of(parts)), {effect.id for effect in listed}
+    return tuple(effect for effect in PLUGGED if set(effect.at) <= points and effect.id not in known)
 
 
 def generic_effects(part: Part) -> tuple[Effect, ...]:

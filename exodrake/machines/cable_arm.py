@@ -17,6 +17,7 @@ from exodrake.core.machine import Column, Machine
 from exodrake.core.part import Output, Part, Task
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
+from exodrake.effects import friction
 from exodrake.machines.arm_columns import drawn, effects_in, reading, shape
 from exodrake.machines.arm_defaults import (
     BANDWIDTH,
@@ -66,7 +67,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
     """
     unit, efforts = units(chain), typical_efforts(chain)
     parts = parts_of(chain, unit, efforts, frame)
-    friction = tuple(e.id for e in effects_in(unit, parts, ()) if e.id.startswith("arm.") and "sliding" in law_of(e))
+    rubbing = tuple(e.id for e in effects_in(unit, parts, ()) if e.id.startswith("arm.") and rubs(e))
     crosstalk = tuple(f"{sensor}.crosstalk" for sensor in SENSORS.values())
     given = (Signal("position_ref", unit["position"], JOINTS), Signal("position_start", unit["position"], JOINTS))
     noises = drawn(*SEEN)
@@ -77,7 +78,7 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
         parts=parts,
         inputs=(*(s.name for s in given), *(s.name for s in noises)),
         columns=(*(Column(s.name, s.name) for s in given), *COLUMNS),
-        effects=effects_in(unit, parts, (*crosstalk, *friction, *LEFT_OUT)),
+        effects=effects_in(unit, parts, (*crosstalk, *rubbing, *LEFT_OUT)),
         frame=frame,
         slots=max(6, slots),
         noise=tuple(f"{sensor}.sigma.{j}" for sensor in SENSORS.values() for j in chain.names),
@@ -92,9 +93,9 @@ def cable_machine(name: str, chain: Chain, slots: int, frame: float) -> Machine:
     )  # fmt: skip
 
 
-def law_of(effect: Effect) -> str:
-    """Names of the modules of an effect's functions."""
-    return " ".join(function.__module__ for function in effect.at.values())
+def rubs(effect: Effect) -> bool:
+    """Whether an effect is one of friction, by its laws."""
+    return all(function.__module__ == friction.__name__ for function in effect.at.values())
 
 
 def inner_signals(unit: dict[str, str]) -> tuple[Signal, ...]:

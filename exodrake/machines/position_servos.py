@@ -76,7 +76,7 @@ def joint_machine(
         parts=parts,
         inputs=tuple(s.name for s in (*given, *DRAWN)),
         columns=(*(Column(s.name, s.name) for s in given), COLUMN),
-        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts)),
+        effects=(*library, *others(generic_effects(reading), library), *plugin_effects(parts, library)),
         frame=frame,
         slots=4,
         noise=tuple(f"reading.sigma.{j}" for j in joints),

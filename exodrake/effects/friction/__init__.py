@@ -1,1 +1,0 @@
-"""Friction laws, and the helpers that they share."""

@@ -1,0 +1,184 @@
+"""Joints behind position servos and their cables: ratio, zero, sag, lag, play, and what neighbours do."""
+
+from math import cos, exp
+
+from exodrake.core.effect import Effect, per_joint
+from exodrake.core.part import State
+from exodrake.core.signal import JOINTS
+from exodrake.effects.friction import turned
+from exodrake.effects.signal import clipped, mixed, rests, scaled, shifted
+
+STRANDS = 3.0
+
+
+def lost_in_bends(aim, setting, loss):
+    """Angle aimed at [rad]: a compliant cable passes on less of the command, the more so the more its sheath is bent.
+
+    aim = command exp(-loss bend)
+    """
+    return aim * exp(-loss * setting)
+
+
+def moved_by_next(aim, ahead, share):
+    """Angle aimed at [rad], as the cables of the next joint along the chain run past this one's axis.
+
+    aim_j = command_j + share command_k          k: the next joint along the chain
+    """
+    return mixed(aim, ahead, share)
+
+
+def moved_by_previous(aim, behind, share):
+    """Angle aimed at [rad], as the cables of the previous joint run past this one's axis.
+
+    aim_j = command_j + share command_k          k: the previous joint
+    """
+    return mixed(aim, behind, share)
+
+
+def dragged(angle, share, reach, deflection):
+    """Angle at the joint [rad], which the cables that pass it drag along until they slip.
+
+    shown_j = angle_j + d          d <- min(max(d + share (change of the neighbour's aim), -reach), reach)
+    """
+    return angle + deflection
+
+
+def drag_by_next(dt, ahead, share, reach, deflection):
+    """Deflection [rad] after the aim of the next joint along the chain moved."""
+    return clipped(deflection + share * ahead, reach)
+
+
+def drag_by_previous(dt, behind, share, reach, deflection):
+    """Deflection [rad] after the aim of the previous joint moved."""
+    return clipped(deflection + share * behind, reach)
+
+
+def sagging(aim, sag):
+    """Angle aimed at [rad] by a servo that holds a weight by an angle error times its stiffness.
+
+    aim = command + sag cos(command)          sag: weight's torque of the level link over the servo's stiffness
+    """
+    return aim + sag * cos(aim)
+
+
+def lagging(aim, before, dt, time_constant):
+    """Angle after a tick [rad] behind a first-order lag, exact over a tick.
+
+    time_constant angle' = aim - angle
+    """
+    return before + (aim - before) * (1.0 - exp(-dt / time_constant)) if time_constant > 0.0 else aim
+
+
+def half_width(bend, width, mu):
+    """Half the play [rad] of a sheath with this total bend [rad]."""
+    return width * exp(mu * bend)
+
+
+def strand(stop, moved, width):
+    """A stop [-1 .. 1] after the drive moved on [rad]; 0 for no width."""
+    return turned(stop, moved, width) if width > 0.0 else 0.0
+
+
+def behind_sheath(aim, setting, width, mu, spread, first, second, third):
+    """Angle after a tick [rad] behind play in a sheath: stop operators whose width grows with the sheath's bend.
+
+    Friction holds the cable until it has stretched and lets go of it strand by strand; the joint follows the mean of
+    the strands (Prandtl-Ishlinskii).
+
+        angle = aim - mean_k(w_k z_k)               w_k = half_width (1 - spread, 1, 1 + spread)
+        z_k: stop operator of range w_k, -1 .. 1    half_width = width exp(mu bend)
+
+    Capstan: the tension that friction can hold grows by exp(mu bend). With no spread this is play.
+    """
+    return aim - half_width(setting, width, mu) * (first + second + third + spread * (third - first)) / STRANDS
+
+
+def settle_strands(dt, moved, setting, width, mu, spread, first, second, third):
+    """The stops [-1 .. 1] of the three strands."""
+    middle = half_width(setting, width, mu)
+    return (
+        strand(first, moved, middle * (1.0 - spread)),
+        strand(second, moved, middle),
+        strand(third, moved, middle * (1.0 + spread)),
+    )
+
+
+COUPLED = "cables run past another joint's axis, whose motion moves this one"
+COUPLED_SIGNATURE = "a joint that is commanded to rest moves in proportion to its neighbour's command, without a loop"
+COUPLED_SOURCE = "Hwang et al., RA-L 2020: coupled wrist cables; range assumed"
+COUPLED_SHARE = per_joint("share", "-", null=0.0, low=-0.4, high=0.4, default=0.1)
+DRAGGED = "the cables of a neighbour drag a joint along until they slip"
+DRAGGED_SIGNATURE = "a joint that is commanded to rest goes to and fro between two stops as its neighbour turns round"
+DRAGGED_SOURCE = "friction of cables that pass a joint (Hwang et al., RA-L 2020); range assumed"
+DRAGGED_PARAMETERS = (
+    per_joint("share", "-", null=0.0, low=-1.0, high=1.0, default=0.4),
+    per_joint("reach", "rad", null=0.1, low=0.02, high=0.4, default=0.1, transform="log"),
+)
+DEFLECTION = (State("deflection", JOINTS, unit="rad"),)
+BEND_LOSS = Effect(
+    id="joint.bend_loss", summary="a bent sheath passes on less of the command", family="gain",
+    signature="angle scales with the command by a factor that falls with the total bend",
+    source="physics.md 4.B distributed elastic and friction; range assumed", at={"joint.aimed": lost_in_bends},
+    parameters=(per_joint("loss", "1/rad", null=0.0, low=-0.2, high=0.2, default=0.05),),
+)  # fmt: skip
+COUPLING_TO_NEXT = Effect(
+    id="joint.coupling_to_next", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
+    source=COUPLED_SOURCE, at={"joint.aimed": moved_by_next}, parameters=(COUPLED_SHARE,), same_meaning=True,
+)  # fmt: skip
+COUPLING_TO_PREVIOUS = Effect(
+    id="joint.coupling_to_previous", summary=COUPLED, family="crosstalk", signature=COUPLED_SIGNATURE,
+    source=COUPLED_SOURCE, at={"joint.aimed": moved_by_previous}, parameters=(COUPLED_SHARE,), same_meaning=True,
+)  # fmt: skip
+DRAG_BY_NEXT = Effect(
+    id="joint.drag_by_next", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
+    at={"joint.shown": dragged, "joint.settle": drag_by_next}, advances=("joint.settle",),
+    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
+)  # fmt: skip
+DRAG_BY_PREVIOUS = Effect(
+    id="joint.drag_by_previous", summary=DRAGGED, family="friction", signature=DRAGGED_SIGNATURE, source=DRAGGED_SOURCE,
+    at={"joint.shown": dragged, "joint.settle": drag_by_previous}, advances=("joint.settle",),
+    parameters=DRAGGED_PARAMETERS, states=DEFLECTION,
+)  # fmt: skip
+GAIN = Effect(
+    id="joint.gain", summary="the joint goes further or less far than commanded", family="gain",
+    signature="error proportional to the command, no loop", source="pulley radii and elastic cables; range assumed",
+    at={"joint.aimed": scaled}, formula="aim = (1 + gain) command          gear or pulley ratio",
+    parameters=(per_joint("gain", "-", null=0.0, low=-0.3, high=0.3, default=-0.1),), same_meaning=True,
+)  # fmt: skip
+GRAVITY_SAG = Effect(
+    id="joint.gravity_sag", summary="the servo gives way under the weight that it carries", family="load",
+    signature="constant error near one posture, largest with the link level; none in joints with an upright axis",
+    source="proportional servos hold by their error; 1-5 deg; range assumed", at={"joint.aimed": sagging},
+    parameters=(per_joint("sag", "rad", null=0.0, low=-0.1, high=0.1, default=0.02),),
+)  # fmt: skip
+LAG = Effect(
+    id="joint.lag", summary="the drive follows as a first-order lag", family="lag",
+    signature="angle behind the command, and smaller in fast motion",
+    source="position loops of geared servos, 20-200 ms; range assumed", at={"joint.followed": lagging},
+    parameters=(per_joint("time_constant", "s", null=0.0, low=0.01, high=0.3, default=0.06),),
+)  # fmt: skip
+OFFSET = Effect(
+    id="joint.offset", summary="zero of the joint in the wrong place", family="offset",
+    signature="constant error at every angle", source="homing and marker frames; range assumed",
+    at={"joint.aimed": shifted}, formula="aim = command + offset",
+    parameters=(per_joint("offset", "rad", null=0.0, low=-0.3, high=0.3, default=0.05),), same_meaning=True,
+)  # fmt: skip
+PLAY = Effect(
+    id="joint.play", summary="play: the joint rests until the drive has taken up the slack", family="backlash",
+    signature="angle against command is a loop of constant width, rate-free, with flat pieces after each reversal",
+    source="physics.md 4.A gear backlash 0.2-4 deg; cables more (Hwang et al., RA-L 2020)",
+    at={"joint.followed": rests}, formula="angle <- min(max(angle, aim - half_width), aim + half_width)",
+    parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.6, default=0.05),),
+)  # fmt: skip
+SHEATH_PLAY = Effect(
+    id="joint.sheath_play",
+    summary="play of a cable in a sheath, which grows with the bend as friction round a capstan does",
+    family="backlash",
+    signature="as play with rounded corners; over configurations the width grows exponentially with the total bend",
+    source="physics.md 4.B capstan, Prandtl-Ishlinskii; Nho et al., RA-L 2021",
+    at={"joint.followed": behind_sheath, "joint.settle": settle_strands},
+    parameters=(per_joint("width", "rad", null=0.0, low=0.02, high=1.0, default=0.3),
+                per_joint("mu", "1/rad", null=0.0, low=0.0, high=0.5, default=0.1),
+                per_joint("spread", "-", null=0.0, low=0.0, high=0.8, default=0.2)),
+    states=(State("stops", JOINTS, 3),), advances=("joint.settle",),
+)  # fmt: skip
