@@ -61,13 +61,14 @@ class ModuleSource:
 
 
 def constant_names(node: ast.Assign) -> list[str]:
-    """Names of a module's literal constants bound by an assignment; none for anything else."""
+    """Names of a module's literal constants bound by an assignment; none for texts, which no equation uses."""
     try:
-        ast.literal_eval(node.value)
+        if isinstance(ast.literal_eval(node.value), str):
+            return []
     except ValueError:
         return []
     targets = node.targets[0].elts if isinstance(node.targets[0], ast.Tuple) else node.targets
-    return [t.id for t in targets if isinstance(t, ast.Name) and t.id not in ("BLOCK", "EFFECT")]
+    return [t.id for t in targets if isinstance(t, ast.Name)]
 
 
 class Rename(ast.NodeTransformer):
