@@ -14,7 +14,7 @@ STRANDS = 3.0
 def lost_in_bends(aim, setting, loss):
     """Angle aimed at [rad]: a compliant cable passes on less of the command, the more so the more its sheath is bent.
 
-    aim = command exp(-loss bend)
+    aim = command exp(-loss bend)          bend: the setting of the joint [rad]
     """
     return aim * exp(-loss * setting)
 
@@ -88,7 +88,8 @@ def behind_sheath(aim, setting, width, mu, spread, first, second, third):
         angle = aim - mean_k(w_k z_k)               w_k = half_width (1 - spread, 1, 1 + spread)
         z_k: stop operator of range w_k, -1 .. 1    half_width = width exp(mu bend)
 
-    Capstan: the tension that friction can hold grows by exp(mu bend). With no spread this is play.
+    bend: the setting of the joint [rad]. Capstan: the tension that friction can hold grows by exp(mu bend). With no
+    spread this is play.
     """
     return aim - half_width(setting, width, mu) * (first + second + third + spread * (third - first)) / STRANDS
 
