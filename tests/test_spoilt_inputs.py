@@ -15,7 +15,7 @@ import exodrake as exo
 from exodrake.core import child, files
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.core.parallel import attempt
-from exodrake.data import columns
+from exodrake.data import log as log_module
 from exodrake.data.case_folder import read_case
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.formats import csv_gz
@@ -94,7 +94,7 @@ def test_numbers_that_compress_well_fill_no_memory(tmp_path, monkeypatch):
     parquet.write_table(arrow.table({"time [s]": arrow.nulls(6 * 10**8)}), tmp_path / "a.parquet")  # 4.8 GB as numbers
     assert (tmp_path / "a.parquet").stat().st_size < 2 * 10**6
     assert "samples" in refusal(exo.read_log, tmp_path / "a.parquet")
-    monkeypatch.setattr(columns, "MAX_SAMPLES", 10**5)
+    monkeypatch.setattr(log_module, "MAX_SAMPLES", 10**5)
     np.savez_compressed(tmp_path / "a.npz", np.zeros(2 * 10**5))
     assert "samples" in refusal(exo.read_log, tmp_path / "a.npz")
 

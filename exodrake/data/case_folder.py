@@ -15,8 +15,8 @@ from exodrake.core.schema import refusal, shown
 from exodrake.data.case import FILE, PERIOD, Case, CaseLog
 from exodrake.data.case_file import CaseFile, case_text, find_logs, log_names, read_case_file
 from exodrake.data.clock import regularise
-from exodrake.data.columns import check_columns
 from exodrake.data.formats import stem
+from exodrake.data.log import check_columns
 from exodrake.data.log_file import log_bytes, read_table
 from exodrake.data.notes import read_notes
 from exodrake.data.simulated import simulated_notes

@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
-from exodrake.data.columns import MAX_SAMPLES, check_size
+from exodrake.data.log import MAX_SAMPLES, check_size
 
 MAX_DEPTH = 20  # nested groups; hard links may form a ring
 MATLAB = "MATLAB_class"  # attribute of MATLAB's data sets, whose axes are turned round

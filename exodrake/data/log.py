@@ -9,6 +9,9 @@ The file's header says which tendons and joints there are. A missing sample is N
     log["angle_MCP"], log.time, log.dt          # (n,) rad, (n,) s, s
 """
 
+from __future__ import annotations
+
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -16,10 +19,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.units import check_unit, default_unit, kind_of
+from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+SEPARATORS = {";": "';'", "\t": "tabs"}
+LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
+MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
+MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,32 +134,32 @@ class Log:
             raise InputError(f"{self.label}: no column of kind {kind!r} (it has {', '.join(self.signals) or 'none'})")
         return np.column_stack([self[f"{kind}_{name}"] for name in chosen])
 
-    def rows(self, which: slice | np.ndarray) -> "Log":
+    def rows(self, which: slice | np.ndarray) -> Log:
         """Select rows by a slice, a mask (n,) [-] or indices."""
         picked = {name: values[which] for name, values in self.signals.items()}
         return replace(self, time=self.time[which], signals=picked)
 
-    def between(self, start: float, end: float) -> "Log":
+    def between(self, start: float, end: float) -> Log:
         """Rows with start <= time < end [s], so that neighbouring spans share no row. The clock is not shifted."""
         return self.rows((self.time >= start) & (self.time < end))
 
-    def only(self, columns: Iterable[str]) -> "Log":
+    def only(self, columns: Iterable[str]) -> Log:
         """The log of these columns, in this order. InputError naming one it lacks."""
         chosen = {name: self[name] for name in columns}
         return replace(self, signals=chosen, units={name: self.units[name] for name in chosen})
 
-    def with_signals(self, signals: Mapping[str, "ArrayLike"], units: Mapping[str, str] | None = None) -> "Log":
+    def with_signals(self, signals: Mapping[str, ArrayLike], units: Mapping[str, str] | None = None) -> Log:
         """A new log with columns added or replaced, (n,) each. An unknown kind needs its SI unit in `units`."""
         added = {name: np.asarray(values, dtype=float) for name, values in signals.items()}
         return replace(self, signals=self.signals | added, units=self.units | dict(units or {}))
 
-    def with_array(self, kind: str, names: Sequence[str], values: np.ndarray) -> "Log":
+    def with_array(self, kind: str, names: Sequence[str], values: np.ndarray) -> Log:
         """Add columns `kind_name` from values (n, len(names)) [SI]: the inverse of `array`."""
         if np.shape(values) != (len(self), len(names)):
             raise InputError(f"{kind}: array of shape {np.shape(values)}, wanted {(len(self), len(names))}")
         return self.with_signals({f"{kind}_{name}": values[:, i] for i, name in enumerate(names)})
 
-    def equals(self, other: "Log") -> bool:
+    def equals(self, other: Log) -> bool:
         """True if clock, columns, order, units and every sample are the same to the last bit (NaN equals NaN)."""
         return (
             self.columns == other.columns
@@ -162,12 +170,16 @@ class Log:
 
     def to_pandas(self) -> Any:
         """The log as a DataFrame indexed by time [s]; `attrs` hold units and source. InputError without pandas."""
-        from exodrake.data.pandas_frame import frame_of
-
-        return frame_of(self)
+        try:
+            import pandas  # pyright: ignore
+        except ImportError:
+            raise InputError("pandas is not installed; pip install exodrake[pandas]") from None
+        frame = pandas.DataFrame(dict(self.signals), index=pandas.Index(self.time, name="time"))
+        frame.attrs = {"units": dict(self.units), "source": self.source}
+        return frame
 
     @staticmethod
-    def from_pandas(frame: Any, units: Mapping[str, str] | None = None, source: str = "") -> "Log":
+    def from_pandas(frame: Any, units: Mapping[str, str] | None = None, source: str = "") -> Log:
         """A log from a DataFrame.
 
         Args:
@@ -175,10 +187,11 @@ class Log:
             units: of columns without one, such as `mm`; else those of `frame.attrs`, else SI by the kind.
             source: name for messages; else that of `frame.attrs`.
         """
-        from exodrake.data.pandas_frame import columns_of
-
         source = source or str(frame.attrs.get("source", "")) or "frame"
-        signals, known = columns_of(frame, {**frame.attrs.get("units", {}), **(units or {})}, source)
+        columns = [(str(name), _floats(values, str(name), source)) for name, values in frame.items()]
+        if not any(name.partition("[")[0].strip() == "time" for name, _ in columns):
+            columns.insert(0, ("time", _floats(frame.index, "time", source)))
+        signals, known = columns_in_si(columns, source, {**frame.attrs.get("units", {}), **(units or {})})
         log = Log(signals.pop("time"), signals, {name: known[name] for name in signals}, source)
         check_clock(log)
         return log
@@ -207,7 +220,13 @@ def _is_of_kind(column: str, kind: str) -> bool:
     return known is None or len(known) <= len(kind)
 
 
-def _vector(values: "ArrayLike", name: str, source: str) -> np.ndarray:
+def _floats(values: Any, name: str, source: str) -> np.ndarray:
+    """A column (n,) [any unit] of a DataFrame as float64, time differences in s."""
+    array = np.asarray(values)
+    return _vector(array / np.timedelta64(1, "s") if array.dtype.kind == "m" else values, name, source)
+
+
+def _vector(values: ArrayLike, name: str, source: str) -> np.ndarray:
     """A contiguous (n,) float64 array."""
     try:
         vector = np.ascontiguousarray(values, dtype=np.float64)
@@ -216,3 +235,163 @@ def _vector(values: "ArrayLike", name: str, source: str) -> np.ndarray:
     if vector.ndim != 1 or np.ndim(values) != 1:
         raise InputError(f"{source or 'log'}: column {name!r} has shape {np.shape(values)}, wanted (n,)")
     return vector
+
+
+def heading(name: str, unit: str) -> str:
+    """`tension_AF [N]`."""
+    return f"{name} [{unit}]"
+
+
+def seen(name: str) -> str:
+    """A name as a reader sees it: without signs that cannot be seen, any blank as a space."""
+    kinds = ((unicodedata.category(sign), sign) for sign in name)
+    return "".join(" " if kind.startswith("Z") else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
+
+
+def refuse_doubled(names: Iterable[str], source: str) -> None:
+    """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
+    known: set[str] = set()
+    for name in map(seen, names):
+        if name in known:
+            raise InputError(f"{source}: column {name!r} comes twice")
+        known.add(name)
+
+
+def refuse_unclear(names: Iterable[str], source: str) -> None:
+    """InputError for a name with signs that cannot be seen, or one that is another name, or a kind, in other letters.
+
+    Letters are others in capitals and in other forms of Unicode.
+    """
+    known: dict[str, str] = {}
+    for name in names:
+        if not name.isprintable():
+            raise InputError(f"{source}: column {name!r}: its name holds a sign that cannot be seen")
+        plain = unicodedata.normalize("NFKC", name).casefold()
+        if (other := known.setdefault(plain, name)) != name:
+            raise InputError(f"{source}: column {name!r} is {other!r} in other letters, so one of them is too much")
+        kind = kind_of(plain)
+        if kind is not None and kind_of(name) is None:
+            raise InputError(f"{source}: column {name!r}: did you mean {kind + name[len(kind) :]!r}?")
+
+
+def split_heading(text: str, source: str) -> tuple[str, str]:
+    """(name, unit) of a heading. InputError when the brackets or the name are absent."""
+    name, bracket, rest = text.strip().partition("[")
+    unit, closing, tail = rest.partition("]")
+    if not bracket or not closing or tail.strip() or not name.strip():
+        raise InputError(
+            f"{source}: column heading {text.strip()!r}: wanted a name and a unit in brackets, like 'tension_AF [N]'"
+        )
+    return name.strip(), unit
+
+
+def refuse_separator(cells: list[str], source: str) -> None:
+    """InputError for a heading that other separators than commas leave in one cell."""
+    found = next((said for sign, said in SEPARATORS.items() if len(cells) == 1 and sign in cells[0].strip()), None)
+    if found:
+        raise InputError(
+            f"{source}: cells are separated by {found}, wanted ','; `exodrake import` converts such a file"
+        )
+
+
+def columns_in_si(
+    columns: Iterable[tuple[str, np.ndarray]], source: str, units: Mapping[str, str] | None = None
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Values (n,) [SI] by name, time among them, and their SI units.
+
+    Args:
+        columns: (heading, values (n,)) pairs.
+        source: name for messages.
+        units: of columns whose heading is a bare name, else SI by their kind; None: each heading has its unit.
+
+    Raises:
+        InputError: naming a column that comes twice, or in other letters, whose unit is unknown or unsuitable, or a
+            value beyond any signal.
+    """
+    signals: dict[str, np.ndarray] = {}
+    known: dict[str, str] = {}
+    for text, values in columns:
+        if units is not None and "[" not in text:
+            name = text.strip()
+            unit = units.get(name) or default_unit(name)
+        else:
+            name, unit = split_heading(text, source)
+        if name in signals:
+            raise InputError(f"{source}: column {name!r} comes twice")
+        where = f"{source}, column {name!r}"
+        known[name] = check_unit(name, unit, where)
+        signals[name] = to_si(values, unit, where)
+        wrong = np.flatnonzero(np.abs(signals[name]) > LARGEST)
+        if len(wrong):
+            value = signals[name][wrong[0]]
+            reason = "infinite" if np.isinf(value) else f"{value:g} in SI is beyond any signal"
+            raise InputError(f"{where}, row {int(wrong[0]) + 1}: {reason}")
+    refuse_unclear(signals, source)
+    return signals, known
+
+
+def check_writable(log: Log, target: str) -> None:
+    """InputError for no rows, a sample too large, a hole in the clock, and a column name that no heading can hold."""
+    if not len(log):
+        raise InputError(f"{target}: the log has no rows, it is not written")
+    for name, values in {"time": log.time, **log.signals}.items():
+        wrong = np.flatnonzero((np.abs(values) > LARGEST) | (np.isnan(values) if name == "time" else False))
+        if len(wrong):
+            row = int(wrong[0])
+            raise InputError(f"{target}: column {name!r}, row {row + 1}: {values[row]:g}; the log is not written")
+    for name in log.columns:
+        bare = name.isprintable() and name == name.strip() and not set(name) & set("[]") and name
+        if not bare or name == "time":
+            raise InputError(f"{target}: {name!r} cannot be the name of a column; the log is not written")
+
+
+def headings(log: Log) -> list[str]:
+    """Headings of time and all columns, in order."""
+    return [heading("time", "s"), *(heading(name, log.units[name]) for name in log.columns)]
+
+
+def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
+    """A log from (heading, values (n,) [its unit]) pairs: units converted, doubled columns, no time and no rows refused."""
+    signals, units = columns_in_si(columns, source)
+    if "time" not in signals:
+        raise InputError(
+            f"{source}: required column 'time [s]' is missing (found {', '.join(signals) or 'no columns'})"
+        )
+    time = signals.pop("time")
+    units.pop("time")
+    if not len(time):
+        raise InputError(f"{source}: no rows")
+    if np.isnan(time).any():
+        raise InputError(f"{source}: column 'time', row {int(np.flatnonzero(np.isnan(time))[0]) + 1}: empty")
+    return Log(time, signals, units, source)
+
+
+def check_columns(log: Log, required: Sequence[str], complete: Sequence[str] = ()) -> None:
+    """InputError naming a required column that is missing or empty, or a missing sample in a complete one."""
+    names = list(dict.fromkeys(name for kind in required for name in log.names(kind)))
+    wanted: list[str] = []
+    for item in required:
+        if item not in KINDS or item in log.signals or item == "time":
+            wanted.append(item)
+        else:
+            wanted += [f"{item}_{name}" for name in names] or [f"{item}_..."]
+    for column in wanted:
+        if column != "time" and column not in log.signals:
+            raise InputError(
+                f"{log.label}: required column {column!r} is missing (found time, {', '.join(log.columns)})"
+            )
+        if np.isnan(log[column]).all():
+            raise InputError(f"{log.label}: required column {column!r} is empty")
+    for item in complete:
+        for column in [item] if item in log.signals else [f"{item}_{name}" for name in log.names(item)]:
+            missing = np.flatnonzero(np.isnan(log[column]))
+            if len(missing):
+                raise InputError(
+                    f"{log.label}: column {column!r}, row {int(missing[0]) + 1}: a missing sample is not allowed here"
+                )
+
+
+def check_size(samples: int, source: str) -> None:
+    """InputError for a log that would fill the memory."""
+    if samples > MAX_SAMPLES:
+        raise InputError(f"{source}: {samples} samples, more than {MAX_SAMPLES}; cut it into several logs")

@@ -8,9 +8,8 @@ from pathlib import Path
 from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
-from exodrake.data.columns import check_columns, check_writable
 from exodrake.data.formats import format_of
-from exodrake.data.log import Log, check_clock
+from exodrake.data.log import Log, check_clock, check_columns, check_writable
 from exodrake.data.simulated import with_mark, without_mark
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.units import check_unit, to_si
-from exodrake.data.headings import refuse_separator, split_heading
+from exodrake.data.log import refuse_separator, split_heading
 
 
 def wanted(machine: Machine) -> dict[str, bool]:

@@ -14,7 +14,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.data.formats import ending
-from exodrake.data.headings import heading
+from exodrake.data.log import heading
 from exodrake.data.log_file import read_table
 from exodrake.monitor.alarm import Alarm, judge, limits
 from exodrake.monitor.channels import LOOP, channels, replayed_segments

@@ -5,7 +5,7 @@ from typing import Any
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.json_file import parse_json
-from exodrake.data.columns import check_size
+from exodrake.data.log import check_size
 
 
 def read_records(data: bytes, source: str) -> Any:

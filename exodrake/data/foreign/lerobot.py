@@ -14,10 +14,9 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, read_bytes
 from exodrake.core.json_file import read_json
-from exodrake.data.columns import check_size
 from exodrake.data.foreign.mapping import Column, Derived, Mapped
 from exodrake.data.formats.parquet import read_columns
-from exodrake.data.headings import refuse_doubled
+from exodrake.data.log import check_size, refuse_doubled
 
 INFO = "meta/info.json"
 EPISODE, TIME = "episode_index", "timestamp"

@@ -15,7 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.data.foreign.mapping import Mapped
 from exodrake.data.foreign.text import read_all, read_text
 from exodrake.data.foreign.tree import columns_of
-from exodrake.data.headings import refuse_doubled
+from exodrake.data.log import refuse_doubled
 
 JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
 

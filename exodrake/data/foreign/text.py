@@ -14,9 +14,8 @@ from itertools import chain, islice
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import MAX_COLUMNS, MAX_SAMPLES, check_size
 from exodrake.data.foreign.mapping import Mapped
-from exodrake.data.headings import refuse_doubled
+from exodrake.data.log import MAX_COLUMNS, MAX_SAMPLES, check_size, refuse_doubled
 
 MISSING = ("", "nan", "na", "null", "none", "-")
 SEPARATORS = (",", ";", "\t", " ")

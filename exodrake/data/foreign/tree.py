@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import MAX_COLUMNS
+from exodrake.data.log import MAX_COLUMNS
 
 NUMBERS = "fiub"  # kinds of arrays
 MAX_DEPTH = 20

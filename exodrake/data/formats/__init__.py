@@ -1,6 +1,6 @@
 """File formats of logs, a module each, found by their folder here and in plugins.
 
-A format has `ENDINGS`, `read(data: bytes, source: str) -> Log` and `write(log: Log) -> bytes`; `exodrake.data.columns`
+A format has `ENDINGS`, `read(data: bytes, source: str) -> Log` and `write(log: Log) -> bytes`; `exodrake.data.log`
 has what they share. The formats differ in what they hold a heading `name [unit]` and a missing sample by.
 """
 

@@ -9,9 +9,7 @@ from math import nan
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import check_size, headings, log_from_columns
-from exodrake.data.headings import refuse_separator
-from exodrake.data.log import Log
+from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_separator
 
 ENDINGS = (".csv",)
 

@@ -9,9 +9,7 @@ import numpy as np
 
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
-from exodrake.data.columns import log_from_columns
-from exodrake.data.headings import heading
-from exodrake.data.log import Log
+from exodrake.data.log import Log, heading, log_from_columns
 
 ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")

@@ -18,9 +18,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import first_bytes
 from exodrake.core.json_file import parse_json
 from exodrake.core.units import kind_of
-from exodrake.data.columns import log_from_columns
-from exodrake.data.headings import heading, refuse_doubled
-from exodrake.data.log import Log
+from exodrake.data.log import Log, heading, log_from_columns, refuse_doubled
 
 ENDINGS = (".mcap",)
 RECORD = "exodrake.data.log"

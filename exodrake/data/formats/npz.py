@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.data.columns import check_size, headings, log_from_columns
-from exodrake.data.headings import refuse_doubled
-from exodrake.data.log import Log
+from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_doubled
 
 ENDINGS = (".npz",)
 SAMPLE = 8  # bytes
