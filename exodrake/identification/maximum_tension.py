@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
@@ -54,7 +55,7 @@ def find_maximum_tension(log: Log, robot: Robot | None = None) -> tuple[MaximumT
     Raises:
         InputError: a column is missing, or a tendon does not ramp up alone.
     """
-    axes = robot_or_default(robot).machine.axes
+    log, axes = argument("log", log, Log), robot_or_default(robot).machine.axes
     reference, tension = log.array("tension_ref", axes.tendons), log.array("tension", axes.tendons)
     angle = log.array("angle", axes.joints)
     steps = np.diff(reference, axis=0, prepend=reference[:1])
