@@ -23,8 +23,7 @@ import numpy as np
 
 import exodrake as exo
 from exodrake.core.files import write_bytes, write_text
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis.fleet import FAILURE, read_answers, read_table, table_bytes
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.diagnosis.many import diagnose_all

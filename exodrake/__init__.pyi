@@ -8,8 +8,7 @@ from exodrake.core.machine import Machine as Machine
 from exodrake.core.plain import save as save, to_dict as to_dict
 from exodrake.core.plugins import add_plugin as add_plugin
 from exodrake.core.robot import Robot as Robot
-from exodrake.data.case import Case as Case, CaseLog as CaseLog
-from exodrake.data.case_folder import read_case as read_case, write_case as write_case
+from exodrake.data.case import Case as Case, CaseLog as CaseLog, read_case as read_case, write_case as write_case
 from exodrake.data.clock import regularise as regularise
 from exodrake.data.compare import Comparison as Comparison, compare as compare
 from exodrake.data.log import Log as Log

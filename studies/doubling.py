@@ -67,7 +67,7 @@ answer: verdict and effects, or the ids of the class.
 def command(folder: Path, cases: int, keep: Path, out: Path | None) -> None:
     """Diagnose cases of FOLDER, which holds their answers, with every log twice."""
     from exodrake.core.files import write_text
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot

@@ -195,7 +195,7 @@ def of_case(
     from exodrake.blind.transfer import withheld
     from exodrake.core.json_file import read_json
     from exodrake.core.threads import one_blas_thread
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 

@@ -134,7 +134,7 @@ are the same in each row; their controllers measure tension in all of them."""
 def command(folder: Path, labels: Path, cases: int, keep: Path, out: Path | None) -> None:
     """Compute and measure what can be named with fewer sensors, on cases of the set in FOLDER."""
     from exodrake.core.files import write_text
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
 

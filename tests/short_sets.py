@@ -5,8 +5,7 @@ from functools import cache
 
 import exodrake as exo
 from exodrake.blind.commitment import write_committed
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 
 FRAMES = 150  # 3 s
 RUSTY = {"mu_phi": 0.3}

@@ -17,7 +17,7 @@ from exodrake.blind.robot_spec import InjectedFault
 from exodrake.blind.score import score
 from exodrake.blind.simulator import simulate
 from exodrake.cli.main import cli
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import read_case
 
 
 @pytest.fixture

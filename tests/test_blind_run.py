@@ -17,7 +17,7 @@ from exodrake.blind.commitment import read_committed
 from exodrake.blind.score import score
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import read_case
 from exodrake.diagnosis import many
 from exodrake.diagnosis.many import diagnose_one
 from tests.short_sets import RUN, answers, write_set

@@ -366,7 +366,7 @@ def test_missing_diagnoses_are_counted(tiny):
 
 
 def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
 
     labels = making.make(tmp_path / "set", seed=1, cases=1, mixes=[CaseMix(weights={"unknown": 1.0})])
     case = read_case(tmp_path / "set" / "case_00")

@@ -12,8 +12,7 @@ from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.yaml_file import read_yaml
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis import calibration
 from exodrake.diagnosis.calibrate import (
     HEALTHY,

@@ -8,8 +8,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import read_case, write_case
+from exodrake.data.case import Case, CaseLog, read_case, write_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 

@@ -10,8 +10,7 @@ from report_synthetic import UNKNOWN, VERDICTS, diagnosis
 
 import exodrake.diagnosis.pipeline as pipeline
 from exodrake.core.progress import Stage, fraction
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import Case, CaseLog, read_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.result import NAMED

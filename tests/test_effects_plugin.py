@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log_file import read_log
 from exodrake.machines import library
 

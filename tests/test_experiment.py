@@ -14,8 +14,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.plain import plain
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import read_case, write_case
+from exodrake.data.case import Case, CaseLog, read_case, write_case
 from exodrake.diagnosis.calibration import calibration_of
 from exodrake.diagnosis.comparison import contributions
 from exodrake.diagnosis.parameter import apply

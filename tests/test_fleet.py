@@ -16,8 +16,7 @@ from scipy.stats import binom
 from exodrake.cli.main import cli
 from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Amount, Row, ordered, read_answers, read_table, row_of, table_bytes
 from exodrake.diagnosis.fleet_change import trends

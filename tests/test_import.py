@@ -15,7 +15,7 @@ from scipy.io import savemat
 
 from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import read_case
 from exodrake.data.foreign.derive import lag_of, low_passed
 from exodrake.data.foreign.import_log import import_all, import_log, import_recording
 from exodrake.data.foreign.mapping import read_mapping

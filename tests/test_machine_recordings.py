@@ -8,7 +8,7 @@ from shared_data import data_folder, needs_data
 from small_recordings import SETS, made
 
 from exodrake.core.errors import InputError
-from exodrake.data.case_folder import read_case, write_case
+from exodrake.data.case import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
 from exodrake.machines.recordings import reader
 from exodrake.machines.robot_file import load_robot

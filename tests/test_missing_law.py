@@ -16,8 +16,7 @@ from scipy.stats import binomtest, multivariate_normal
 import exodrake as exo
 from exodrake.compiled.splice import state_indices
 from exodrake.core.threads import one_blas_thread
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log
 from exodrake.diagnosis.discovery.discover import discover

@@ -12,8 +12,7 @@ import yaml
 
 from exodrake.core import plugins
 from exodrake.core.errors import InputError
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
 from exodrake.machines.library import machine_folders

@@ -9,8 +9,7 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE

@@ -15,8 +15,8 @@ import pytest
 from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulated_logs
 from rich.console import Console
 
-from exodrake.data.envelope import envelope, stretch_of
 from exodrake.data.log import Log
+from exodrake.data.plot import envelope, stretch_of
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.pipeline import notes_on_confirmation
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN

@@ -6,11 +6,9 @@ from command_line import run
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.data.case import Case, CaseLog
-from exodrake.data.case_folder import read_case, write_case
-from exodrake.data.log import Log
+from exodrake.data.case import Case, CaseLog, read_case, write_case
+from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.data.log_file import read_log, write_log
-from exodrake.data.simulated import CHANGED, MODEL
 from exodrake.machines.write_robot import robot_text
 
 SHORT = "caging:rest=0.1,approach=0.3,hold=0.1"

@@ -16,7 +16,7 @@ from exodrake.core import child, files
 from exodrake.core.errors import MAX_MESSAGE
 from exodrake.core.parallel import attempt
 from exodrake.data import log as log_module
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import read_case
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.formats import csv_gz
 from exodrake.identification.kinematics.c3d import c3d_bytes

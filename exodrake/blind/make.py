@@ -21,8 +21,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
-from exodrake.data.case import FILE, Case, CaseLog
-from exodrake.data.case_folder import write_case
+from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
 
 Label = dict[str, Any]

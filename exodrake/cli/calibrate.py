@@ -42,7 +42,7 @@ def command(
     """
     from exodrake.cli.diagnose import check_target
     from exodrake.core.files import write_text
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
     from exodrake.diagnosis.calibration import NUMBERS, calibration_of, calibration_text
     from exodrake.diagnosis.problem import required_of

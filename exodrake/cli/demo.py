@@ -113,7 +113,7 @@ def diagnose(out: Path) -> Diagnosis:
     """Diagnoses the case, prints the summary and writes report, answer and robot."""
     from exodrake.cli.diagnose import contents_of, report_of, say_written, write_all
     from exodrake.core.progress import stages
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.pipeline import diagnose
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import print_summary

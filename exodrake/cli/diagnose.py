@@ -73,7 +73,7 @@ def diagnose_case(
 ) -> None:  # fmt: skip
     """One case: summary and files; law: whether to look for a missing one (for UNKNOWN if None), and its folder."""
     from exodrake.core.progress import stages
-    from exodrake.data.case_folder import read_case
+    from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import print_profile, print_summary

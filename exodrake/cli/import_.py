@@ -97,12 +97,10 @@ def imported_logs(recordings: tuple[Path, ...], mapped: Mapped | None, unit: str
 def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
     """Writes one log, or a case for a machine whose last log is held out, with their notes."""
     from exodrake.core.files import make_folder, write_bytes, write_folder
-    from exodrake.data.case import FILE as CASE, Case, CaseLog
-    from exodrake.data.case_file import case_text
+    from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, notes_text
     from exodrake.data.foreign.import_log import frame_period
     from exodrake.data.formats import ending, format_of
     from exodrake.data.log_file import log_bytes
-    from exodrake.data.notes import notes_name, notes_text
 
     if ending(out) or out.suffix:
         format_of(out)
@@ -135,7 +133,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
 
 def import_known(recording: Path, known: str, out: Path) -> None:
     """Writes the case of a known set."""
-    from exodrake.data.case_folder import write_case
+    from exodrake.data.case import write_case
     from exodrake.machines.recordings import reader
 
     case = reader(known)(recording)

@@ -15,20 +15,38 @@
       - {file: later.csv.gz, date: 2026-03-05}                           # a later session of the same robot
 
 Without it, every log in the folder counts: all to fit but the last by name, which is held out. No other file is read.
-Logs that exodrake simulated are left out beside measured ones (`data.simulated`).
+
+A folder without case.yaml takes no log that exodrake simulated beside measured ones, and none of a robot as its file
+states it. A log that is named, as a file or in case.yaml, is taken, with a note; measured and simulated logs in one
+case.yaml are refused. What was done to a log's signals before stands in `NAME.notes.txt` beside it, a sentence a line.
 """
 
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, time
+from pathlib import Path
 from typing import Any
 
-from exodrake.core.errors import InputError
+from exodrake.core.argument import argument
+from exodrake.core.errors import InputError, printable
+from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
+from exodrake.core.plain import plain
+from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.short_repr import short_repr
-from exodrake.data.log import Log
+from exodrake.core.yaml_file import dump_yaml, read_yaml
+from exodrake.data.clock import regularise
+from exodrake.data.formats import ending, stem
+from exodrake.data.log import MODEL, Log, check_columns
+from exodrake.data.log_file import log_bytes, read_table
 
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot
 FILE = "case.yaml"
+NOTES, MOST_NOTES = ".notes.txt", 100  # ending of the file beside a log; lines of it that are read
+LONGEST_FRAME = 10.0  # s; a longer one is a mistaken unit: quasi-static logs have frames of a second
 EXPERIMENT = "experiment"  # protocol of a motion designed to tell explanations apart; no part of it is left out
 
 
@@ -140,3 +158,220 @@ def _head(file: str, heads: dict[str, str | None]) -> str:
             return min(seen[seen.index(before) :])
         seen.append(before)
     return seen[-1]
+
+
+def robot_logs(logs: Mapping[str, Log], folder: str) -> tuple[list[str], list[str]]:
+    """Logs of a folder that may be the robot's, by name, and a note on those left out; InputError if there are none."""
+    highest = max(log.simulated for log in logs.values())
+    wanted = highest if all(log.simulated for log in logs.values()) else 0
+    if wanted == MODEL:
+        raise InputError(
+            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
+            " robot; name a log itself to read it anyway"
+        )
+    left_out = [name for name, log in logs.items() if log.simulated != wanted]
+    notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
+    return [name for name in logs if name not in left_out], notes
+
+
+def simulated_notes(logs: Mapping[str, Log], folder: str) -> list[str]:
+    """A note on simulated logs of a case; InputError naming one that stands beside a measured one."""
+    marked: Sequence[str] = [name for name, log in logs.items() if log.simulated]
+    if marked and len(marked) < len(logs):
+        measured = next(name for name in logs if name not in marked)
+        raise InputError(f"{folder}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
+    return [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
+
+
+def moment(value: Any, where: str) -> datetime:
+    """A date, or a date with a time, by ISO 8601."""
+    found = date_of(value) if isinstance(value, str) else None
+    if found is None:
+        raise refusal(where, f"wanted a date as 2026-03-05 or 2026-03-05T14:30, found {shown(value)}")
+    return found
+
+
+LOG = mapping(
+    {
+        "file": text(),
+        "role": optional(text(ROLES)),
+        "protocol": optional(text()),
+        "repeats": optional(text()),
+        "date": optional(moment),
+    },
+    required=("file",),
+)
+SCHEMA = mapping(
+    {
+        "name": anything,
+        "serial": anything,
+        "date": optional(moment),
+        "robot": optional(names(anything)),
+        "period": optional(number(above=0.0, high=LONGEST_FRAME, unit="s")),
+        "logs": listing(LOG, least=1, wanted="a list of logs"),
+    },
+    required=("logs",),
+)
+
+
+@dataclass(frozen=True)
+class CaseFile:
+    """Content of a case.yaml: name, overrides of parameters, frame period [s], keys of each log, and serial number."""
+
+    name: str | None
+    robot: dict[str, Any]
+    period: float | None
+    logs: tuple[dict[str, Any], ...]
+    serial: str = ""
+
+
+def read_case_file(path: Path) -> CaseFile:
+    """Reads and checks a case.yaml; InputError names file and key."""
+    content = SCHEMA(read_yaml(path), str(path))
+    date = content.get("date")
+    logs = tuple({**log, "role": log.get("role") or "fit", "date": log.get("date") or date} for log in content["logs"])
+    _check_files(logs, f"{path}, 'logs'")
+    name, serial = (None if content.get(key) is None else str(content[key]) for key in ("name", "serial"))
+    return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
+
+
+def log_names(folder: Path) -> list[str]:
+    """Files of a folder that are logs by their ending, in order; hidden ones are none."""
+    return sorted(item.name for item in folder.iterdir() if ending(item) and item.is_file() and item.name[0] != ".")
+
+
+def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Logs of a folder without case.yaml, each with its `table`, and notes on what was assumed and left out.
+
+    InputError for a folder without logs of a robot.
+    """
+    files = log_names(folder)
+    if not files:
+        raise InputError(f"{folder}: no case.yaml and no logs")
+    tables = {name: read_table(folder / name) for name in files}
+    files, notes = robot_logs(tables, str(folder))
+    held_out = files[-1] if len(files) > 1 else None
+    logs = [{"file": name, "role": "holdout" if name == held_out else "fit", "table": tables[name]} for name in files]
+    roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
+    return logs, [f"{folder.resolve().name}: no case.yaml; {roles}", *notes]
+
+
+def case_text(case: Case) -> str:
+    """case.yaml of a case."""
+    logs = []
+    for item in case.logs:
+        log = {"file": item.file, "role": item.role, "protocol": item.protocol, "repeats": item.repeats}
+        log["date"] = None if item.date is None else written_date(item.date)
+        logs.append({key: value for key, value in log.items() if value is not None})
+    head = {"name": case.name} | ({"serial": case.serial} if case.serial else {})
+    return dump_yaml(head | {"robot": plain(case.robot), "period": float(case.period), "logs": logs})
+
+
+def written_date(date: datetime) -> str:
+    """A moment by ISO 8601: the day alone where it is midnight of Coordinated Universal Time, else to the second."""
+    whole = date.tzinfo == UTC and date.time() == time()
+    return date.date().isoformat() if whole else date.isoformat().replace("+00:00", "Z")
+
+
+def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:
+    """Refuses a file named twice, repeats of no other log, and a case with nothing to fit."""
+    files = [log["file"] for log in logs]
+    for n, log in enumerate(logs):
+        if files.index(log["file"]) != n:
+            raise refusal(f"{where} item {n + 1}, 'file'", f"{log['file']!r} comes twice")
+        if log.get("repeats") and (log["repeats"] == log["file"] or log["repeats"] not in files):
+            raise refusal(f"{where} item {n + 1}, 'repeats'", f"{log['repeats']!r} is no other log of the case")
+    if all(log["role"] != "fit" for log in logs):
+        raise refusal(where, "no log has the role 'fit'")
+
+
+def read_case(
+    folder: str | Path,
+    required: Sequence[str] = (),
+    period: float | None = None,
+    allow_outside: bool = False,
+) -> Case:
+    """Read a case folder, or one log file as a case of itself. InputError names file and key, or file, column and row.
+
+    Repeated rows and missing frames are mended and noted; a clock that steps backwards is refused.
+
+    Args:
+        folder: the folder, its case.yaml, or a log.
+        required: as in `read_log`.
+        period: frame [s] when case.yaml gives none.
+        allow_outside: whether logs may lie outside the folder, by their names (`../a.csv`) or as links.
+    """
+    place, notes, hashes = Path(folder), list[str](), dict[str, str]()
+    if is_file(place) and place.name != FILE:
+        name, content, place = stem(place), CaseFile(None, {}, None, ({"file": place.name},)), place.parent
+    else:
+        place = place.parent if place.name == FILE and is_file(place) else place
+        if not is_folder(place):
+            raise InputError(f"{folder}: no such folder")
+        content = read_case_file(place / FILE) if is_file(place / FILE) else None
+        files = log_names(place) if content is None else [entry["file"] for entry in content.logs]
+        for file in files if not allow_outside else ():
+            check_inside(place, file, str(folder))
+        if content is None:
+            entries, notes = find_logs(place)
+            content = CaseFile(None, {}, None, tuple(entries))
+        else:
+            hashes[FILE] = sha256_of(place / FILE)
+        name = printable(content.name or place.resolve().name)
+    period, logs = content.period or period or PERIOD, []
+    for entry in content.logs:
+        path, repeats = place / entry["file"], entry.get("repeats")
+        file = _relative(entry["file"], place)
+        table = entry["table"] if "table" in entry else read_table(path)
+        check_columns(table, required)
+        log, faults = regularise(table, period)
+        log = replace(log, simulated=table.simulated)
+        hashes[file] = sha256_of(path)
+        notes += read_notes(path)
+        notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
+        protocol, repeats = entry.get("protocol") or stem(file), repeats and _relative(repeats, place)
+        logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
+    notes += simulated_notes({item.file: item.log for item in logs}, name)
+    return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
+
+
+def write_case(case: Case, folder: str | Path) -> None:
+    """Write logs and case.yaml; `read_case` gives the same case back. A new folder appears whole or not at all."""
+    for item in argument("case", case, Case).logs:
+        check_inside(folder, item.file, case.name)
+    contents = {item.file: log_bytes(item.log, Path(folder) / item.file) for item in case.logs}
+    write_folder(folder, contents | {FILE: case_text(case).encode()})
+
+
+def check_inside(folder: str | Path, file: str, where: str) -> None:
+    """InputError, saying where the name stands, if a log's name or link leads out of the folder of its case."""
+    try:
+        inside = (Path(folder) / file).resolve().is_relative_to(Path(folder).resolve())
+    except (OSError, ValueError, RuntimeError):  # a name too long, a null byte, a ring of links
+        inside = False
+    if not inside:
+        raise refusal(f"{where}: log {shown(file)}", "lies outside the folder; --allow-outside reads it")
+
+
+def _relative(file: str, place: Path) -> str:
+    """A log's name seen from the folder of its case, since answers hold it: no absolute path."""
+    return os.path.relpath(file, place) if os.path.isabs(file) else file
+
+
+def notes_name(file: str | Path) -> str:
+    """Name of the file of notes of a log."""
+    return stem(file) + NOTES
+
+
+def notes_text(notes: Sequence[str]) -> bytes:
+    """Content of the file."""
+    return ("\n".join(notes) + "\n").encode()
+
+
+def read_notes(log: Path) -> list[str]:
+    """Notes on a log, its name first; none if there is no such file."""
+    file = log.with_name(notes_name(log))
+    if not is_file(file):
+        return []
+    lines = read_bytes(file).decode(errors="replace").splitlines()[:MOST_NOTES]
+    return [f"{log.name}: {line.strip()}" for line in lines if line.strip()]

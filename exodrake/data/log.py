@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SEPARATORS = {";": "';'", "\t": "tabs"}
+MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file states it; changed for the run
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
 MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
@@ -39,7 +40,7 @@ class Log:
         signals: column name -> (n,) float64 in SI, NaN where a sample is missing.
         units: column name -> SI unit; columns left out get the unit of their kind.
         source: file the log came from, or "".
-        simulated: 0, or by which kind of robot exodrake simulated it (`data.simulated`).
+        simulated: 0, or by which kind of robot exodrake simulated it (`MODEL`, `CHANGED`).
 
     Raises:
         InputError: for a column of another length than time, or a unit that does not suit its kind.
@@ -351,7 +352,7 @@ def headings(log: Log) -> list[str]:
 
 
 def log_from_columns(columns: Iterable[tuple[str, np.ndarray]], source: str) -> Log:
-    """A log from (heading, values (n,) [its unit]) pairs: units converted, doubled columns, no time and no rows refused."""
+    """A log from pairs of heading and values (n,) [its unit]; refuses doubled columns, no time and no rows."""
     signals, units = columns_in_si(columns, source)
     if "time" not in signals:
         raise InputError(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from exodrake.core.argument import argument
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.data.formats import format_of
-from exodrake.data.log import Log, check_clock, check_columns, check_writable
-from exodrake.data.simulated import with_mark, without_mark
+from exodrake.data.log import CHANGED, MODEL, Log, check_clock, check_columns, check_writable
 
 
 def read_log(path: str | Path, required: Sequence[str] = (), complete: Sequence[str] = ()) -> Log:
@@ -55,3 +57,19 @@ def log_bytes(log: Log, path: str | Path) -> bytes:
     module = format_of(path)
     check_writable(log, str(path))
     return module.write(with_mark(log))
+
+
+MARK = "simulated"  # column of a file that marks what exodrake simulated, of any format
+
+
+def with_mark(log: Log) -> Log:
+    """The log as a file holds it: of a simulated one, the mark as its last column."""
+    return log.with_signals({MARK: np.full(len(log), float(log.simulated))}, {MARK: "-"}) if log.simulated else log
+
+
+def without_mark(log: Log) -> Log:
+    """The log of a file, the mark as its field; a column of this name that holds anything else stays a column."""
+    values = log.signals.get(MARK)
+    if values is None or not len(values) or values[0] not in (MODEL, CHANGED) or np.any(values != values[0]):
+        return log
+    return replace(log.only([name for name in log.columns if name != MARK]), simulated=int(values[0]))

@@ -19,8 +19,7 @@ from exodrake.core.json_file import read_json
 from exodrake.core.parallel import Outcome, each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.provenance import configuration, described, robot_digest
-from exodrake.data.case import Case
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.answer import check_answer
 from exodrake.machines.robot_file import load_robot
 

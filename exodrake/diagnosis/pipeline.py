@@ -15,8 +15,7 @@ from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS
 from exodrake.core.threads import one_blas_thread
-from exodrake.data.case import Case
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import measure

@@ -55,7 +55,7 @@ def dated_sessions(case: Case, names: Sequence[str]) -> tuple[Session, ...]:
         case: the case.
         names: files of the fitted logs, in order.
     """
-    from exodrake.data.case_file import written_date
+    from exodrake.data.case import written_date
 
     dates = {item.file: item.date for item in case.logs}
     found = [dates[name] for name in names]

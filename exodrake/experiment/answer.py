@@ -11,7 +11,7 @@ from exodrake.core.json_file import read_json
 from exodrake.core.progress import StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.schema import having, listing, names, number, text
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import read_case
 from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.problem import Problem, make_problem, required_of

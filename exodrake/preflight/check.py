@@ -8,8 +8,7 @@ from pathlib import Path
 
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
-from exodrake.data.case import Case
-from exodrake.data.case_folder import read_case
+from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import check_case, suspicions_of
 from exodrake.diagnosis.checks.compare import compare

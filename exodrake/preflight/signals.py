@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.data.case import FILE, Case
-from exodrake.data.case_file import find_logs, read_case_file
+from exodrake.data.case import FILE, Case, find_logs, read_case_file
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_table
 from exodrake.diagnosis.checks.channels import longest_run

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.core.display import SYMBOLS
-from exodrake.data.envelope import envelope, stretch_of
+from exodrake.data.plot import envelope, stretch_of
 from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
 
 LEVELS = 65534  # of a curve; the next one marks a missing sample

@@ -25,8 +25,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.schema import anything, mapping, optional, text
 from exodrake.core.units import quantity
 from exodrake.core.yaml_file import dump_yaml, parse_yaml, read_yaml
-from exodrake.data.log import Log
-from exodrake.data.simulated import CHANGED, MODEL
+from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.machines.robot_file import EFFECTS, PARAMETERS, VARIANTS, build, load_robot
 from exodrake.simulation.references import from_log, protocol, split_options
 from exodrake.simulation.simulate import simulate

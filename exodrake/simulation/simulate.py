@@ -14,8 +14,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
-from exodrake.data.log import Log
-from exodrake.data.simulated import CHANGED, MODEL
+from exodrake.data.log import CHANGED, MODEL, Log
 from exodrake.simulation.delayed_samples import delay_samples
 from exodrake.simulation.references import protocol
 
