@@ -16,11 +16,10 @@ from scipy.io import savemat
 from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
-from exodrake.data.foreign.derive import lag_of, low_passed
+from exodrake.data.foreign.derive import Track, lag_of, low_passed
 from exodrake.data.foreign.import_log import import_all, import_log, import_recording
 from exodrake.data.foreign.mapping import read_mapping
 from exodrake.data.foreign.tables import list_columns
-from exodrake.data.foreign.track import Track
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log
 from exodrake.diagnosis.checks import check_case

@@ -17,11 +17,19 @@ from exodrake.core.plural import plural
 from exodrake.core.units import si_unit, to_si
 from exodrake.data.clock import LONGEST, frame_of, other_rate
 from exodrake.data.foreign import lerobot
-from exodrake.data.foreign.derive import derived, low_passed, note_of, scaled, synchronised
+from exodrake.data.foreign.derive import (
+    Track,
+    derived,
+    has_one_sample_a_frame,
+    low_passed,
+    median_step,
+    note_of,
+    scaled,
+    synchronised,
+)
 from exodrake.data.foreign.mapping import Mapped, read_mapping
 from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
 from exodrake.data.foreign.tables import read_columns, slashed
-from exodrake.data.foreign.track import Track, has_one_sample_a_frame, median_step
 from exodrake.data.formats import ending, stem
 from exodrake.data.log import Log, check_clock, check_columns, heading, log_from_columns
 from exodrake.data.log_file import read_log
