@@ -170,7 +170,7 @@ def test_no_answer_says_where_on_this_machine_it_was_made(tmp_path):
     notes = read_case(tmp_path / "case").notes
     assert len(notes) > 2 and not [note for note in notes if str(tmp_path) in note]
     _, reason, trace = attempt(read_case, (tmp_path / "case", ("glow",)))
-    assert "case_folder.py" in trace and 'File "/' not in trace and reason
+    assert "case.py" in trace and 'File "/' not in trace and reason
 
 
 def numpy_bytes(kind: str) -> bytes:

@@ -21,6 +21,7 @@ from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.json_file import parse_json
 from exodrake.data.foreign.mapping import Mapped
+from exodrake.data.formats import csv_gz, mat, mcap, npz, parquet
 from exodrake.data.log import MAX_COLUMNS, MAX_SAMPLES, check_size, refuse_doubled
 
 JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
@@ -28,41 +29,17 @@ JSON, HDF5 = (".json", ".jsonl", ".ndjson"), (".h5", ".hdf5", ".hdf")
 
 def tree_reader(name: str) -> Callable[[bytes, str], Any] | None:
     """The reader of nested values of a file name's ending; None for text."""
-    if name.endswith(".mat"):
-        from exodrake.data.formats.mat import read_variables
-
-        return read_variables
-    if name.endswith((".npy", ".npz")):
-        from exodrake.data.formats.npz import read_arrays
-
-        return read_arrays
-    if name.endswith(".parquet"):
-        from exodrake.data.formats.parquet import read_columns as read_parquet
-
-        return read_parquet
-    if name.endswith(".mcap"):
-        from exodrake.data.formats.mcap import read_columns as read_mcap
-
-        return read_mcap
-    if name.endswith(JSON):
-        from exodrake.data.foreign.tables import read_records
-
-        return read_records
-    if name.endswith(HDF5):
-        from exodrake.data.hdf5 import read_hdf5
-
-        return read_hdf5
-    return None
+    readers = {
+        (".mat",): mat.read_variables, (".npy", ".npz"): npz.read_arrays, (".parquet",): parquet.read_columns,
+        (".mcap",): mcap.read_columns, JSON: read_records, HDF5: mat.read_hdf5,
+    }  # fmt: skip
+    return next((reader for endings, reader in readers.items() if name.endswith(endings)), None)
 
 
 def unpacked(data: bytes, source: str) -> tuple[bytes, str]:
     """Bytes and lower-case name without `.gz`."""
     name = Path(source).name.lower()
-    if not name.endswith(".gz"):
-        return data, name
-    from exodrake.data.formats.csv_gz import unpack
-
-    return unpack(data, source), name.removesuffix(".gz")
+    return (csv_gz.unpack(data, source), name.removesuffix(".gz")) if name.endswith(".gz") else (data, name)
 
 
 def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarray]:
@@ -101,10 +78,10 @@ def slashed(name: str, columns: dict[str, np.ndarray]) -> str:
 def read_records(data: bytes, source: str) -> Any:
     """The content of a JSON file. InputError for a damaged or too large one."""
     check_size(data.count(b","), source)
-    return in_child(parse, data, source, source=source, size=len(data))
+    return in_child(parse_records, data, source, source=source, size=len(data))
 
 
-def parse(data: bytes, source: str) -> Any:
+def parse_records(data: bytes, source: str) -> Any:
     """`read_records` in this process."""
     if not source.lower().endswith(".json"):
         lines = enumerate(data.removeprefix(b"\xef\xbb\xbf").splitlines(), 1)

@@ -4,12 +4,15 @@ A format has `ENDINGS`, `read(data: bytes, source: str) -> Log` and `write(log: 
 has what they share. The formats differ in what they hold a heading `name [unit]` and a missing sample by.
 """
 
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from exodrake.core import plugins
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 
 plugins.extend(__path__, "data/formats")
@@ -45,3 +48,18 @@ def format_of(path: str | Path) -> ModuleType:
     if known is None:
         raise InputError(f"{path}: ending is none of {', '.join(formats())}")
     return formats()[known]
+
+
+def read_apart[T](reader: Callable[[bytes, str], T], data: bytes, source: str, what: str) -> T:
+    """What a reader makes of a file, in the child process. InputError for a file that is no whole `what`."""
+    return in_child(read_whole, reader, data, source, what, source=source, size=len(data))
+
+
+def read_whole(reader: Callable[[bytes, str], Any], data: bytes, source: str, what: str) -> Any:
+    """`read_apart` in this process."""
+    try:
+        return reader(data, source)
+    except InputError:
+        raise
+    except Exception as error:  # a parser raises whatever damaged bytes lead it to
+        raise InputError(f"{source}: not a whole {what} file ({type(error).__name__})") from None

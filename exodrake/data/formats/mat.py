@@ -1,4 +1,7 @@
-"""MAT, for MATLAB and Octave: a variable (n, 1) per column, and a struct `units` with the SI unit of each, in order."""
+"""MAT, for MATLAB and Octave: a variable (n, 1) per column, and a struct `units` with the SI unit of each, in order.
+
+Version 7.3 is HDF5, which needs the extra `hdf5`.
+"""
 
 import io
 import re
@@ -7,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
-from exodrake.data.log import Log, heading, log_from_columns
+from exodrake.data.formats import read_apart, read_whole
+from exodrake.data.log import MAX_SAMPLES, Log, check_size, heading, log_from_columns
 
 ENDINGS = (".mat",)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")
+MAX_DEPTH = 20  # nested groups of HDF5; hard links may form a ring
+MATLAB = "MATLAB_class"  # attribute of MATLAB's data sets, whose axes are turned round
+HIDDEN = ("#refs#", "#subsystem#")  # where MATLAB keeps what its cells refer to
 
 
 def read(data: bytes, source: str) -> Log:
@@ -48,7 +54,7 @@ def read_variables(data: bytes, source: str) -> dict[str, Any]:
 
     InputError for a damaged file, even one that crashes SciPy's reader.
     """
-    return in_child(parse, data, source, source=source, size=len(data))
+    return read_apart(parse, data, source, "MAT")
 
 
 def parse(data: bytes, source: str) -> dict[str, Any]:
@@ -60,15 +66,11 @@ def parse(data: bytes, source: str) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.filterwarnings("error", "Duplicate variable name")
             found = loadmat(io.BytesIO(data), squeeze_me=False, struct_as_record=False)
-        return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
     except NotImplementedError:
-        from exodrake.data.hdf5 import parse as parse_hdf5
-
-        return parse_hdf5(data, source)
+        return read_whole(parse_hdf5, data, source, "HDF5")
     except MatReadWarning as warning:
         raise InputError(f"{source}: variable {str(warning).split('"')[1]!r} comes twice") from None
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole MAT file ({type(error).__name__})") from None
+    return {name: plain(value) for name, value in found.items() if not name.startswith("__")}
 
 
 def plain(value: Any) -> Any:
@@ -94,3 +96,66 @@ def column(values: object, name: str, source: str) -> np.ndarray:
             f"{source}: variable {name!r} is {array.dtype} of shape {array.shape}, wanted a vector of numbers"
         )
     return array.ravel().astype(float)
+
+
+def read_hdf5(data: bytes, source: str) -> dict[str, Any]:
+    """Groups of an HDF5 file as mappings, data sets of numbers as arrays. InputError for a damaged file.
+
+    Only what lies in the file itself is read: external links, external storage and virtual data sets are left out.
+    """
+    return read_apart(parse_hdf5, data, source, "HDF5")
+
+
+def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
+    """`read_hdf5` in this process."""
+    try:
+        import h5py  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise InputError(f"{source}: HDF5 needs h5py; install exodrake[hdf5]") from None
+    with h5py.File(io.BytesIO(data), "r") as file:
+        return HDF5(h5py, file, source).group(file, 0)
+
+
+class HDF5:
+    """Walks a file and counts the samples that it reads."""
+
+    def __init__(self, h5py: Any, file: Any, source: str) -> None:
+        self.h5py, self.file, self.source, self.samples = h5py, file, source, 0
+
+    def group(self, group: Any, depth: int) -> dict[str, Any]:
+        """The groups and data sets of a group, by name."""
+        found: dict[str, Any] = {}
+        for name in group if depth < MAX_DEPTH else ():
+            if name in HIDDEN or not isinstance(group.get(name, getlink=True), self.h5py.HardLink):
+                continue
+            value = self.value(group[name], depth + 1)
+            if value is not None:
+                found[name] = value
+        return found
+
+    def value(self, item: Any, depth: int) -> Any:
+        """A group, an array of numbers, or a list of a MATLAB cell's contents; None for anything else."""
+        if isinstance(item, self.h5py.Group):
+            return self.group(item, depth)
+        if not isinstance(item, self.h5py.Dataset) or item.is_virtual or item.external or item.shape is None:
+            return None
+        if item.dtype.names:
+            self.count(item.size * len(item.dtype.names))
+            table = item[()]
+            return {name: table[name] for name in item.dtype.names if table[name].dtype.kind in "fiub"}
+        if self.h5py.check_ref_dtype(item.dtype) is self.h5py.Reference:
+            self.count(item.size)
+            cells = (self.value(self.file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
+            return [cell for cell in cells if cell is not None]
+        matlab = item.attrs.get(MATLAB)
+        if item.dtype.kind not in "fiub" or matlab in (b"char", "char") or item.attrs.get("MATLAB_empty"):
+            return None
+        self.count(item.size)
+        values = np.asarray(item[()])
+        return values.T if matlab is not None else values
+
+    def count(self, samples: int) -> None:
+        """InputError for a file that would fill the memory."""
+        self.samples += int(samples)
+        if self.samples > MAX_SAMPLES:
+            check_size(self.samples, self.source)

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import first_bytes
 from exodrake.core.json_file import parse_json
 from exodrake.core.units import kind_of
+from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, heading, log_from_columns, refuse_doubled
 
 ENDINGS = (".mcap",)
@@ -37,12 +37,12 @@ def is_log(path: str | Path) -> bool:
 
 def read(data: bytes, source: str) -> Log:
     """Parse an MCAP file that `write` made. InputError for a damaged or foreign file, and for mcap not installed."""
-    return log_from_columns(in_child(parse, data, source, source=source, size=len(data)), source)
+    return log_from_columns(read_apart(parse, data, source, "MCAP"), source)
 
 
 def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """Columns (n,) by heading, of a file that `write` made; InputError as `read`."""
-    columns = in_child(parse, data, source, source=source, size=len(data))
+    columns = read_apart(parse, data, source, "MCAP")
     refuse_doubled((name for name, _ in columns), source)
     return dict(columns)
 
@@ -50,25 +50,19 @@ def read_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
 def parse(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     """Headings and columns, in this process."""
     make_reader, _ = _mcap(source)
-    try:
-        reader = make_reader(io.BytesIO(data))
-        records = {record.name: record.metadata for record in reader.iter_metadata()}
-        topics: dict[str, dict[Place, Mapping[str, float]]] = {}
-        if RECORD in records:
-            for _, channel, message in reader.iter_messages(log_time_order=False):
-                found, place = topics.setdefault(channel.topic, {}), (message.sequence, message.log_time)
-                if place in found:
-                    raise InputError(f"{source}: topic {channel.topic!r}: message {message.sequence} comes twice")
-                found[place] = parse_json(message.data, f"{source}: topic {channel.topic!r}")
-        places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
-        rows = _rows(topics, {topic for _, _, topic, _ in places}, source)
-        return [(heading(n, u), _values([topics[t][row] for row in rows], f)) for n, u, t, f in places]
-    except InputError:
-        raise
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        if isinstance(error, KeyError) and error.args == (RECORD,):
-            raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file") from None
-        raise InputError(f"{source}: not a whole MCAP file ({type(error).__name__})") from None
+    reader = make_reader(io.BytesIO(data))
+    records = {record.name: record.metadata for record in reader.iter_metadata()}
+    if RECORD not in records:
+        raise InputError(f"{source}: MCAP of another program; use `exodrake import` with a mapping file")
+    topics: dict[str, dict[Place, Mapping[str, float]]] = {}
+    for _, channel, message in reader.iter_messages(log_time_order=False):
+        found, place = topics.setdefault(channel.topic, {}), (message.sequence, message.log_time)
+        if place in found:
+            raise InputError(f"{source}: topic {channel.topic!r}: message {message.sequence} comes twice")
+        found[place] = parse_json(message.data, f"{source}: topic {channel.topic!r}")
+    places = [(str(n), str(u), str(t), str(f)) for n, u, t, f in json.loads(records[RECORD]["columns"])]
+    rows = _rows(topics, {topic for _, _, topic, _ in places}, source)
+    return [(heading(n, u), np.array([float(topics[t][row].get(f, np.nan)) for row in rows])) for n, u, t, f in places]
 
 
 def _rows(topics: Mapping[str, Mapping[Place, Any]], wanted: set[str], source: str) -> list[Place]:
@@ -138,10 +132,6 @@ def _channel(writer: Any, topic: str, fields: Mapping[str, str], log: Log) -> in
     }
     number = writer.register_schema(name=f"exodrake{topic}", encoding="jsonschema", data=json.dumps(schema).encode())
     return writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
-
-
-def _values(messages: list[Mapping[str, float]], field: str) -> np.ndarray:
-    return np.array([float(message.get(field, np.nan)) for message in messages])
 
 
 def _mcap(source: str) -> tuple[Any, Any]:

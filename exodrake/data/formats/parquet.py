@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
+from exodrake.data.formats import read_apart
 from exodrake.data.log import Log, check_size, headings, log_from_columns, refuse_doubled
 
 ENDINGS = (".parquet",)
@@ -15,7 +15,7 @@ ENDINGS = (".parquet",)
 
 def read(data: bytes, source: str) -> Log:
     """Parse a Parquet log. InputError for a damaged file, a column that is not numeric, and pyarrow not installed."""
-    columns = in_child(parse, data, source, source=source, size=len(data))
+    columns = read_apart(parse, data, source, "Parquet")
     for name, values in columns:
         if isinstance(values, str) or values.ndim > 1:
             found = values if isinstance(values, str) else "a list"
@@ -25,7 +25,7 @@ def read(data: bytes, source: str) -> Log:
 
 def read_columns(data: bytes, source: str) -> dict[str, Any]:
     """Columns of numbers of any Parquet file by name, (n,) as recorded; of lists of m numbers, (n, m)."""
-    columns = in_child(parse, data, source, source=source, size=len(data))
+    columns = read_apart(parse, data, source, "Parquet")
     refuse_doubled((name for name, _ in columns), source)
     return {name: values for name, values in columns if not isinstance(values, str)}
 
@@ -33,15 +33,10 @@ def read_columns(data: bytes, source: str) -> dict[str, Any]:
 def parse(data: bytes, source: str) -> list[tuple[str, Any]]:
     """Names, which may come twice, and values (n,) of columns, or their type where it is not numeric."""
     _, parquet = pyarrow_of(source)
-    try:
-        file = parquet.ParquetFile(io.BytesIO(data))
-        check_size(file.metadata.num_rows * file.metadata.num_columns, source)
-        table = file.read()
-        return [(name, _values(table.column(i))) for i, name in enumerate(table.column_names)]
-    except InputError:
-        raise
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        raise InputError(f"{source}: not a whole Parquet file ({type(error).__name__})") from None
+    file = parquet.ParquetFile(io.BytesIO(data))
+    check_size(file.metadata.num_rows * file.metadata.num_columns, source)
+    table = file.read()
+    return [(name, _values(table.column(i))) for i, name in enumerate(table.column_names)]
 
 
 def parse_rows(data: bytes, source: str, wanted: Any, optional: Collection[str] = ()) -> list[dict[str, Any]]:
