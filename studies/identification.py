@@ -175,8 +175,8 @@ itself uses other methods:
 |---|---|---|
 | Eq. 7-13, joint centre | `kinematics.screws.joint_centre` | bundle adjustment (a) |
 | Eq. 14-18, MCP angles by Newton | `kinematics.screws.joint_angles` | bundle adjustment (a) |
-| Eq. 21, tension to angle | `joint_compliance.compliance` | nonlinear statics (b) |
-| Eq. 22, angle to tension | `joint_compliance.tension_map` | `exodrake grasp` (b) |
+| Eq. 21, tension to angle | `stiffness.compliance` | nonlinear statics (b) |
+| Eq. 22, angle to tension | `stiffness.tension_map` | `exodrake grasp` (b) |
 | 2.3, maximum tension | `maximum_tension.find_maximum_tension` | - |
 | Fig. 5 and 8a, sync pulse | `sync.clock_from_pulses` | samples of slot 0 (c) |
 

@@ -17,7 +17,7 @@ from estimator_sweeps import (
 
 from exodrake.core.errors import InputError
 from exodrake.identification import stiffness
-from exodrake.identification.joint_compliance import compliance, determinant, router_arms, tension_map
+from exodrake.identification.stiffness import compliance, determinant, router_arms, tension_map
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.tendon_finger import Parameters
 from studies.paper.comparison import compare

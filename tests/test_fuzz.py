@@ -11,9 +11,7 @@ from hypothesis import given, strategies as st
 import exodrake as exo
 from exodrake.core import child
 from exodrake.data.formats import formats
-from exodrake.identification.kinematics.c3d import c3d_bytes
-from exodrake.identification.kinematics.marker_file import read_markers
-from exodrake.identification.kinematics.markers import csv_bytes
+from exodrake.identification.kinematics.markers import c3d_bytes, csv_bytes, read_markers
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 
 ROBOT = exo.load_robot()

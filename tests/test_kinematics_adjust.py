@@ -5,14 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from exodrake.identification.kinematics import adjust as module
-from exodrake.identification.kinematics.adjust import adjust, fit_frames, moved
-from exodrake.identification.kinematics.axis import Axis, across
-from exodrake.identification.kinematics.finger import FREE, Finger
-from exodrake.identification.kinematics.identify import identify
-from exodrake.identification.kinematics.layout import Layout
-from exodrake.identification.kinematics.markers import Recording
-from exodrake.identification.kinematics.measures import measured, measures
-from exodrake.identification.kinematics.rigid import apply, inverse
+from exodrake.identification.kinematics.adjust import FREE, Finger, adjust, fit_frames, moved
+from exodrake.identification.kinematics.axis import Axis, across, apply, inverse
+from exodrake.identification.kinematics.identify import identify, measured, measures
+from exodrake.identification.kinematics.markers import Layout, Recording
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
 from exodrake.identification.kinematics.triads import kabsch, triad_pose
 from studies.identification import recordings

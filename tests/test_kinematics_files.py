@@ -6,13 +6,18 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.c3d import c3d_bytes
 from exodrake.identification.kinematics.identify import Settings, identify
-from exodrake.identification.kinematics.labels import Swap, check_labels, relabelled
-from exodrake.identification.kinematics.layout import Layout, read_layout
-from exodrake.identification.kinematics.marker_file import read_markers
-from exodrake.identification.kinematics.markers import Recording, csv_bytes, parse_csv
+from exodrake.identification.kinematics.markers import (
+    Layout,
+    Recording,
+    c3d_bytes,
+    csv_bytes,
+    parse_csv,
+    read_layout,
+    read_markers,
+)
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
+from exodrake.identification.kinematics.triads import Swap, check_labels, relabelled
 
 FAST = Settings(cutoff=None)
 

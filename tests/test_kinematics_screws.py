@@ -5,9 +5,20 @@ import pytest
 from scipy.linalg import expm, logm
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, across, chain_pose, joint_points
-from exodrake.identification.kinematics.hinge import angle_about, centres
-from exodrake.identification.kinematics.rigid import apply, hat, inverse, motion, rotation, turned_by
+from exodrake.identification.kinematics.axis import (
+    Axis,
+    across,
+    angle_about,
+    apply,
+    centres,
+    chain_pose,
+    hat,
+    inverse,
+    joint_points,
+    motion,
+    rotation,
+    turned_by,
+)
 from exodrake.identification.kinematics.screws import (
     adjoint,
     exponential,

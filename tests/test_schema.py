@@ -9,11 +9,11 @@ from exodrake.core.errors import MAX_MESSAGE, InputError
 from exodrake.core.yaml_file import MAX_BYTES, dump_yaml, parse_yaml
 from exodrake.data import case
 from exodrake.data.foreign import mapping
-from exodrake.identification.kinematics import layout
+from exodrake.identification.kinematics import markers
 from exodrake.machines import robot_file
 from exodrake.simulation import scenario
 
-SCHEMAS = [module.SCHEMA for module in (robot_file, scenario, case, mapping, layout)]
+SCHEMAS = [module.SCHEMA for module in (robot_file, scenario, case, mapping, markers)]
 
 
 @pytest.mark.parametrize(

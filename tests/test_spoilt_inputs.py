@@ -19,8 +19,7 @@ from exodrake.data import log as log_module
 from exodrake.data.case import read_case
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.formats import csv_gz
-from exodrake.identification.kinematics.c3d import c3d_bytes
-from exodrake.identification.kinematics.marker_file import read_markers
+from exodrake.identification.kinematics.markers import c3d_bytes, read_markers
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
 from exodrake.monitor.tail import Tail
 

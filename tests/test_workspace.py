@@ -9,6 +9,8 @@ from exodrake.core.errors import InputError
 from exodrake.identification.workspace import (
     DISTAL,
     FINGERTIP,
+    LENGTHS,
+    SPONTANEOUS,
     Ranges,
     assisted,
     monte_carlo,
@@ -16,7 +18,6 @@ from exodrake.identification.workspace import (
     tip,
     traced,
 )
-from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
 from studies.paper.table_2 import table_2
 
 MM2 = 1e-6

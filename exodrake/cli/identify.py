@@ -39,10 +39,9 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     and still for 1 s.
     """
     from exodrake.identification.kinematics.identify import Settings, identify
-    from exodrake.identification.kinematics.labels import check_labels, relabelled
-    from exodrake.identification.kinematics.layout import Layout, read_layout
-    from exodrake.identification.kinematics.marker_file import read_markers
+    from exodrake.identification.kinematics.markers import Layout, read_layout, read_markers
     from exodrake.identification.kinematics.report import write_report
+    from exodrake.identification.kinematics.triads import check_labels, relabelled
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -96,8 +95,8 @@ def synthesise(
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
-    from exodrake.identification.kinematics.labels import Swap, relabelled
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
+    from exodrake.identification.kinematics.triads import Swap, relabelled
 
     recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
     if swap:
@@ -106,7 +105,7 @@ def synthesise(
         middle = len(recording.time) // 2
         recording = relabelled(recording, (Swap(swap, middle, middle + round(rate / 2)),))
     if file.suffix.lower() == ".c3d":
-        from exodrake.identification.kinematics.c3d import c3d_bytes
+        from exodrake.identification.kinematics.markers import c3d_bytes
 
         data = c3d_bytes(recording)
     else:

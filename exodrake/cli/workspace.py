@@ -28,9 +28,7 @@ def command(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
     from rich.markup import escape
 
     from exodrake.core.files import write_folder
-    from exodrake.identification.workspace import SPONTANEOUS, assisted
-    from exodrake.identification.workspace.figure import workspace_figure
-    from exodrake.identification.workspace.report import HEAD, areas, areas_csv
+    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, assisted, workspace_figure
     from exodrake.machines.robot_file import load_robot
     from exodrake.report.terminal import table
 

@@ -179,7 +179,7 @@ def slopes_found(markers: Markers) -> str:
 
 def marker_count() -> Claim:
     """The fourteen markers."""
-    from exodrake.identification.kinematics.layout import Layout
+    from exodrake.identification.kinematics.markers import Layout
 
     layout = Layout()
     made = len(layout.finger), len(layout.thumb)

@@ -37,8 +37,7 @@ HEAD = (
 
 def table_rows(wired) -> list[tuple[str, ...]]:
     """Rows under HEAD: ranges and areas as printed, and the areas that the ranges, or the wires, give."""
-    from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
-    from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
+    from exodrake.identification.workspace import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, reach
     from studies.paper.table_2 import AREAS, ASSISTED
 
     kinds = (FINGERTIP, DISTAL)
@@ -55,8 +54,7 @@ def table_rows(wired) -> list[tuple[str, ...]]:
 def figure(wired) -> str:
     """Both workspaces as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.identification.workspace import DISTAL, FINGERTIP, reach
-    from exodrake.identification.workspace.chain import LENGTHS, SPONTANEOUS
+    from exodrake.identification.workspace import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, reach
     from exodrake.report.svg import RULE, house_style, svg_of
 
     with house_style():

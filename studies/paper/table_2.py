@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from exodrake.identification.workspace.area import reach
-from exodrake.identification.workspace.chain import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, Ranges
+from exodrake.identification.workspace import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, Ranges, reach
 from studies.paper.claim import AGREES, DOES_NOT, UNKNOWN, Claim
 
 ASSISTED = ((21.27, 32.90), (3.11, 0.88), (1.48, 4.55))  # as printed, min and max, A.M.

@@ -1,6 +1,6 @@
 """Kinematic identification from skin markers: joint axes, centres, angles and phalanx lengths (paper 2.2.1).
 
-`marker_file.read_markers` reads a recording, `identify.identify` estimates the finger's kinematics, `report` writes
+`markers.read_markers` reads a recording, `identify.identify` estimates the finger's kinematics, `report` writes
 table, robot file and figure, and `synthetic.synthesise` makes recordings with known truth. The theory is in `screws`,
-`finger`, `first_guess`, `adjust` and `measures`.
+`axis`, `triads`, `first_guess` and `adjust`.
 """

@@ -1,7 +1,7 @@
 """First guess of the bundle adjustment: every joint a hinge, from the poses of the triads.
 
 The poses of the triads at rest place all markers and axes in the frame of the base triad. There the motion of a joint,
-the relative motion of its two segments from that posture, gives axis, angle and centre in closed form (`hinge`). The
+the relative motion of its two segments from that posture, gives axis, angle and centre in closed form (`axis`). The
 abduction axis starts through the MCP centre, normal to flexion and to the finger.
 """
 
@@ -11,12 +11,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, across
-from exodrake.identification.kinematics.finger import Finger
-from exodrake.identification.kinematics.hinge import angle_about, centres, mean_axis, weight
-from exodrake.identification.kinematics.layout import JOINTS
-from exodrake.identification.kinematics.markers import Recording
-from exodrake.identification.kinematics.rigid import apply, inverse
+from exodrake.identification.kinematics.adjust import Finger
+from exodrake.identification.kinematics.axis import (
+    Axis,
+    across,
+    angle_about,
+    apply,
+    centres,
+    inverse,
+    mean_axis,
+    weight,
+)
+from exodrake.identification.kinematics.markers import JOINTS, Recording
 from exodrake.identification.kinematics.triads import SegmentMotion, mean_pose
 
 FEWEST = 50  # frames in which a joint must be seen

@@ -3,6 +3,14 @@
 Steps: check labels; fit the triads to smoothed paths for a first guess; adjust finger, poses and angles to the measured
 markers of all frames together (`adjust`); read lengths and centre lines, with intervals, from the adjusted finger; and
 fit its angles to the smoothed paths. Joint i is described in the frame of the triad proximal to it.
+
+Paths are smoothed by the discrete smoothing spline (Whittaker-Henderson), which also fills short gaps:
+
+    minimise  sum over seen frames (y - z)^2 + lambda sum (third difference of z)^2
+    gain      1 / (1 + lambda (2 sin(pi f dt))^6)
+
+lambda gives a gain of 1/2 at the cut-off frequency; at a twentieth of it the gain differs from 1 by 2e-8, so slow
+finger motion is unchanged. A missing sample has no weight and takes the value of the spline; long gaps stay missing.
 """
 
 from dataclasses import dataclass
@@ -10,19 +18,180 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_95
-from exodrake.identification.kinematics.adjust import adjust, fit_frames
-from exodrake.identification.kinematics.axis import Axis, across
-from exodrake.identification.kinematics.centre_line import CentreLine
-from exodrake.identification.kinematics.finger import Finger
+from exodrake.core.errors import InputError
+from exodrake.identification.kinematics.adjust import Adjusted, Finger, adjust, fit_frames
+from exodrake.identification.kinematics.axis import Axis, across, apply, centres, inverse, joint_points
 from exodrake.identification.kinematics.first_guess import first_guess
-from exodrake.identification.kinematics.hinge import centres
-from exodrake.identification.kinematics.labels import check_labels, refuse_swaps
-from exodrake.identification.kinematics.layout import JOINTS, Layout
-from exodrake.identification.kinematics.markers import Recording
-from exodrake.identification.kinematics.measures import measured
-from exodrake.identification.kinematics.rigid import apply, inverse
-from exodrake.identification.kinematics.smooth import smooth
-from exodrake.identification.kinematics.triads import place, placed, triad_pose
+from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
+from exodrake.identification.kinematics.triads import check_labels, place, placed, refuse_swaps, triad_pose
+
+ORDER = 3
+
+
+def smooth(
+    time: np.ndarray, positions: np.ndarray, cutoff: float, longest_gap: float, source: str = "recording"
+) -> np.ndarray:
+    """Smooth marker paths.
+
+    Args:
+        time: (frames,) evenly spaced [s].
+        positions: (frames, markers, 3) [m], NaN where missing.
+        cutoff: Cut-off frequency [Hz].
+        longest_gap: Longest gap to fill [s].
+        source: Name of the recording, for errors.
+
+    Returns:
+        Smoothed positions (frames, markers, 3) [m].
+
+    Raises:
+        InputError: For uneven frames or a cut-off beyond half the frame rate.
+    """
+    step = _even_step(time, source)
+    if not 0 < cutoff < 0.5 / step:
+        raise InputError(
+            f"{source}: cut-off {cutoff:g} Hz must lie between 0 and half the frame rate, {0.5 / step:g} Hz"
+        )
+    stiffness = (2 * np.sin(np.pi * cutoff * step)) ** (-2 * ORDER)
+    result = np.full_like(positions, np.nan)
+    for number in range(positions.shape[1]):
+        seen = np.isfinite(positions[:, number]).all(axis=1)
+        for start, stop in _segments(seen, round(longest_gap / step)):
+            segment = slice(start, stop)
+            result[segment, number] = _spline(positions[segment, number], seen[segment], stiffness)
+    return result
+
+
+def _even_step(time: np.ndarray, source: str) -> float:
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    uneven = np.abs(steps - step) > step / 2
+    if uneven.any():
+        where = int(np.argmax(uneven))
+        at, wide = time[where], 1e3 * steps[where]
+        raise InputError(
+            f"{source}: frame {where} at {at:g} s is followed after {wide:g} ms, the others after {1e3 * step:g} ms"
+        )
+    return step
+
+
+def _segments(seen: np.ndarray, gap: int) -> list[tuple[int, int]]:
+    """First and one past last frame of each segment without a gap longer than `gap` frames."""
+    frames = np.flatnonzero(seen)
+    if not len(frames):
+        return []
+    breaks = np.flatnonzero(np.diff(frames) > gap + 1)
+    starts, stops = np.r_[frames[0], frames[breaks + 1]], np.r_[frames[breaks], frames[-1]]
+    return [(int(a), int(b) + 1) for a, b in zip(starts, stops, strict=True)]
+
+
+def _spline(path: np.ndarray, seen: np.ndarray, stiffness: float) -> np.ndarray:
+    """Smooth one segment: path (n, 3) [m] and mask (n,) to z (n, 3) [m]."""
+    from scipy.linalg import solveh_banded
+
+    n = len(path)
+    if np.count_nonzero(seen) <= ORDER:
+        return np.where(seen[:, None], path, np.nan)
+    coefficients = np.array([-1.0, 3.0, -3.0, 1.0])
+    bands = np.zeros((ORDER + 1, n))
+    for i, first in enumerate(coefficients):
+        for j in range(i, ORDER + 1):
+            bands[j - i, i : n - ORDER + i] += stiffness * first * coefficients[j]
+    bands[0] += seen
+    return solveh_banded(bands, np.where(seen[:, None], path, 0.0), lower=True)
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """Centre = gradient theta + intercept, per axis of the frame proximal to the joint.
+
+    Attributes:
+        gradient: (3,) [m/rad].
+        intercept: (3,) [m].
+        covariance: (6, 6) of gradient, then intercept [m2].
+        rmse: (3,) scatter about the line of the centres of single frames [m].
+        frames: Number of frames with a large enough angle for that scatter.
+    """
+
+    gradient: np.ndarray
+    intercept: np.ndarray
+    covariance: np.ndarray
+    rmse: np.ndarray
+    frames: int
+
+    @property
+    def gradient_interval(self) -> np.ndarray:
+        """Half width (3,) of the 95 % interval [m/rad]."""
+        return NORMAL_95 * np.sqrt(np.diag(self.covariance)[:3])
+
+    @property
+    def intercept_interval(self) -> np.ndarray:
+        """Half width (3,) of the 95 % interval [m]."""
+        return NORMAL_95 * np.sqrt(np.diag(self.covariance)[3:])
+
+    @property
+    def rmse_3d(self) -> float:
+        """Root of the sum of squares of the RMSE of the three axes [m]."""
+        return float(np.linalg.norm(self.rmse))
+
+    def at(self, angle: np.ndarray) -> np.ndarray:
+        """Centre (..., 3) [m] at angles (...) [rad]."""
+        return self.intercept + self.gradient * np.asarray(angle)[..., None]
+
+    def band(self, angle: np.ndarray) -> np.ndarray:
+        """95 % half width of the line (..., 3) [m] at angles (...) [rad]."""
+        theta, (slope, shared, level) = np.asarray(angle)[..., None], self._variances()
+        return NORMAL_95 * np.sqrt(np.maximum(theta**2 * slope + 2 * theta * shared + level, 0.0))
+
+    def _variances(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Variance of the gradient, covariance, and variance of the intercept, (3,) each [m2]."""
+        return np.diag(self.covariance)[:3], np.diag(self.covariance, 3), np.diag(self.covariance)[3:]
+
+
+STEP = 1e-6  # m, rad, m/rad; of the difference quotient
+
+
+def measures(finger: Finger, tip: int) -> np.ndarray:
+    """Lengths of the three phalanges, then gradient and intercept of MCP, PIP, DIP in the frame of the triad before it.
+
+    Args:
+        finger: The finger.
+        tip: Number of the distal marker at the fingertip.
+
+    Returns:
+        Values (21,) [m, m/rad].
+    """
+    values = [phalanx_lengths(finger, tip)]
+    for triad, axis in zip(finger.markers, finger.axes[1:]):
+        seen = axis.seen_from(triad_pose(triad))
+        values += [seen.slope, seen.point]
+    return np.concatenate(values)
+
+
+def phalanx_lengths(finger: Finger, tip: int) -> np.ndarray:
+    """Phalanx lengths (3,) [m]: between joint axes, in the plane through the triad; from DIP axis to tip marker.
+
+    The position of a centre along its axis cannot be observed, so the plane through the middle of the segment's triad,
+    normal to the mean direction of its two axes, serves as the middle of the finger.
+    """
+    _, proximal, middle, distal = finger.markers
+    _, mcp, pip, dip = finger.axes
+    start, end, _ = joint_points(mcp, pip, proximal.mean(axis=0))
+    near, far, normal = joint_points(pip, dip, middle.mean(axis=0))
+    along = (far - near) / np.linalg.norm(far - near)
+    reach = across(distal[tip] - far, normal) @ along
+    return np.array([np.linalg.norm(end - start), np.linalg.norm(far - near), reach])
+
+
+def measured(adjusted: Adjusted, tip: int) -> tuple[np.ndarray, np.ndarray]:
+    """Values (21,) of `measures` and their covariance (21, 21) [SI]."""
+    finger, free = adjusted.finger, adjusted.finger.free()
+    columns = [
+        (measures(finger.moved(STEP * way), tip) - measures(finger.moved(-STEP * way), tip)) / (2 * STEP)
+        for way in free.T
+    ]
+    slope = np.stack(columns, axis=1)
+    return measures(finger, tip), slope @ adjusted.covariance @ slope.T
+
 
 FRAMES = 4000  # of the adjustment, equispaced beside the rest: they cover minutes of recording
 

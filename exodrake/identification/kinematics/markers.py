@@ -1,20 +1,88 @@
-"""Marker recording, and its CSV format.
+"""Marker recordings, their CSV and C3D files, and which marker is on which segment (paper Fig. 8-9).
 
-Lines that begin with # are comments, followed by one heading and one row per frame:
+Lines of CSV that begin with # are comments, followed by one heading and one row per frame:
 
     time [s], B1_x [mm], B1_y [mm], B1_z [mm], B2_x [mm], ...
 
 Every column carries its unit in brackets (m, cm or mm; s or ms); a marker has three columns, in any order; an empty
 cell is a missing sample. Other columns are ignored. Positions are in the right-handed laboratory frame of the cameras.
+
+C3D, the exchange format of motion capture, is read and written by ezc3d. Labels may carry a subject (`Kim:B1` is read
+as B1), POINT:UNITS gives the unit, POINT:RATE the frame rate; a point with a negative residual is missing.
 """
 
+from __future__ import annotations
+
 import io
+import os
 import re
+import struct
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
+from exodrake.core.schema import listing, mapping, optional, text
+from exodrake.core.units import si_unit, to_si
+from exodrake.core.yaml_file import read_yaml
+
+SEGMENTS = ("base", "proximal", "middle", "distal")
+JOINTS = ("MCP", "PIP", "DIP")
+
+
+def marker(value: Any, where: str) -> str:
+    """A marker's name; systems that number their markers give numbers."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
+
+
+TRIAD = listing(marker, length=3, wanted="three marker names")
+THUMB = optional(listing(marker, wanted="a list of marker names"))
+SCHEMA = mapping({**dict.fromkeys(SEGMENTS, TRIAD), "thumb": THUMB, "tip": marker})
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Marker names per segment, from the hand to the fingertip; `tip` is the distal marker at the fingertip."""
+
+    base: tuple[str, str, str] = ("B1", "B2", "B3")
+    proximal: tuple[str, str, str] = ("P1", "P2", "P3")
+    middle: tuple[str, str, str] = ("M1", "M2", "M3")
+    distal: tuple[str, str, str] = ("D1", "D2", "D3")
+    thumb: tuple[str, ...] = ("T1", "T2")
+    tip: str = "D2"
+
+    @property
+    def segments(self) -> tuple[tuple[str, str, str], ...]:
+        """The four triads, in the order of SEGMENTS."""
+        return self.base, self.proximal, self.middle, self.distal
+
+    @property
+    def finger(self) -> tuple[str, ...]:
+        """The twelve markers of the identification, without those of the thumb."""
+        return tuple(name for triad in self.segments for name in triad)
+
+
+def read_layout(path: str | Path) -> Layout:
+    """Read a layout from YAML such as `proximal: [RP1, RP2, RP3]`; absent keys keep their defaults.
+
+    Raises:
+        InputError: Naming file and key, for an unknown key, not three names in a triad, or a marker named twice.
+    """
+    content: dict[str, Any] = SCHEMA(read_yaml(path), str(path))
+    names: dict[str, Any] = {key: v if key == "tip" else tuple(v or ()) for key, v in content.items()}
+    layout = Layout(**names)
+    twice = {name for name in layout.finger if layout.finger.count(name) > 1}
+    if twice:
+        raise InputError(f"{path}: marker {', '.join(sorted(twice))} is named twice")
+    if layout.tip not in layout.distal:
+        raise InputError(f"{path}: tip {layout.tip} is not one of the distal markers {', '.join(layout.distal)}")
+    return layout
+
 
 HEADING = re.compile(r"^(?P<marker>.+)_(?P<axis>[xyz])\s*\[(?P<unit>[^\]]*)\]$")
 TIME = re.compile(r"^time\s*\[(?P<unit>[^\]]*)\]$")
@@ -130,3 +198,85 @@ def _places(headings: list[str], values: np.ndarray, source: str) -> tuple[tuple
         raise InputError(f"{source}: no marker columns such as 'B1_x [mm]'")
     stacked = [np.stack([axes[a] for a in "xyz"], axis=1) for axes in columns.values()]
     return tuple(columns), np.stack(stacked, axis=1)
+
+
+BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
+BLOCK = 512  # bytes
+
+
+def read_c3d(path: str | Path) -> Recording:
+    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length.
+
+    A file that crashes ezc3d, holds it for ever or lacks frames that its header promises is refused, too.
+    """
+    data = read_bytes(path)
+    return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
+
+
+def frames_of(data: bytes) -> int:
+    """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
+    mark = BLOCK * (data[0] - 1) + 3 if data else 0
+    if mark < 0 or len(data) <= max(mark, BLOCK):
+        return 0
+    first, last = struct.unpack_from(">HH" if data[mark] == BIG_ENDIAN else "<HH", data, 6)
+    return last - first + 1
+
+
+def parse(path: str, frames: int) -> Recording:
+    """`read_c3d` in this process; frames: how many there have to be at least."""
+    import ezc3d
+
+    try:
+        content = ezc3d.c3d(path)
+    except Exception as error:  # ezc3d raises bare C++ exceptions of several kinds
+        raise InputError(f"{path}: not a C3D file ({error})") from None
+    settings = content["parameters"]["POINT"]
+    names = tuple(label.rsplit(":", 1)[-1].strip() for label in settings["LABELS"]["value"])
+    points = np.moveaxis(content["data"]["points"][:3], 0, 2).swapaxes(0, 1)
+    rate = float(np.ravel(settings["RATE"]["value"])[0]) if len(np.ravel(settings["RATE"]["value"])) else 0.0
+    if len(points) < frames:
+        raise InputError(f"{path}: {len(points)} frames, but its header promises {frames}: it is cut short")
+    if not names or len(points) == 0 or rate <= 0:
+        raise InputError(f"{path}: no points, or no frame rate")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{path}: two points are called {twice}")
+    unit = (list(settings["UNITS"]["value"]) or [""])[0]
+    if si_unit(unit, f"{path}, POINT:UNITS") != "m":
+        raise InputError(f"{path}: POINT:UNITS is [{unit}], not a length")
+    points = np.where(_unseen(content, points), np.nan, points)
+    return checked(Recording(names, np.arange(len(points)) / rate, to_si(points[:, : len(names)], unit), str(path)))
+
+
+def c3d_bytes(recording: Recording) -> bytes:
+    """Encode a recording as a C3D file in mm, in the single precision of the format."""
+    import ezc3d
+
+    content = ezc3d.c3d()
+    frames, count, _ = recording.positions.shape
+    points = np.full((4, count, frames), np.nan)
+    points[:3] = 1e3 * np.transpose(recording.positions, (2, 1, 0))
+    points[3] = 1.0
+    content["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    content["parameters"]["POINT"]["RATE"]["value"] = [float(1 / np.median(np.diff(recording.time)))]
+    content["parameters"]["POINT"]["LABELS"]["value"] = list(recording.names)
+    content["data"]["points"] = points
+    with tempfile.TemporaryDirectory() as folder:
+        name = Path(folder) / "recording.c3d"
+        content.write(str(name))
+        return name.read_bytes()
+
+
+def _unseen(content, points: np.ndarray) -> np.ndarray:
+    """Mask (frames, points, 1) of negative residuals; ezc3d returns NaN for most of them."""
+    residuals = content["data"]["meta_points"]["residuals"]
+    if residuals.shape[1:] != points.shape[1::-1]:
+        return np.zeros((*points.shape[:2], 1), dtype=bool)
+    return (residuals[0].T < 0)[:, :, None]
+
+
+def read_markers(path: str | Path) -> Recording:
+    """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
+    if Path(path).suffix.lower() == ".c3d":
+        return read_c3d(path)
+    return parse_csv(read_bytes(path), str(path))

@@ -1,18 +1,24 @@
-"""Pose of a segment from its three markers.
+"""Pose of a segment from its three markers, and the detection of swapped marker labels.
 
 The sides of a triad are the medians of the marker distances over all frames, which neither the motion of the hand nor a
 few swapped frames disturb. Its frame has the origin in the centroid, x from the first marker to the second, and z
 normal to the triangle (first to second to third, right-handed). The pose in each frame of the recording is the
 least-squares fit of that shape to the measured markers (Kabsch).
+
+A triad is rigid, so a wrong label shows as a jump of the residual, in both triads if the swap is between segments. A
+frame counts as swapped if the exchange of one pair restores the shape of every triad. Triads should have three
+different sides: a swap within an isosceles triad cannot be detected.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.rigid import motion
+from exodrake.identification.kinematics.axis import motion
+from exodrake.identification.kinematics.markers import SEGMENTS, Layout, Recording
 
 FLATTEST = 2e-3  # m; a lower triangle does not determine the rotation about its long side
 
@@ -115,3 +121,172 @@ def triad_pose(points: np.ndarray) -> np.ndarray:
 def mean_pose(poses: np.ndarray) -> np.ndarray:
     """Mean (4, 4) of poses (frames, 4, 4) [m] that lie close together and hold no NaN."""
     return motion(Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix(), poses[:, :3, 3].mean(axis=0))
+
+
+PAIRS = tuple(combinations(range(12), 2))  # of markers that may carry each other's name
+OUTLIER = 4.0  # times the median residual
+EXACT = 3e-4  # m; residual below which no frame is suspected, however small the median
+SUSPECT = 1.2e-3  # m; a triad that changes its shape by this much in a tenth of the frames may hold a wrong marker
+LOOSE = 4e-3  # m; one that changes it by this much is no rigid body
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two markers that carry each other's name from `first` through `last` (frames)."""
+
+    names: tuple[str, str]
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class LabelCheck:
+    """Result of `check_labels`: triads, swaps, unusable frames `spoilt` (4, frames), and remarks for the report."""
+
+    triads: tuple[Triad, ...]
+    swaps: tuple[Swap, ...]
+    spoilt: np.ndarray
+    remarks: tuple[str, ...]
+
+
+def check_labels(recording: Recording, layout: Layout) -> LabelCheck:
+    """Compare every frame with the shapes of the triads. InputError for missing markers, collinear or loose triads."""
+    points = recording.of(layout.finger)
+    triads = _triads(points, layout, recording.source)
+    residual = _residuals(triads, points)
+    median = np.nanmedian(residual, axis=1)
+    _refuse_loose(recording, layout, points, np.nanquantile(residual, 0.9, axis=1))
+    limit = np.maximum(OUTLIER * median, EXACT)[:, None]
+    bad = residual > limit
+    suspects = np.flatnonzero(bad.any(axis=0))
+    pairs = np.full(len(points), -1)
+    pairs[suspects] = _exchanges(triads, points[suspects], bad[:, suspects], limit)
+    for pair in np.unique(pairs[pairs >= 0]):
+        pairs = _extended(triads, points, residual, pairs, int(pair))
+    spoilt = bad & (pairs < 0)
+    swaps = _runs(np.flatnonzero(pairs >= 0), pairs[pairs >= 0], layout.finger)
+    return LabelCheck(triads, swaps, spoilt, _remarks(triads, median, spoilt))
+
+
+def refuse_swaps(check: LabelCheck, recording: Recording) -> None:
+    """Raise InputError naming the markers and the first frame, if any are swapped."""
+    if check.swaps:
+        swap = check.swaps[0]
+        frames = sum(s.last - s.first + 1 for s in check.swaps)
+        a, b = swap.names
+        raise InputError(
+            f"{recording.source}: markers {a} and {b} are swapped from frame {swap.first}"
+            f" ({recording.time[swap.first]:.3f} s) to {swap.last}"
+            f" ({frames} swapped frames in all); correct the labels, or let --repair exchange them"
+        )
+
+
+def relabelled(recording: Recording, swaps: tuple[Swap, ...]) -> Recording:
+    """Exchange the swapped markers of a recording."""
+    positions = recording.positions.copy()
+    for swap in swaps:
+        a, b = (recording.names.index(name) for name in swap.names)
+        span = slice(swap.first, swap.last + 1)
+        positions[span, a], positions[span, b] = recording.positions[span, b], recording.positions[span, a]
+    return replace(recording, positions=positions)
+
+
+def _residuals(triads: tuple[Triad, ...], points: np.ndarray) -> np.ndarray:
+    """RMS residual (4, frames) [m] of points (frames, 12, 3) [m], NaN where a marker is missing."""
+    return np.stack([placed(triad.shape, points[:, 3 * k : 3 * k + 3])[1] for k, triad in enumerate(triads)])
+
+
+def _triads(points: np.ndarray, layout: Layout, source: str) -> tuple[Triad, ...]:
+    """Shapes of the four triads from points (frames, 12, 3) [m]. InputError for a collinear one."""
+    return tuple(triad_of(points[:, 3 * k : 3 * k + 3], names, source) for k, names in enumerate(layout.segments))
+
+
+def _exchanged(points: np.ndarray, pair: tuple[int, int]) -> np.ndarray:
+    """Points (frames, 12, 3) [m] with a pair of markers exchanged."""
+    swapped = points.copy()
+    swapped[:, pair] = points[:, pair[::-1]]
+    return swapped
+
+
+def _exchanges(triads: tuple[Triad, ...], points: np.ndarray, bad: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Find in each suspect frame the pair whose exchange gives the smallest residual, or -1."""
+    best, answer = np.full(len(points), np.inf), np.full(len(points), -1)
+    if not len(points):
+        return answer
+    for number, (a, b) in enumerate(PAIRS):
+        if not bad[[a // 3, b // 3]].any():
+            continue
+        residual = np.nan_to_num(_residuals(triads, _exchanged(points, (a, b))) / limit)
+        touched = bad[a // 3] | bad[b // 3]
+        worst = np.where(touched, residual.max(axis=0), np.inf)
+        better = (worst < 1 / 2) & (worst < best)
+        best[better], answer[better] = worst[better], number
+    return answer
+
+
+def _extended(
+    triads: tuple[Triad, ...], points: np.ndarray, residual: np.ndarray, pairs: np.ndarray, pair: int
+) -> np.ndarray:
+    """Extend a swap to neighbouring frames whose residual is smaller with the exchange: noise hides single frames."""
+    swapped = _residuals(triads, _exchanged(points, PAIRS[pair]))
+    better = np.nansum(swapped, axis=0) < np.nansum(residual, axis=0)
+    better |= pairs == pair
+    bounds = np.flatnonzero(np.diff(np.r_[False, better, False]))
+    for first, stop in bounds.reshape(-1, 2):
+        if np.mean(pairs[first:stop] == pair) > 1 / 4:
+            pairs[first:stop] = pair
+    return pairs
+
+
+def _runs(frames: np.ndarray, pairs: np.ndarray, names: tuple[str, ...]) -> tuple[Swap, ...]:
+    """Join consecutive frames with the same exchange into swaps."""
+    swaps: list[Swap] = []
+    for frame, pair in zip(frames.tolist(), pairs.tolist(), strict=True):
+        a, b = (names[marker] for marker in PAIRS[pair])
+        if swaps and swaps[-1].names == (a, b) and swaps[-1].last == frame - 1:
+            swaps[-1] = replace(swaps[-1], last=frame)
+        else:
+            swaps.append(Swap((a, b), frame, frame))
+    return tuple(swaps)
+
+
+def _refuse_loose(recording: Recording, layout: Layout, points: np.ndarray, residual: np.ndarray) -> None:
+    """InputError if a triad is not rigid; `residual` (4,) [m] is exceeded in a tenth of the frames."""
+    k = int(np.argmax(residual))
+    if residual[k] < SUSPECT:
+        return
+    names = f"markers {', '.join(layout.segments[k])} ({SEGMENTS[k]})"
+    change = f"by {1e3 * residual[k]:.1f} mm or more in a tenth of the frames"
+    loose = f"{recording.source}: {names} change their shape, {change}"
+    some = points[:: max(1, len(points) // 200)]
+    for a, b in PAIRS:
+        if a // 3 == b // 3 or k not in (a // 3, b // 3):
+            continue
+        if _worst_change(_exchanged(some, (a, b)), layout) < residual[k] / 2:
+            raise InputError(
+                f"{loose}; with {layout.finger[a]} and {layout.finger[b]} exchanged they do not: look at these labels"
+            )
+    if residual[k] > LOOSE:
+        raise InputError(loose)
+
+
+def _worst_change(points: np.ndarray, layout: Layout) -> float:
+    """Residual that the worst triad exceeds in a tenth of the frames [m]; infinite for a collinear triad."""
+    try:
+        triads = _triads(points, layout, "recording")
+    except InputError:
+        return np.inf
+    return float(np.nanquantile(_residuals(triads, points), 0.9, axis=1).max())
+
+
+def _remarks(triads: tuple[Triad, ...], median: np.ndarray, spoilt: np.ndarray) -> tuple[str, ...]:
+    remarks = []
+    for k, triad in enumerate(triads):
+        sides = np.sort(triad.sides)
+        if np.diff(sides).min() < 2 * max(OUTLIER * median[k], EXACT):
+            near = 1e3 * np.diff(sides).min()
+            remarks.append(f"{SEGMENTS[k]} triad: two sides differ by {near:.1f} mm only, some swaps would not be seen")
+        if spoilt[k].any():
+            count = np.count_nonzero(spoilt[k])
+            remarks.append(f"{SEGMENTS[k]} triad: {count} frames left out: wrong shape that no exchange corrects")
+    return tuple(remarks)

@@ -1,0 +1,337 @@
+"""Workspaces of the fingertip and the distal phalanx (paper Table 2, Fig. 13).
+
+Planar chain of three phalanges, origin in the MCP, x along the proximal phalanx at MCP zero, y palmar. With
+phi_i = q_1 + .. + q_i
+
+    point at s along the distal phalanx = sum of L_i (cos phi_i, sin phi_i), the last with s in place of L_3
+
+`reach` is the area as a union of polygons: a curve of postures at one MCP angle, whose distance from the MCP is
+monotonic, sweeps a region bounded by two copies of the curve and two arcs as the MCP rotates; other curves are cut
+where the distance turns. The curves run along each joint with the others constant, at their limits and between, so they
+include the edges of the region. A refinement of the steps changes the area by less than 0.1 %.
+
+`monte_carlo` checks it: inverse kinematics (`reachable`) decides for uniform points in the bounding box whether a
+posture reaches them. Standard error: box sqrt(f (1 - f) / N).
+
+`assisted` has the postures in static equilibrium with the wires (A.M.), over the box of tensions. Friction is left out:
+the tension at the finger equals that of the wire. The wires couple the joints, so the region is the image of the box of
+tensions, and smaller than the ranges of the joints alone would give.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from exodrake.core.errors import InputError
+from exodrake.data.plot import new_figure, png_of
+
+FINGERTIP = "fingertip"
+DISTAL = "distal phalanx"
+
+
+class Ranges(NamedTuple):
+    """Smallest and largest flexion of each joint [rad]."""
+
+    MCP: tuple[float, float]
+    PIP: tuple[float, float]
+    DIP: tuple[float, float]
+
+
+LENGTHS = (0.04264, 0.02014, 0.01872)  # m, phalanges (paper Table 1)
+SPONTANEOUS = Ranges((-0.35, 1.34), (0.08, 1.56), (0.07, 0.92))  # rad, spontaneous motion (paper Table 2)
+
+
+def tip(lengths, mcp, pip, dip, along=None) -> np.ndarray:
+    """Position of a point of the distal phalanx.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        mcp: (...) angle [rad].
+        pip: (...) angle [rad].
+        dip: (...) angle [rad].
+        along: (...) distance from the DIP [m]; the whole phalanx if None.
+
+    Returns:
+        Points (..., 2) [m].
+    """
+    first = np.asarray(mcp, dtype=float)
+    second, third = first + pip, first + pip + dip
+    last = lengths[2] if along is None else along
+    x = lengths[0] * np.cos(first) + lengths[1] * np.cos(second) + last * np.cos(third)
+    y = lengths[0] * np.sin(first) + lengths[1] * np.sin(second) + last * np.sin(third)
+    return np.stack(np.broadcast_arrays(x, y), axis=-1)
+
+
+def reachable(points: np.ndarray, lengths, ranges: Ranges, dip: float, along: float) -> np.ndarray:
+    """Decide by inverse kinematics which points a point of the distal phalanx can reach at one DIP angle.
+
+    The chain beyond the PIP acts as one link of length |e| and angle arg e; the law of cosines gives the PIP (two
+    solutions) and the MCP.
+
+    Args:
+        points: (n, 2) points to reach [m].
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        dip: DIP angle [rad].
+        along: Distance of the point from the DIP [m].
+
+    Returns:
+        Mask (n,).
+    """
+    beyond = lengths[1] + along * np.exp(1j * dip)
+    wanted = points[:, 0] + 1j * points[:, 1]
+    bone = abs(beyond)
+    cosine = (np.abs(wanted) ** 2 - lengths[0] ** 2 - bone**2) / (2 * lengths[0] * bone)
+    bend = np.arccos(np.clip(cosine, -1, 1))
+    inside = np.zeros(len(points), dtype=bool)
+    for turn in (bend, -bend):
+        pip = turn - np.angle(beyond)
+        mcp = np.angle(wanted) - np.angle(lengths[0] + bone * np.exp(1j * turn))
+        mcp = ranges.MCP[0] + np.mod(mcp - ranges.MCP[0], 2 * np.pi)
+        inside |= (pip >= ranges.PIP[0]) & (pip <= ranges.PIP[1]) & (mcp <= ranges.MCP[1])
+    return inside & (np.abs(cosine) <= 1)
+
+
+def check(lengths, ranges: Ranges) -> None:
+    """Raise InputError for a phalanx without length or a range with ends in the wrong order."""
+    for joint, length, (low, high) in zip(Ranges._fields, lengths, ranges, strict=True):
+        if not length > 0:
+            raise InputError(f"workspace: phalanx distal to {joint} has length {length} m")
+        if not -np.pi < low < high < np.pi:
+            raise InputError(f"workspace: range of {joint}, {low} .. {high} rad, does not rise within -pi .. pi")
+
+
+ARC = 0.01  # rad; finest step along arcs and curves
+
+
+class Area(NamedTuple):
+    """Area [m2], its standard error [m2], number of points, and area of the bounding box [m2]."""
+
+    value: float
+    error: float
+    samples: int
+    box: float
+
+
+def reach(lengths, ranges: Ranges, what: str = FINGERTIP, steps: int = 60):
+    """Region that the fingertip or the whole distal phalanx reaches, a shapely geometry in m.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        what: FINGERTIP or DISTAL.
+        steps: Steps of each joint between its limits.
+
+    Raises:
+        InputError: For impossible lengths or ranges.
+    """
+    check(lengths, ranges)
+    pip, dip = np.linspace(*ranges.PIP, steps), np.linspace(*ranges.DIP, steps)
+    fine_pip, fine_dip = _fine(ranges.PIP), _fine(ranges.DIP)
+    curves = [tip(lengths, 0.0, q, fine_dip) for q in pip] + [tip(lengths, 0.0, fine_pip, q) for q in dip]
+    if what == DISTAL:
+        bone = np.linspace(0, lengths[2], 12)
+        every = max(1, steps // 30)
+        curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in pip[::every] for q3 in dip[::every]]
+        curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in pip for q3 in ranges.DIP]
+        curves += [tip(lengths, 0.0, q2, q3, bone) for q2 in ranges.PIP for q3 in dip]
+        curves += [tip(lengths, 0.0, fine_pip, ranges.DIP[0], 0.0)]
+    patches = np.array([patch for curve in curves for patch in _swept(curve, ranges.MCP)])
+    return shapely.union_all(shapely.make_valid(patches))  # chords of thin patches may cross by less than a micrometre
+
+
+def monte_carlo(lengths, ranges: Ranges, what: str = FINGERTIP, samples: int = 40_000, seed: int = 0) -> Area:
+    """Estimate the area by random points in the bounding box.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        what: FINGERTIP or DISTAL.
+        samples: Number of points.
+        seed: Of the random numbers.
+
+    Raises:
+        InputError: For impossible lengths or ranges, or fewer than 100 samples.
+    """
+    check(lengths, ranges)
+    if samples < 100:
+        raise InputError(f"workspace: {samples} samples are too few; at least 100")
+    low, high = _box(lengths, ranges, what)
+    points = np.random.default_rng(seed).uniform(low, high, (samples, 2))
+    outside = points
+    bones = [lengths[2]] if what == FINGERTIP else np.linspace(lengths[2], 0, 16)
+    for dip in np.linspace(*ranges.DIP, 40 if what == FINGERTIP else 24):
+        for along in bones:
+            outside = outside[~reachable(outside, lengths, ranges, dip, along)]
+    share, box = 1 - len(outside) / samples, float(np.prod(high - low))
+    return Area(box * share, box * float(np.sqrt(share * (1 - share) / samples)), samples, box)
+
+
+def traced(lengths, angles: np.ndarray):
+    """Region that the distal phalanx swept in a recorded motion, a shapely geometry in m.
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        angles: (frames, 3) angles of MCP, PIP, DIP [rad]; rows with NaN interrupt the path.
+    """
+    q = np.asarray(angles, dtype=float).T
+    ends = np.stack([tip(lengths, q[0], q[1], q[2], along) for along in (0.0, None)], axis=1)
+    pairs = np.concatenate([ends[:-1], ends[1:]], axis=1)
+    pairs = pairs[np.isfinite(pairs).all(axis=(1, 2))]
+    return shapely.union_all(hulls(pairs))
+
+
+def _fine(span: tuple[float, float]) -> np.ndarray:
+    return np.linspace(*span, 2 + int((span[1] - span[0]) / ARC))
+
+
+def _swept(curve: np.ndarray, span: tuple[float, float]) -> list:
+    """Polygons that a curve (n, 2) sweeps as the MCP rotates through `span`, one per monotonic part."""
+    place = curve[:, 0] + 1j * curve[:, 1]
+    radius = np.abs(place)
+    way = np.sign(np.diff(radius))
+    cuts = np.r_[0, np.flatnonzero(way[1:] * way[:-1] < 0) + 1, len(curve) - 1]
+    turn = np.exp(1j * _fine(span))
+    patches = []
+    for start, stop in pairwise(cuts.tolist()):
+        part = place[start : stop + 1]
+        ring = np.concatenate([part * turn[0], part[-1] * turn, part[::-1] * turn[-1], part[0] * turn[::-1]])
+        patches.append(shapely.polygons(np.stack([np.real(ring), np.imag(ring)], axis=1)))
+    return patches
+
+
+def _box(lengths, ranges: Ranges, what: str) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (2,) [m] of the bounding box of a grid of postures, with a margin for postures between."""
+    q = np.meshgrid(*(np.linspace(*span, 61) for span in ranges), indexing="ij")
+    points = tip(lengths, *q).reshape(-1, 2)
+    if what == DISTAL:
+        points = np.concatenate([points, tip(lengths, q[0], q[1], 0.0, 0.0).reshape(-1, 2)])
+    margin = 1e-3 * np.sum(lengths)
+    return points.min(axis=0) - margin, points.max(axis=0) + margin
+
+
+def hulls(points: np.ndarray):
+    """Convex hulls of point sets (n, k, 2) [m]."""
+    return shapely.convex_hull(shapely.linestrings(points))
+
+
+class Assisted(NamedTuple):
+    """Tensions (n, n, n, 3) [N] of AF, MF, AE and the angles (n, n, n, 3) [rad] of MCP, PIP, DIP."""
+
+    tensions: np.ndarray
+    angles: np.ndarray
+
+    @property
+    def ranges(self) -> Ranges:
+        """Smallest and largest angle of each joint over all tensions [rad]."""
+        mcp, pip, dip = ((float(q.min()), float(q.max())) for q in np.moveaxis(self.angles, -1, 0))
+        return Ranges(mcp, pip, dip)
+
+    def region(self, lengths, what: str = FINGERTIP):
+        """Region of all tensions, a shapely geometry in m, for phalanx lengths (3,) [m]."""
+        mcp, pip, dip = np.moveaxis(self.angles, -1, 0)
+        ends = [tip(lengths, mcp, pip, dip, along) for along in ((None, 0.0) if what == DISTAL else (None,))]
+        cells = [_cells(np.moveaxis(np.stack(ends, axis=3), wire, 2)) for wire in range(3)]
+        return shapely.union_all(hulls(np.concatenate(cells)))
+
+
+def assisted(robot, steps: int = 25) -> Assisted:
+    """Solve the statics of a robot over `steps` tensions per wire, between its limits F_min and F_max.
+
+    Raises:
+        InputError: For fewer than 3 steps, or naming a tension without equilibrium.
+    """
+    from exodrake.physics.finger_statics import parameters_of, posture  # compiles
+
+    if steps < 3:
+        raise InputError(f"workspace: {steps} tensions per tendon are too few; at least 3")
+    wires = [
+        np.linspace(robot.limits["F_min"][wire], robot.limits["F_max"][wire], steps) for wire in ("AF", "MF", "AE")
+    ]
+    grid = np.stack(np.meshgrid(*wires, indexing="ij"), axis=-1)
+    angles = posture(grid.reshape(-1, 3), parameters_of(robot)).reshape(grid.shape)
+    if np.isnan(angles).any():
+        where = np.argwhere(np.isnan(angles).any(axis=-1))[0]
+        af, mf, ae = grid[tuple(where)]
+        raise InputError(
+            f"{robot.source}: no equilibrium with AF {af:g}, MF {mf:g}, AE {ae:g} N; lower the limits F_max"
+        )
+    return Assisted(grid, angles)
+
+
+def _cells(points: np.ndarray) -> np.ndarray:
+    """Corners (cells, 4 k, 2) [m] of the cells along the first two axes of points (n, n, n, k, 2) [m]."""
+    corners = [points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]]
+    return np.stack(corners, axis=3).reshape(-1, 4 * points.shape[3], 2)
+
+
+HEAD = ("motion", "workspace", "exact [mm2]", "Monte Carlo [mm2]", "standard error [mm2]", "points")
+
+
+def areas(lengths, ranges: Ranges, wired: Assisted | None, samples: int, seed: int) -> list[tuple[str, ...]]:
+    """Measure the areas of the full range of motion (K.M.) and, if given, of the assisted motion (A.M.).
+
+    Args:
+        lengths: (3,) phalanx lengths [m].
+        ranges: Ranges of motion.
+        wired: Postures of the assisted motion, or None.
+        samples: Points of the Monte Carlo areas.
+        seed: Of the random numbers.
+
+    Returns:
+        Rows under HEAD, as text.
+    """
+    rows = []
+    for what in (FINGERTIP, DISTAL):
+        drawn, exact = monte_carlo(lengths, ranges, what, samples, seed), reach(lengths, ranges, what).area
+        values = (f"{1e6 * exact:.1f}", f"{1e6 * drawn.value:.0f}", f"{1e6 * drawn.error:.0f}", str(samples))
+        rows.append(("K.M.", what, *values))
+    if wired is not None:
+        wired_areas = {what: 1e6 * wired.region(lengths, what).area for what in (FINGERTIP, DISTAL)}
+        rows += [("A.M.", what, f"{area:.1f}", "", "", "") for what, area in wired_areas.items()]
+    return rows
+
+
+def areas_csv(rows: list[tuple[str, ...]]) -> str:
+    """Format the areas as CSV."""
+    return "\n".join(",".join(row) for row in (HEAD, *rows)) + "\n"
+
+
+def workspace_figure(lengths, ranges: Ranges, assisted=None) -> bytes:
+    """Draw fingertip and distal phalanx as PNG for phalanx lengths (3,) [m]; `assisted` may be None."""
+    figure = new_figure(10.5, 5.6)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for panel, what in zip(panels, (FINGERTIP, DISTAL), strict=True):
+        whole = reach(lengths, ranges, what)
+        _fill(panel, whole, "0.25", 0.25, f"full range of motion, {1e6 * whole.area:.0f} mm²")
+        if assisted is not None:
+            wired = assisted.region(lengths, what)
+            _fill(panel, wired, "#c8372d", 0.45, f"assisted, nominal robot, {1e6 * wired.area:.0f} mm²")
+        _finger(panel, lengths, ranges)
+        panel.set_title(f"{what} workspace", fontsize=11)
+        panel.set_xlabel("x, along the proximal phalanx at MCP 0 [mm]")
+        panel.legend(loc="upper left", fontsize=8, framealpha=0.95)
+        panel.set_aspect("equal")
+        panel.grid(color="0.9", lw=0.6)
+        panel.set_axisbelow(True)
+    panels[0].set_ylabel("y, palmar [mm]")
+    panels[0].set_ylim(90, -55)  # palmar down, as the hand lies
+    return png_of(figure, dpi=130)
+
+
+def _fill(panel, region, colour: str, alpha: float, label: str) -> None:
+    for number, part in enumerate(getattr(region, "geoms", [region])):
+        x, y = 1e3 * np.array(part.exterior.coords).T
+        panel.fill(x, y, color=colour, alpha=alpha, lw=0, label=label if number == 0 else None)
+        panel.plot(x, y, color=colour, lw=1)
+
+
+def _finger(panel, lengths, ranges: Ranges) -> None:
+    """Draw the finger at the middle of its ranges."""
+    q = [float(np.mean(span)) for span in ranges]
+    bone = np.array([lengths[0], lengths[1], 0.0])
+    joints = [np.zeros(2), tip((lengths[0], 0, 0), q[0], 0, 0), tip(bone, *q), tip(lengths, *q)]
+    x, y = 1e3 * np.array(joints).T
+    panel.plot(x, y, "-o", color="#1f4f7a", lw=3, ms=6, mfc="white", zorder=5, label="finger, mid range")
