@@ -86,18 +86,13 @@ def _segments(seen: np.ndarray, gap: int) -> list[tuple[int, int]]:
 
 def _spline(path: np.ndarray, seen: np.ndarray, stiffness: float) -> np.ndarray:
     """Smooth one segment: path (n, 3) [m] and mask (n,) to z (n, 3) [m]."""
-    from scipy.linalg import solveh_banded
+    from scipy.signal import whittaker_henderson
 
-    n = len(path)
     if np.count_nonzero(seen) <= ORDER:
         return np.where(seen[:, None], path, np.nan)
-    coefficients = np.array([-1.0, 3.0, -3.0, 1.0])
-    bands = np.zeros((ORDER + 1, n))
-    for i, first in enumerate(coefficients):
-        for j in range(i, ORDER + 1):
-            bands[j - i, i : n - ORDER + i] += stiffness * first * coefficients[j]
-    bands[0] += seen
-    return solveh_banded(bands, np.where(seen[:, None], path, 0.0), lower=True)
+    columns = np.where(seen[:, None], path, 0.0).T
+    options = {"lamb": stiffness, "order": ORDER, "weights": seen.astype(float)}
+    return np.stack([whittaker_henderson(column, **options).x for column in columns], axis=1)
 
 
 @dataclass(frozen=True)
