@@ -16,10 +16,9 @@ from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.healthy import healthy_robot
 from exodrake.machines.robot_file import load_robot
-from exodrake.monitor.alarm import Alarm, judge, limits
-from exodrake.monitor.calibrate import MINUTE, SPAN, readings, seeds
-from exodrake.monitor.channels import channels
+from exodrake.monitor.alarm import MINUTE, SPAN, Alarm, judge, limits, readings, seeds
 from exodrake.monitor.gap import noise_std
+from exodrake.monitor.online_replay import channels
 from studies.page_text import share
 
 SOON, LATE = 1.0, 20.0  # minutes

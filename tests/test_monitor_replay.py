@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.monitor.channels import LOOP, channels
-from exodrake.monitor.gap import SKIP, WINDOW, Gap, measured_columns, noise_std
-from exodrake.monitor.online_replay import OnlineReplay, SegmentReplay
-from exodrake.monitor.work import work
+from exodrake.monitor.gap import SKIP, WINDOW, Gap, measured_columns, noise_std, work
+from exodrake.monitor.online_replay import LOOP, OnlineReplay, SegmentReplay, channels
 
 NOMINAL = exo.load_robot()
 LATE = NOMINAL.splice("timing.mocap_delay", {"delay": 0.033}).splice("tendon.creep")

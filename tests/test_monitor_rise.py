@@ -8,9 +8,9 @@ from scipy.stats import binomtest
 import exodrake as exo
 from exodrake.data.log import Log
 from exodrake.data.log_file import write_log
-from exodrake.monitor.rise import rise
+from exodrake.monitor.alarm import rise
+from exodrake.monitor.gap import work
 from exodrake.monitor.watcher import Monitor, follow
-from exodrake.monitor.work import work
 
 NOMINAL = exo.load_robot()
 LOOSENED = 30.0  # s

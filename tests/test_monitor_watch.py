@@ -16,12 +16,10 @@ from exodrake.cli.main import cli
 from exodrake.data.formats.csv import write
 from exodrake.data.log_file import write_log
 from exodrake.diagnosis.healthy import healthy_robot
-from exodrake.monitor.calibrate import limits_of, share_at_most
-from exodrake.monitor.frames import Grid
-from exodrake.monitor.gap import noise_std
-from exodrake.monitor.tail import Tail
+from exodrake.monitor.alarm import limits_of, share_at_most
+from exodrake.monitor.gap import noise_std, work
+from exodrake.monitor.tail import Grid, Tail
 from exodrake.monitor.watcher import Monitor, follow
-from exodrake.monitor.work import work
 from studies.alarm_rates import first_alarm
 
 NOMINAL = exo.load_robot()

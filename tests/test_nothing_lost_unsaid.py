@@ -15,8 +15,7 @@ from exodrake.data.clock import regularise
 from exodrake.data.foreign.import_log import frame_period, import_all, import_recording
 from exodrake.data.foreign.mapping import Column, Mapped, read_mapping
 from exodrake.data.log import Log
-from exodrake.monitor.frames import Grid
-from exodrake.monitor.tail import Rows
+from exodrake.monitor.tail import Grid, Rows
 
 N = 100
 EVEN = 0.02 * np.arange(N)

@@ -31,9 +31,9 @@ def command(
     from exodrake.cli.diagnose import check_target
     from exodrake.core.files import write_text
     from exodrake.machines.robot_file import load_robot
-    from exodrake.monitor.calibrate import MINUTE, limits_of, limits_text, peaks_of, share_at_most
-    from exodrake.monitor.channels import channels
+    from exodrake.monitor.alarm import MINUTE, limits_of, limits_text, peaks_of, share_at_most
     from exodrake.monitor.gap import noise_std
+    from exodrake.monitor.online_replay import channels
 
     check_target(write)
     nominal = load_robot(robot)

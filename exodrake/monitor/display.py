@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.monitor.alarm import Alarm, calibration
-from exodrake.monitor.calibrate import share_at_most
-from exodrake.monitor.channels import LOOP
+from exodrake.monitor.alarm import Alarm, calibration, share_at_most
 from exodrake.monitor.gap import SKIP, WINDOW, Reading
+from exodrake.monitor.online_replay import LOOP
 from exodrake.monitor.watcher import Monitor
 
 if TYPE_CHECKING:

@@ -16,14 +16,10 @@ from exodrake.core.robot import Robot
 from exodrake.data.formats import ending
 from exodrake.data.log import heading
 from exodrake.data.log_file import read_table
-from exodrake.monitor.alarm import Alarm, judge, limits
-from exodrake.monitor.channels import LOOP, channels, replayed_segments
-from exodrake.monitor.columns import read_heading
-from exodrake.monitor.frames import Frames, Grid
+from exodrake.monitor.alarm import BEFORE, Alarm, judge, limits, rise
 from exodrake.monitor.gap import Gap, Reading, noise_std
-from exodrake.monitor.online_replay import OnlineReplay
-from exodrake.monitor.rise import SPAN, rise
-from exodrake.monitor.tail import Rows, Tail
+from exodrake.monitor.online_replay import LOOP, OnlineReplay, channels, replayed_segments
+from exodrake.monitor.tail import Frames, Grid, Rows, Tail, read_heading
 
 BATCH = 500  # frames that the model takes at once, so that a long log shows how far it is
 POLL = 0.2  # s between looks at the file
@@ -64,7 +60,7 @@ class Monitor:
             self.notes.append(note)
         self.replay, self.gap = OnlineReplay(self.robot), Gap(self.noise, self.machine.frame)
         self.reading = self.alarm = None
-        self.powers: deque[np.ndarray] = deque(maxlen=SPAN)
+        self.powers: deque[np.ndarray] = deque(maxlen=BEFORE)
 
     def push(self, frames: Frames) -> Iterator[Reading]:
         """Takes more frames."""
