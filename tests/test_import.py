@@ -16,9 +16,8 @@ from scipy.io import savemat
 from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
-from exodrake.data.foreign.derive import Track, lag_of, low_passed
-from exodrake.data.foreign.import_log import import_all, import_log, import_recording
-from exodrake.data.foreign.mapping import read_mapping
+from exodrake.data.foreign.import_log import import_all, import_log, import_recording, lag_of, low_passed
+from exodrake.data.foreign.mapping import Track, read_mapping
 from exodrake.data.foreign.tables import list_columns
 from exodrake.data.log import Log
 from exodrake.data.log_file import read_log, write_log

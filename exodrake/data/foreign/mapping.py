@@ -31,6 +31,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.schema import flag, inside, listing, mapping, names, number, optional, refusal, text, whole
 from exodrake.core.units import check_unit
@@ -174,6 +176,14 @@ class Mapped:
     samples: str | None = None
     derived: tuple[Derived, ...] = ()
     sync: tuple[Sync, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A foreign column with a clock of its own: time (n,) s, values (n,) in the foreign unit."""
+
+    time: np.ndarray
+    values: np.ndarray
 
 
 PLAIN = ("hold", "separator", "decimal", "skip", "heading", "stamp", "samples")

@@ -19,9 +19,8 @@ import numpy as np
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.data.foreign.derive import Track
 from exodrake.data.foreign.lerobot import joint_name
-from exodrake.data.foreign.mapping import Column, Derived, Mapped
+from exodrake.data.foreign.mapping import Column, Derived, Mapped, Track
 from exodrake.data.formats.mcap import is_log
 
 SEPARATOR = "=" * 80

@@ -137,7 +137,13 @@ def add(found: dict[str, np.ndarray], value: Any, name: str, samples: int | None
             if not simple(one):
                 add(found, one, f"{name}[{k}]" if name else str(k), samples, side, depth + 1)
     elif array is not None:
-        matrix(found, array, name, samples, side)
+        wide = array.ndim > 1
+        turned = array.T if wide and lie_in_rows(array.shape, samples, side) else array
+        for k, values in enumerate(turned if wide else [array]):
+            column = f"{name}[{k}]" if wide and name else name or str(k)
+            if column in found:  # such as `a.b` of a group `a` beside a data set `a.b`
+                raise InputError(f"column {column!r} comes twice")
+            found[column] = values.astype(float)
 
 
 def simple_record(value: Any) -> bool:
@@ -166,22 +172,6 @@ def numbers(value: Any) -> np.ndarray | None:
         return None
     array = array.reshape([n for n in array.shape if n > 1] or [1])
     return array if array.ndim <= 2 else None
-
-
-def matrix(found: dict[str, np.ndarray], array: np.ndarray, name: str, samples: int | None, side: str | None) -> None:
-    """Adds the columns of an array (n,), (n, m) or (m, n)."""
-    if array.ndim == 1:
-        put(found, name or "0", array)
-        return
-    for k, values in enumerate(array.T if lie_in_rows(array.shape, samples, side) else array):
-        put(found, f"{name}[{k}]" if name else str(k), values)
-
-
-def put(found: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
-    """Adds a column. InputError for one that is there, such as `a.b` of a group `a` beside a data set `a.b`."""
-    if name in found:
-        raise InputError(f"column {name!r} comes twice")
-    found[name] = values.astype(float)
 
 
 def lie_in_rows(shape: Sequence[int], samples: int | None, side: str | None) -> bool:

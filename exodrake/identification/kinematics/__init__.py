@@ -2,5 +2,5 @@
 
 `markers.read_markers` reads a recording, `identify.identify` estimates the finger's kinematics, `report` writes
 table, robot file and figure, and `synthetic.synthesise` makes recordings with known truth. The theory is in `screws`,
-`axis`, `triads`, `first_guess` and `adjust`.
+`axis`, `triads` and `adjust`.
 """
