@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exodrake.core.errors import InputError
 from exodrake.diagnosis.checks.compare import Channel, Comparison, few, places
 
 UNITS = (180.0 / np.pi, 100.0, 1000.0)  # degrees in a radian; centi and milli
@@ -58,7 +59,10 @@ def beyond_limits(comparison: Comparison) -> dict[str, dict[str, tuple[float, fl
     machine, found = comparison.machine, {}
     if not (machine.references[0].kind.endswith("_ref") and machine.reference_limits and comparison.robot.limits):
         return {}
-    limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
+    try:
+        limits = np.maximum(*map(np.abs, comparison.robot.reference_limits()))
+    except InputError:  # not stated for each channel
+        return {}
     columns = machine.log_names(machine.references[:1])
     for pair in comparison.pairs:
         largest = np.abs(pair.reference[:, : len(columns)]).max(axis=0)
