@@ -118,27 +118,6 @@ def test_an_offset_that_is_there_stays():
     assert pruned(stuck) is stuck
 
 
-def test_an_effect_that_was_predicted_best_is_fitted_on_where_others_are_ahead(friction, monkeypatch):
-    """Fits of one step end early, and none is fitted on for being among the best."""
-    problem = make_problem(case_of(friction, 1, FRAMES // 2), load_robot(), frozenset(TRIED)).shortened(2 * SHARE)
-    start, simulated = retune(problem)
-    isolator = Isolator(problem, start, defaultdict(float, simulated))
-    found = isolator.isolate(0)
-    best, *others = NormalMatrix(found.likelihood, found.retuned.explanation, found.tests.lin).singles()
-    assert best.probes[0].effect == TRIED[0]
-    for name, value in (("FRESH", 0), ("FIRST_STEPS", 1), ("STEPS", 1)):
-        monkeypatch.setattr(fits, name, value)
-    first, last = (
-        next(
-            e
-            for e in isolator.fits.fitted(found.likelihood, found.retuned.explanation, order)
-            if e.effects == TRIED[:1]
-        )
-        for order in ([best, *others], [*others, best])
-    )
-    assert first.cost(found.likelihood) < 0.99 * last.cost(found.likelihood)
-
-
 def test_directions_beside_a_current_limit_promise_more_of_what_a_gain_takes_up():
     """Beside the retuned robot, whose current is not limited, a load cell of a wrong gain acts otherwise."""
     effects = ("motor.current_limit", "sensor.gain", "mocap.offset")
