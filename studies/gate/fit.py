@@ -1,0 +1,349 @@
+"""Fit of an explanation, a set of effects, together with the nominal parameters: maximum a posteriori.
+
+The method is Levenberg-Marquardt within bounds (Marquardt 1963). After a step that fails the parameters of effects keep
+within a box, a trust region: damping by the curvature does not hold one back that has none yet, such as a limit that is
+not reached. The nominal Jacobian is expensive and changes little: it is given with the start and corrected after each
+step (Broyden 1965). The few columns of the effects are simulated at each step.
+
+Where no joint of a machine moves another, each joint is a fit of its own: a step, and a start, is taken joint by joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from exodrake.core.machine import Machine
+from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
+from exodrake.diagnosis.parameter import STEP, Parameter, apply
+from studies.gate.likelihood import Likelihood
+from studies.gate.linear import LinearModel
+
+DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
+SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
+TRIES = 4  # damped steps before a fit ends
+STEPS, TOL = 6, 5e-4  # of a fit
+FREE = (
+    1e3  # prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
+)
+LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
+USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A set of effects with its fitted robot.
+
+    Attributes:
+        effects: ids.
+        parameters: fitted parameters, nominal ones first.
+        x: (parameters,) coordinates.
+        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
+        residual: (samples,) whitened [noise_std].
+        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
+    """
+
+    effects: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    x: np.ndarray
+    values: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def robot(self) -> np.ndarray:
+        """Flat parameter vector (n,) of the fitted robot."""
+        return apply(self.values, self.parameters, self.x)
+
+    @property
+    def at_nominal(self) -> np.ndarray:
+        """Flat parameter vector (n,) with the fitted effects and the nominal parameters as they were."""
+        return apply(self.values, self.parameters, np.concatenate([np.zeros(self.nominal), self.x[self.nominal :]]))
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +; `retune` without an effect."""
+        return " + ".join(self.effects) or "retune"
+
+    @property
+    def nominal(self) -> int:
+        """Number of nominal parameters."""
+        return len(self.jacobian)
+
+    @cached_property
+    def prior_std(self) -> np.ndarray:
+        """Prior standard deviations (parameters,) in a fit."""
+        return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lower and upper ends of the coordinates (2, parameters)."""
+        return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T
+
+    def cost(self, likelihood: Likelihood) -> float:
+        """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
+        return likelihood.cost(self.residual, self.x, self.prior_std)
+
+    def at_each(self, likelihood: Likelihood, points: Sequence[np.ndarray]) -> list[Explanation]:
+        """The explanation at several coordinates x (parameters,), simulated at once."""
+        residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
+        return [replace(self, x=x, residual=residual) for x, residual in zip(points, residuals, strict=True)]
+
+    def changed(self, **fields: Any) -> Explanation:
+        """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
+        found = replace(self, **fields)
+        if self in COLUMNS:
+            COLUMNS[found] = COLUMNS[self]
+        return found
+
+    def own(self, effect: str) -> list[int]:
+        """Positions of the parameters of one of its effects."""
+        return [i for i, p in enumerate(self.parameters) if p.effect == effect]
+
+    def at_bounds(self) -> list[str]:
+        """Names of the amplitudes that ended at an end of their range other than their null."""
+        low, high = self.bounds
+        small = 1e-6 * (high - low)
+        ended = (high > low) & (((self.x <= low + small) & (low != 0.0)) | ((self.x >= high - small) & (high != 0.0)))
+        return [p.name for p, at in zip(self.parameters, ended, strict=True) if at and p.amplitude]
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """One more effect as the linearisation predicts it.
+
+    Attributes:
+        probe: its directions.
+        factors: (directions,) their factors.
+        gain: by how much the cost falls, in nats.
+        x: (eliminated,) coordinates of the parameters beside it.
+    """
+
+    probe: Probe
+    factors: np.ndarray
+    gain: float
+    x: np.ndarray
+
+
+COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
+
+
+def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
+    """The linear model about a fit, a block for each log in each view; the prior of an effect is its range."""
+    rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]])
+    own = np.array([bool(p.effect) for p in e.parameters], dtype=bool)
+    shapes = np.array([bool(p.effect) and not p.amplitude for p in e.parameters], dtype=bool)
+    low, high = e.bounds
+    std = np.where(own & (high > low), (high - low) / np.sqrt(12.0), e.prior_std)  # of a uniform law
+    mean = np.where(shapes, 0.0, -e.x)  # of the change of x
+    prior = (mean, 1.0 / np.maximum(std, 1e-300) ** 2, low - e.x, high - e.x)
+    return LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory)
+
+
+def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (parameters, samples) of the residual by all parameters; those by the effects are simulated once."""
+    if here not in COLUMNS:
+        COLUMNS[here] = effect_columns(likelihood, here)
+    return np.concatenate([here.jacobian, COLUMNS[here]])
+
+
+def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
+    count = here.nominal
+    if count == len(here.parameters):
+        return np.zeros((0, len(here.residual)), dtype=np.float32)
+    steps, rows = [], []
+    for i, p in enumerate(here.parameters[count:], start=count):
+        step = STEP * p.scale
+        step = -step if here.x[i] + step > p.bounds[1] else step
+        moved = here.x.copy()
+        moved[i] += step
+        steps.append(step)
+        rows.append(apply(here.values, here.parameters, moved))
+    return likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """Samples and parameters that belong together: those of each joint of a machine whose joints are separate.
+
+    Attributes:
+        samples: (samples,) number of the group of each sample.
+        parameters: (parameters,) the same of each parameter.
+        count: number of groups.
+    """
+
+    samples: np.ndarray
+    parameters: np.ndarray
+    count: int
+
+    @classmethod
+    def of(cls, likelihood: Likelihood, e: Explanation) -> Groups:
+        """One group, or one for each joint where no joint moves another and none shares a parameter."""
+        one = cls(np.zeros(len(e.residual), dtype=int), np.zeros(len(e.x), dtype=int), 1)
+        machine = likelihood.robot.machine
+        if not machine.separate:
+            return one
+        masks, joints = likelihood.samples_of_joints(), list(machine.axes.joints)
+
+        def joint_of(p: Parameter) -> int:
+            return next((k for k, j in enumerate(joints) if p.channels == (j,) or p.name.endswith(f".{j}")), -1)
+
+        owner = [joint_of(p) for p in e.parameters]
+        if len(masks) != len(joints) or len(joints) < 2 or -1 in owner:
+            return one
+        return cls(np.argmax(masks, axis=0), np.array(owner, dtype=int), len(joints))
+
+    def costs(self, likelihood: Likelihood, e: Explanation) -> np.ndarray:
+        """Cost (groups,) of an explanation."""
+        left = np.bincount(self.samples, (e.residual * likelihood.weights) ** 2, self.count)
+        return 0.5 * (left + np.bincount(self.parameters, (e.x / e.prior_std) ** 2, self.count))
+
+    def merged(self, a: Explanation, b: Explanation, better: np.ndarray) -> Explanation:
+        """The first explanation with those groups (groups,) of the second that are better."""
+        if better.all() or not better.any():
+            return b if better.all() else a
+        x = np.where(better[self.parameters], b.x, a.x)
+        return replace(b, x=x, residual=np.where(better[self.samples], b.residual, a.residual))
+
+    def best(self, likelihood: Likelihood, found: Sequence[Explanation]) -> Explanation:
+        """The explanation whose groups are the best of several at other coordinates."""
+        best = found[0]
+        for e in found[1:]:
+            best = self.merged(best, e, self.costs(likelihood, e) < self.costs(likelihood, best))
+        return best
+
+
+def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol: float = TOL) -> Explanation:
+    """The explanation after at most `steps` steps; it ends when a step lowers the cost by less than the share `tol`."""
+    groups, found = Groups.of(likelihood, start), start
+    damping = np.full(groups.count, DAMPING)
+    reach = np.array([p.scale if p.effect else np.inf for p in start.parameters])
+    for _ in range(steps):
+        columns, before = whole_jacobian(likelihood, found), groups.costs(likelihood, found)
+        slope, curvature = slope_and_curvature(likelihood, found, columns)
+        here, waiting = found, np.ones(groups.count, dtype=bool)
+        for failed in range(TRIES):
+            longest = reach * SHORTER ** (failed - 1) if failed else np.full(len(reach), np.inf)
+            longest = np.where(waiting[groups.parameters], longest, 0.0)
+            damped = curvature + np.diag(damping[groups.parameters] * np.diag(curvature))
+            trial = stepped(likelihood, here, slope, damped, longest)
+            known = np.concatenate([here.jacobian, columns[here.nominal :]])
+            jacobian = corrected(here, trial, here.residual + (trial.x - here.x) @ known)
+            better = waiting & (groups.costs(likelihood, trial) < before)
+            found, here = groups.merged(found, trial, better), here.changed(jacobian=jacobian)
+            found = replace(found, jacobian=jacobian)
+            waiting &= ~better
+            if not waiting.any():
+                break
+            damping[waiting] = np.maximum(LARGER * damping[waiting], 1e-3)
+        damping[~waiting] = np.maximum(SMALLER * damping[~waiting], DAMPING)
+        gained = before.sum() - groups.costs(likelihood, found).sum()
+        if gained <= tol * before.sum():
+            if waiting.all():
+                return here
+            COLUMNS[found] = columns[found.nominal :]
+            break
+    return found
+
+
+def slope_and_curvature(
+    likelihood: Likelihood, here: Explanation, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
+    weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / here.prior_std**2
+    slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
+    return slope, weighted @ weighted.T + np.diag(precision)
+
+
+def stepped(
+    likelihood: Likelihood, here: Explanation, slope: np.ndarray, curvature: np.ndarray, longest: np.ndarray
+) -> Explanation:
+    """The explanation after one step within its bounds; longest: (parameters,) change of each parameter."""
+    low, high = here.bounds - here.x
+    move, _ = bounded(curvature, slope, np.maximum(low, -longest), np.minimum(high, longest))
+    return here.at_each(likelihood, [np.clip(here.x + move, low + here.x, high + here.x)])[0]
+
+
+def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> np.ndarray:
+    """The nominal Jacobian corrected by what a step showed."""
+    count = here.nominal
+    move = (trial.x - here.x)[:count]
+    weight = move / here.prior_std[:count] ** 2
+    size = float(weight @ move)
+    if size < 1e-6:
+        return here.jacobian
+    return here.jacobian + np.outer(weight / size, trial.residual - expected).astype(np.float32)
+
+
+def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+    """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
+    from scipy.optimize import lsq_linear
+
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    factor = np.sqrt(np.maximum(values, 1e-8 * max(1.0, values[-1])))[:, None] * vectors.T
+    scaled = factor.T @ factor
+    target = np.linalg.solve(factor.T, -slope / size)
+    found = np.linalg.solve(factor, target)
+    ends = low * size, np.maximum(high * size, low * size + 1e-9)
+    if np.any((found < ends[0]) | (found > ends[1])):
+        found = lsq_linear(factor, target, ends, method="bvls").x
+    return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)
+
+
+def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[Explanation, list[np.ndarray]]:
+    """An explanation with one more effect, and the coordinates at which its fit may begin.
+
+    As the linearisation predicts it, less of it, and at the initial amplitudes of the effect.
+    """
+    probe = predicted.probe
+    values = with_effects(known.values, [(machine, machine.effect(probe.effect))])
+    parameters, own = known.parameters + probe.parameters, probe.coordinates(predicted.factors)
+    amplitude = np.array([p.amplitude for p in probe.parameters])
+    low, high = np.array([p.bounds for p in parameters]).T
+    initial = np.array([p.start for p in probe.parameters])
+    points = [np.concatenate([predicted.x, np.where(amplitude, less * own, own)]) for less in LESS]
+    points += [np.concatenate([known.x, np.where(amplitude, share * initial, initial)]) for share in INITIAL]
+    joined = Explanation((*known.effects, probe.effect), parameters, points[0], values, known.residual, known.jacobian)
+    return joined, list(np.clip(points, low, high))
+
+
+def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
+    """One more effect beside those of an explanation, fitted from the best of several starts, joint by joint."""
+    joined, points = starts(likelihood.robot.machine, known, predicted)
+    begun = joined.at_each(likelihood, points)
+    groups = Groups.of(likelihood, begun[0])
+    best = groups.best(likelihood, begun)
+    first = [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()]
+    e = groups.best(likelihood, first)
+    return minimise(likelihood.scaled_to(e.residual), e)
+
+
+def settled(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:
+    """The explanation fitted on with new nominal Jacobians, until one gains less than `USELESS`."""
+    for _ in range(rounds if e.nominal else 0):
+        likelihood, count = likelihood.scaled_to(e.residual), e.nominal
+        before = e.cost(likelihood)
+        jacobian = nominal_jacobian(likelihood, e.at_nominal, e.parameters[:count], e.x[:count], e.residual)
+        e = minimise(likelihood, e.changed(jacobian=jacobian))
+        if before - e.cost(likelihood) < USELESS:
+            break
+    return e
+
+
+def without(likelihood: Likelihood, e: Explanation, effect: str) -> Explanation:
+    """An explanation with one effect at its null value, not yet fitted again."""
+    machine = likelihood.robot.machine
+    lead = machine.effect(effect).parameters[0]
+    values = e.values.copy()
+    values[list(machine.effect_indices(effect, lead.name).values())] = lead.null
+    kept = [i for i, p in enumerate(e.parameters) if p.effect != effect]
+    effects, parameters = tuple(i for i in e.effects if i != effect), tuple(e.parameters[i] for i in kept)
+    smaller = replace(e, effects=effects, parameters=parameters, values=values)
+    return smaller.at_each(likelihood, [e.x[kept]])[0]

@@ -1,0 +1,133 @@
+"""Isolation: from a case to the set of effects that explains it best, and the sets beside it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.core.progress import Stage, StageProgress, no_progress
+from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import Problem, by_trial
+from studies.gate.fit import Explanation, minimise
+from studies.gate.likelihood import Likelihood, likelihood_of, output_error, with_prediction
+from studies.gate.search import NEGLIGIBLE, Fitted, Search
+
+USED, MOST = 25_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+SAMPLING = 2.0  # standard errors of a mean square that a gap must exceed, too
+ROUNDS, LEAST_GAIN = (
+    3,
+    0.1,
+)  # nominal Jacobians of retuning, and the mean log chi-square that one must gain for the next
+
+
+@dataclass(frozen=True, eq=False)
+class Isolation:
+    """What was tried on a case.
+
+    Attributes:
+        problem: the part of the case that was fitted, with what detectors found.
+        whole: the same with whole logs.
+        likelihood: views of the part.
+        lin: directions of all effects beside the retuned robot.
+        nominal: the nominal robot.
+        search: all fitted sets.
+        best: the best of them.
+    """
+
+    problem: Problem
+    whole: Problem
+    likelihood: Likelihood
+    lin: Linearisation
+    nominal: Explanation
+    search: Search
+    best: Fitted
+
+    @property
+    def retuned(self) -> Fitted:
+        """The retuned robot without an effect."""
+        return self.search.none
+
+    def negligible(self, robot: np.ndarray) -> bool:
+        """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
+        return negligible(self.whole, robot)
+
+
+def negligible(problem: Problem, robot: np.ndarray) -> bool:
+    """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column."""
+    logs = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
+    squares = np.concatenate(logs) ** 2
+    error = np.sqrt(2.0 / len(squares))  # standard deviation of the mean square of white noise
+    return bool((squares.mean(axis=0) < 1.0 + NEGLIGIBLE**2 + SAMPLING * error).all())
+
+
+def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:
+    """The nominal parameters fitted to the prediction errors in units of the sensors' noise, and the simulated time.
+
+    A loop that hunts or a finger that snaps over gives the closed-loop cost many minima; feedback of the measured
+    outputs leaves few (Ljung 1999; multiple shooting, Bock 1983). x: where the fit begins.
+    """
+    nominal, values = nominal_parameters(problem.robot), problem.silent()
+    likelihood = output_error(with_prediction(problem)[-1], "retune")
+    x = np.zeros(len(nominal)) if x is None else x
+    (found,) = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0))).at_each(likelihood, [x])
+    for _ in range(ROUNDS if nominal else 0):
+        before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
+        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
+        found = minimise(likelihood, found.changed(jacobian=jacobian), 4, 1e-3)
+        left = likelihood.mean_log(found.residual)
+        if min(left, before - left) < LEAST_GAIN:
+            break
+    return found, likelihood.simulated
+
+
+def isolate(problem: Problem, progress: StageProgress = no_progress, most: float = USED) -> Isolation:
+    """The isolation of a case.
+
+    Args:
+        problem: the case.
+        progress: called with the stage and what it works on.
+        most: samples that are fitted.
+    """
+    progress(Stage.RETUNE, "")
+    share = affordable(problem, most)
+    start, simulated = retune(problem.shortened(share))
+    whole = detect(problem, start.robot)
+    short = whole.shortened(share)
+    certain = sum(d.certain for d in whole.detected)
+    if certain:
+        start, again = retune(short, start.x)
+        simulated["retune"] += again["retune"]
+    likelihood = likelihood_of(short, start.robot, simulated).for_stage("linearise")
+    machine = problem.robot.machine
+    (residual,) = likelihood.residual(start.robot[None])
+    likelihood = likelihood.with_memory_of(residual)
+    effects = tuple(e for e in machine.effects if e.id in short.tried)
+    zero = replace(start, x=np.zeros(len(start.x)))
+    none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
+    if negligible(whole, zero.robot):
+        (nominal,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
+        lin = Linearisation(start.parameters, zero.x, nominal.residual, none, none[:0], ())
+        search = Search(likelihood, (), lin)
+        search.add([nominal])
+        return Isolation(short, whole, likelihood, lin, nominal, search, search.none)
+    progress(Stage.LINEARISE, "")
+    lin = linearise(likelihood, start.values, start.x, start.parameters, effects, base=residual)
+    start = replace(start, residual=residual, jacobian=lin.jacobian)
+    retuned = minimise(likelihood.scaled_to(residual).for_stage("refine"), start)
+    (nominal,) = retuned.at_each(likelihood, [np.zeros(len(start.x))])
+    search = Search(likelihood, effects, lin, progress=progress)
+    search.add([retuned])
+    best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
+    found = Isolation(short, whole, likelihood, lin, nominal, search, best)
+    if share < affordable(problem) and not best.effects and not found.negligible(retuned.robot):
+        return isolate(problem, progress, MOST)
+    return found
+
+
+def affordable(problem: Problem, most: float = MOST) -> float:
+    """Part of the fitted logs that can be used in reasonable time and memory; most: samples."""
+    return min(1.0, most / sum(trial.measured.size for trial in problem.fit))

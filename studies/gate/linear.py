@@ -1,0 +1,175 @@
+"""The linear-Gaussian model of a case about a fit; every use of it is a sum of blocks of one matrix.
+
+    r = r0 + J x + e          x ~ N(m, P^-1)          e ~ N(0, s_v^2) in view v, one sample in so many independent
+
+r0 is the whitened residual at a fit, x the change of its parameters from there. All that is asked of the model follows
+from the products of [J; r0] with itself: they are kept by block, a stretch of one log in one view, so that any part of
+the logs can be left out by subtraction. s_v^2 is what the fit leaves in a view, noise (1) at least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+RIDGE = 1e-9  # relative, on the diagonal of a normal matrix: above rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Products of Jacobian and residual by block, with priors and bounds.
+
+    Attributes:
+        products: (blocks, p + 1, p + 1) products of the p rows of J and, last, r0 with each other.
+        samples: (blocks,) number of samples.
+        view, log: (blocks,) view and log that a block belongs to.
+        mean: (p,) prior mean of x.
+        precision: (p,) prior precision of x.
+        low, high: (p,) bounds of x.
+        variance: (views,) s_v^2.
+        memory: samples that count as one.
+    """
+
+    products: np.ndarray
+    samples: np.ndarray
+    view: np.ndarray
+    log: np.ndarray
+    mean: np.ndarray
+    precision: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    variance: np.ndarray
+    memory: float
+
+    @classmethod
+    def of_rows(
+        cls, rows: np.ndarray, blocks: Sequence[tuple[int, int, slice]], prior: Sequence[np.ndarray], memory: float
+    ) -> LinearModel:
+        """The model of weighted rows.
+
+        Args:
+            rows: (p + 1, samples) Jacobian, and the residual as last row.
+            blocks: view, log and samples of each block.
+            prior: mean, precision, low and high (p,) of x.
+            memory: samples that count as one.
+        """
+        parts = [rows[:, place] for _, _, place in blocks]
+        products = np.array([part @ part.T for part in parts], dtype=float)
+        samples = np.array([part.shape[1] for part in parts], dtype=float)
+        view, log = (np.array([block[k] for block in blocks]) for k in (0, 1))
+        chi2 = [products[view == v, -1, -1].sum() / samples[view == v].sum() for v in range(view.max() + 1)]
+        mean, precision, low, high = prior
+        return cls(products, samples, view, log, mean, precision, low, high, np.maximum(chi2, 1.0), memory)
+
+    @property
+    def effective(self) -> np.ndarray:
+        """Independent samples (views,)."""
+        return np.array([self.samples[self.view == v].sum() for v in range(len(self.variance))]) / self.memory
+
+    def weighted(self, blocks: np.ndarray | None = None) -> np.ndarray:
+        """Weighted products (p + 1, p + 1) of all blocks, or of those in a mask (blocks,)."""
+        weight = 1.0 / (self.memory * self.variance[self.view])
+        return np.einsum("b,bij->ij", weight if blocks is None else weight * blocks, self.products)
+
+    def posterior(self, blocks: np.ndarray | None = None) -> Posterior:
+        """The posterior of x by all blocks, or by those in a mask (blocks,)."""
+        products = self.weighted(blocks)
+        normal = products[:-1, :-1] + np.diag(self.precision)
+        scale = np.sqrt(np.diag(normal))
+        unit = normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
+        slope = products[:-1, -1] - self.precision * self.mean
+        step = np.clip(-np.linalg.solve(unit, slope / scale) / scale, self.low, self.high)
+        return Posterior(
+            step, np.linalg.inv(unit) / np.outer(scale, scale), self._cost(products, step), self._volume(unit, scale)
+        )
+
+    def _cost(self, products: np.ndarray, step: np.ndarray) -> float:
+        both = np.r_[step, 1.0]
+        return float(both @ products @ both + self.precision @ (step - self.mean) ** 2)
+
+    def _volume(self, unit: np.ndarray, scale: np.ndarray) -> float:
+        return float(np.linalg.slogdet(unit)[1] + 2.0 * np.log(scale).sum() - np.log(self.precision).sum())
+
+    def evidence(self) -> float:
+        """Logarithm of the probability of the logs (marginal likelihood), but for a constant; in nats."""
+        found = self.posterior()
+        return -0.5 * (float(self.effective @ np.log(self.variance)) + found.cost + found.volume)
+
+    def leave_out(self, folds: np.ndarray) -> np.ndarray:
+        """Reduced chi-squares (folds, views) of each fold predicted by the others; folds: (blocks,) numbers.
+
+        NaN where a fold has no sample in a view.
+        """
+        found = []
+        for fold in np.unique(folds):
+            here = folds == fold
+            both, row = np.r_[self.posterior(~here).step, 1.0], []
+            for v in range(len(self.variance)):
+                mine = here & (self.view == v)
+                count = self.samples[mine].sum()
+                row.append(float(both @ self.products[mine].sum(axis=0) @ both) / count if count else np.nan)
+            found.append(row)
+        return np.array(found)
+
+    def eliminated(self, count: int) -> Reduced:
+        """The model of the last x alone, the first `count` of them eliminated (Schur complement).
+
+        A parameter with a prior that ended at a bound of it stays there: what it would take up beyond is another's.
+        """
+        products = self.weighted()
+        slope = products[:count, -1] - self.precision[:count] * self.mean[:count]
+        small = 1e-9 / np.sqrt(self.precision[:count])
+        free = ~(((self.low[:count] >= -small) & (slope > 0.0)) | ((self.high[:count] <= small) & (slope < 0.0)))
+        normal = products[:count, :count] + np.diag(self.precision[:count])
+        normal = normal * np.outer(free, free) + np.diag(np.where(free, RIDGE * np.diag(normal), 1.0))
+        cross, slope = products[:count, count:-1] * free[:, None], slope * free
+        solved = np.linalg.solve(normal, np.column_stack([cross, slope]))
+        own = products[count:-1, count:-1] - cross.T @ solved[:, :-1]
+        return Reduced(own, products[count:-1, -1] - cross.T @ solved[:, -1], solved)
+
+    def held(self, at: np.ndarray) -> LinearModel:
+        """The model in which the x in a mask (p,) keep their values, as their priors had no width."""
+        keep = ~at
+        rows = np.r_[keep, True]
+        return replace(
+            self, products=self.products[:, rows][:, :, rows], mean=self.mean[keep], precision=self.precision[keep],
+            low=self.low[keep], high=self.high[keep],
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Change of the parameters that a model expects.
+
+    Attributes:
+        step: (p,) mean, within bounds.
+        covariance: (p, p).
+        cost: weighted sum of squares at the mean, the prior's included.
+        volume: logarithm of the determinant of posterior over prior precision.
+    """
+
+    step: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    volume: float
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A cost f's + f'Nf / 2 of some x, the others eliminated.
+
+    Attributes:
+        normal: (d, d) N.
+        slope: (d,) s.
+        solved: (eliminated, d + 1) minus the change of the others by each f, and by none.
+    """
+
+    normal: np.ndarray
+    slope: np.ndarray
+    solved: np.ndarray
+
+    def others(self, rows: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """Change (eliminated,) of the eliminated x with f (rows,) at some places."""
+        return -(self.solved[:, -1] + self.solved[:, rows] @ f)

@@ -1,0 +1,328 @@
+"""Search for the set of effects of largest evidence: stepwise, forward, backward and by exchange.
+
+    best = the retuned robot
+    repeat: try one effect more beside it, one less, and one in place of another, until none has more evidence
+
+An effect is predicted by algebra on the linear model (its directions beside the set, all fitted parameters eliminated),
+and the most promising ones are fitted. Evidence is that of the linear model about each fit (`LinearModel.evidence`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from exodrake.core.effect import Effect
+from exodrake.core.progress import Stage, StageProgress, no_progress
+from exodrake.core.threads import side_by_side
+from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
+from studies.gate.fit import (
+    Explanation,
+    Predicted,
+    bounded,
+    fit_beside,
+    linear_model,
+    minimise,
+    settled,
+    whole_jacobian,
+    without,
+)
+from studies.gate.likelihood import Likelihood
+from studies.gate.linear import LinearModel
+
+SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
+NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
+GAIN = 0.05  # share of what is left that one effect more must take up
+LAW = 0.2  # relative error of a law: that of another simulator or of a machine differs by as much
+NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
+
+# laws of one kind stand for each other: a set holds one of them at a place
+KINDS = {
+    "coulomb_friction": "dry friction", "stribeck_friction": "dry friction", "presliding_friction": "dry friction",
+    "presliding": "dry friction", "lugre": "dry friction", "prandtl_ishlinskii": "dry friction",
+    "viscous_friction": "viscous friction", "direction": "viscous friction",
+    "capstan_friction": "load-dependent friction", "load_friction": "load-dependent friction",
+    "sheath_friction": "load-dependent friction", "gear_efficiency": "load-dependent friction",
+    "pulley_friction": "load-dependent friction",
+}  # fmt: skip
+ONE = ("dry friction", "load-dependent friction")  # kinds whose laws exclude each other
+MEMORY = (
+    "hysteresis",
+    "low_pass",
+    "drift",
+    "delay",
+    "clock_skew",
+    "backlash",
+)  # errors of a sensor that imitate causes
+
+
+def kind_of(effect: Effect) -> str:
+    """Kind of an effect in words: that of its law, else of its family, else its name."""
+    law = effect.id.rsplit(".", 1)[-1]
+    return KINDS.get(law, effect.family or law.replace("_", " "))
+
+
+def is_memory(effect: Effect) -> bool:
+    """Whether an effect is a sensor's memory: a generic law of a signal that has states."""
+    law = effect.id.rsplit(".", 1)[-1]
+    return law in MEMORY and all(point.rsplit(".", 1)[-1] in ("shown", "delivered") for point in effect.at)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fitted set of effects.
+
+    Attributes:
+        explanation: the fit.
+        model: linear model about it.
+        chi2: reduced chi-squares (views,).
+        memory: frames that count as one in what it leaves.
+    """
+
+    explanation: Explanation
+    model: LinearModel
+    chi2: np.ndarray
+    memory: float
+
+    @property
+    def effects(self) -> frozenset[str]:
+        """Ids of its effects."""
+        return frozenset(self.explanation.effects)
+
+    @property
+    def excess(self) -> float:
+        """What it leaves above noise, the views in the mean [noise variances]."""
+        return float(np.mean(np.maximum(self.chi2 - 1.0, 0.0)))
+
+
+@dataclass(eq=False)
+class Search:
+    """Sets of effects that were fitted on one case.
+
+    Attributes:
+        likelihood: the case.
+        effects: effects to try.
+        lin: directions of all effects beside the retuned robot.
+        sets: fitted sets by their effects.
+        expanded: sets beside which further effects were tried.
+        progress: called with the stage and what it works on.
+    """
+
+    likelihood: Likelihood
+    effects: tuple[Effect, ...]
+    lin: Linearisation
+    sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
+    expanded: set[frozenset[str]] = field(default_factory=set)
+    progress: StageProgress = no_progress
+
+    @property
+    def none(self) -> Fitted:
+        """The retuned robot without an effect."""
+        return self.sets[frozenset()]
+
+    def left(self, fitted: Fitted) -> float:
+        """Share of the gap beyond retuning that a set leaves, the mean of the views that have one."""
+        return float(self.left_by_log(fitted)[0])
+
+    def left_by_log(self, fitted: Fitted) -> np.ndarray:
+        """The same (1 + logs,): by all logs, and with each of several logs left out."""
+        before, mine = excess_by_log(self.none.model), excess_by_log(fitted.model)
+        count, samples = len(mine), sample_count(fitted.model)
+        keep = [np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)]
+        found = []
+        for logs in keep:
+            base = before[logs].sum(axis=0)
+            wide = base > NEGLIGIBLE**2 * samples[logs].sum(axis=0)  # a view without a gap has no say
+            ratio = np.maximum(mine[logs].sum(axis=0), 0.0)[wide] / base[wide]
+            found.append(float(np.mean(ratio)) if wide.any() else 0.0)
+        return np.array(found)
+
+    def alike(self, other: Fitted, best: Fitted, gain: float) -> bool:
+        """Whether a set leaves no more than another beyond what laws err by.
+
+        Args:
+            other: the set.
+            best: the other one.
+            gain: share of the gap that the effect takes up whose place is asked about.
+        """
+        if other.explanation.at_bounds():
+            return False
+        left = self.left(best)
+        memory = min(best.memory, other.memory)
+        as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
+        return as_likely or self.left(other) - left <= min(LAW**2 * gain, left)
+
+    def in_place_of(self, best: Fitted, effect: str) -> dict[str, Fitted]:
+        """Fitted sets in which another effect stands for one of a set."""
+        rest = best.effects - {effect}
+        others = {k: f for k, f in self.sets.items() if len(k) == len(best.effects) and rest <= k and effect not in k}
+        return {next(iter(k - rest)): f for k, f in others.items()}
+
+    def rivals_of(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
+        """Effects in the place of one that leave as much, but for laws of its kind that only have more parameters."""
+        kinds = {e.id: kind_of(e) for e in self.effects}
+
+        def richer(other: str, fitted: Fitted) -> bool:
+            same = kinds.get(other) == kinds.get(effect)
+            return (
+                same
+                and len(fitted.explanation.x) > len(best.explanation.x)
+                and self.left(fitted) > 0.9 * self.left(best)
+            )
+
+        places = self.in_place_of(best, effect)
+        return {i: f for i, f in places.items() if self.alike(f, best, gain) and not richer(i, f)}
+
+    def plainer(self, best: Fitted) -> Fitted:
+        """The set with plainer effects in the place of others, where they explain as much.
+
+        A cause is plainer than an error of a sensor's memory, and a law than another one of its kind with more
+        parameters.
+        """
+        known = {e.id: e for e in self.effects}
+        for effect in [i for i in best.explanation.effects if i in known]:
+            smaller = self.sets.get(best.effects - {effect})
+            gain = self.left(smaller) - self.left(best) if smaller else 1.0
+
+            def is_plainer(other: str, fitted: Fitted, effect: str = effect, best: Fitted = best) -> bool:
+                fewer = len(fitted.explanation.x) < len(best.explanation.x)
+                same = kind_of(known[other]) == kind_of(known[effect])
+                return is_memory(known[effect]) > is_memory(known[other]) or (same and fewer)
+
+            found = {i: f for i, f in self.in_place_of(best, effect).items() if is_plainer(i, f)}
+            found = {i: f for i, f in found.items() if self.alike(f, best, gain)}
+            if found:
+                best = max(found.values(), key=self.evidence)
+        return best
+
+    @property
+    def best(self) -> Fitted:
+        """The fitted set of largest evidence whose effects all earn their place."""
+        found = self.sets[frozenset()]
+        for size in range(1, 1 + max(map(len, self.sets))):
+            for key, fitted in self.sets.items():
+                if len(key) == size and not fitted.explanation.at_bounds() and self.beats(fitted, found):
+                    found = fitted
+        return found
+
+    def beats(self, a: Fitted, b: Fitted) -> bool:
+        """Whether a set is better than another: more evidence, enough more if it has more effects."""
+        more = len(a.effects) - len(b.effects)
+        memory = a.memory if more > 0 else b.memory if more < 0 else min(a.memory, b.memory)
+        gain = self.evidence(a, memory) - self.evidence(b, memory)
+        return gain > NATS * more and (more <= 0 or a.excess < (1.0 - GAIN) ** more * b.excess)
+
+    def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
+        """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""
+        return replace(fitted.model, memory=memory or self.likelihood.memory).evidence()
+
+    def add(self, found: Iterable[Explanation]) -> None:
+        """Keep fits; of two fits of one set the one with more evidence."""
+        for e in found:
+            model = linear_model(self.likelihood.scaled_to(e.residual), e)
+            memory = self.likelihood.with_memory_of(e.residual).memory
+            fitted = Fitted(e, model, self.likelihood.chi2(e.residual), memory)
+            known = self.sets.get(fitted.effects)
+            if known is None or self.evidence(fitted) > self.evidence(known):
+                self.sets[fitted.effects] = fitted
+
+    def screened(self, e: Explanation, lin: Linearisation) -> list[Predicted]:
+        """Each further effect beside an explanation by its best probe, the most promising first."""
+        return screen(self.likelihood.scaled_to(e.residual), e, lin)
+
+    def expand(self, key: frozenset[str], fitted: int = FITTED) -> None:
+        """Fit the most promising effects beside a set, which had new directions there."""
+        if key in self.expanded:
+            return
+        self.expanded.add(key)
+        e, lin = self.sets[key].explanation, self.lin
+        likelihood = self.likelihood.scaled_to(e.residual)
+        if key:
+            promising = {p.probe.effect for p in self.screened(e, lin)[:LOOKED]}
+            some, n = [x for x in self.effects if x.id in promising], e.nominal
+            again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
+            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
+            lin = renewed(lin, new)
+        kinds = {(x.block, kind_of(x)) for x in self.effects if x.id in key and kind_of(x) in ONE}
+        barred = {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
+        predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
+        new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
+        self.progress(Stage.FIT, e.name)
+        self.add(side_by_side([partial(fit_beside, likelihood.for_stage("refine"), e, p) for p in new[:fitted]]))
+
+    def reduce(self, key: frozenset[str]) -> None:
+        """Fit the sets with one effect less."""
+        e = self.sets[key].explanation
+        wanted = [i for i in e.effects if key - {i} not in self.sets]
+        likelihood = self.likelihood.for_stage("refine")
+
+        def smaller(effect: str) -> Explanation:
+            start = without(likelihood, e, effect)
+            (again,) = start.at_each(likelihood, [np.r_[self.none.explanation.x, start.x[start.nominal :]]])
+            start = min(start, again, key=lambda one: likelihood.mean_log(one.residual))
+            return minimise(likelihood.scaled_to(start.residual), start)
+
+        self.add(side_by_side([partial(smaller, i) for i in wanted]))
+
+    def run(self, most: int) -> Fitted:
+        """The best set of at most so many effects."""
+        self.expand(frozenset(), SINGLES)
+        for _ in range(2 * most + 4):
+            best = self.best
+            self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
+            best = self.best
+            if best.effects:
+                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation)])
+                self.reduce(best.effects)
+            if self.best.effects != best.effects:
+                continue
+            if len(best.effects) < most and best.excess > 0.0:
+                self.expand(best.effects)
+            if self.best.effects != best.effects:
+                continue
+            for effect in sorted(best.effects):
+                self.expand(best.effects - {effect})
+            if self.best.effects == best.effects:
+                break
+        best = self.plainer(self.best)
+        self.reduce(best.effects)
+        return best
+
+
+def excess_by_log(model: LinearModel) -> np.ndarray:
+    """Sums of squares above noise (logs, views)."""
+    found = np.zeros((model.log.max() + 1, len(model.variance)))
+    np.add.at(found, (model.log, model.view), model.products[:, -1, -1] - model.samples)
+    return found
+
+
+def sample_count(model: LinearModel) -> np.ndarray:
+    """Samples (logs, views)."""
+    found = np.zeros((model.log.max() + 1, len(model.variance)))
+    np.add.at(found, (model.log, model.view), model.samples)
+    return found
+
+
+def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation) -> list[Predicted]:
+    """Each effect that an explanation lacks, by its best probe, the one that lowers the cost most first."""
+    count, width = len(e.x), len(lin.directions)
+    rows = np.concatenate([whole_jacobian(likelihood, e), lin.directions, e.residual[None].astype(np.float32)])
+    low, high = e.bounds - e.x
+    flat = np.zeros(width)
+    ends = (np.r_[low, flat - np.inf], np.r_[high, flat + np.inf])
+    prior = (np.r_[-e.x, flat], np.r_[1.0 / e.prior_std**2, flat], *ends)
+    cuts = np.cumsum([0, *(view.samples for view in likelihood.views)])
+    blocks = [(v, 0, slice(int(cuts[v]), int(cuts[v + 1]))) for v in range(len(likelihood.views))]
+    model = LinearModel.of_rows(rows, blocks, prior, likelihood.memory)
+    variance = np.array([v.scale**2 for v in likelihood.views]) / likelihood.memory
+    reduced = replace(model, variance=variance).eliminated(count)
+    best: dict[str, Predicted] = {}
+    for probe in (p for p in lin.probes if p.effect not in e.effects):
+        at = probe.rows
+        factors, change = bounded(reduced.normal[np.ix_(at, at)], reduced.slope[at], probe.low, probe.high)
+        if probe.effect not in best or -change > best[probe.effect].gain:
+            best[probe.effect] = Predicted(probe, factors, -change, e.x + reduced.others(at, factors))
+    return sorted(best.values(), key=lambda p: -p.gain)

@@ -1,0 +1,117 @@
+"""Verdict: causes with their rivals, refinements and what remains, from the fitted sets of a search.
+
+    left(S) = mean over views of (chi2_v(S) - 1) / (chi2_v(retuned) - 1)        share of the gap that a set leaves
+
+An effect of the best set S takes up left(S without it) - left(S), its share. It is a cause where that is a tenth of the
+gap, or most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S
+are refinements. A rival of a cause stands in its place in a set that leaves no more than S and the error of a law.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from exodrake.core.confidence import NORMAL_90
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from studies.gate.isolation import Isolation
+from studies.gate.search import LAW, Fitted
+
+EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
+PARTLY, CAUSE, REFINEMENT = "PARTLY", "cause", "refinement"
+
+LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect of the best set.
+
+    Attributes:
+        effect: its id.
+        role: `cause` or `refinement`.
+        share: of the gap that retuning leaves.
+        rivals: effects in its place -> share of the gap that they would take up.
+    """
+
+    effect: str
+    role: str
+    share: Interval
+    rivals: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """A verdict.
+
+    Attributes:
+        verdict: its word.
+        best: the set behind it.
+        parts: its effects, causes first, the largest first.
+        remainder: share of the gap that it leaves.
+        reasons: sentences.
+    """
+
+    verdict: str
+    best: Fitted
+    parts: tuple[Part, ...]
+    remainder: Interval
+    reasons: tuple[str, ...]
+
+    @property
+    def causes(self) -> tuple[Part, ...]:
+        """Effects that the verdict calls causes."""
+        return tuple(p for p in self.parts if p.role == CAUSE)
+
+
+def share_of(values: np.ndarray) -> Interval:
+    """A value over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
+    value, n = float(values[0]), len(values) - 1
+    half = NORMAL_90 * float(np.sqrt((n - 1) / n * np.sum((values[1:] - values[1:].mean()) ** 2))) if n > 1 else 0.0
+    return Interval(value, max(value - half, 0.0), min(value + half, 1.0))
+
+
+def decide(found: Isolation) -> Decision:
+    """The verdict of an isolation."""
+    search, best, none = found.search, found.best, found.search.none
+    if found.negligible(found.nominal.robot) or not best.effects:
+        word = UNKNOWN
+        if found.negligible(found.nominal.robot):
+            word = NO_GAP
+        elif found.negligible(none.explanation.robot):
+            word = RETUNE
+        return Decision(word, none, (), share_of(search.left_by_log(none)), (sentence(word),))
+    left = search.left_by_log(best)
+    gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
+    parts = []
+    for effect, gain in gains.items():
+        others = sum(float(g[0]) for i, g in gains.items() if i != effect)
+        large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
+        mine = float(gain[0])
+        places = search.rivals_of(best, effect, mine)
+        rivals = {i: mine + float(left[0]) - search.left(f) for i, f in places.items()}
+        parts.append(Part(effect, CAUSE if large else REFINEMENT, share_of(gain), rivals))
+    parts.sort(key=lambda p: (p.role != CAUSE, -p.share.value))
+    causes = [p for p in parts if p.role == CAUSE]
+    explained = 1.0 if found.negligible(best.explanation.robot) else 1.0 - float(left[0])
+    if not causes or explained < MOST:
+        word = UNKNOWN
+    elif explained < EXPLAINED:
+        word = PARTLY
+    else:
+        word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
+    return Decision(word, best, tuple(parts), share_of(left), (sentence(word),))
+
+
+def sentence(word: str) -> str:
+    """Reason for a verdict."""
+    return {
+        NO_GAP: "what is left is negligible",
+        RETUNE: "nominal parameters within their tolerances explain the gap",
+        NAMED: "the causes explain the gap, and nothing else does",
+        AMBIGUOUS: "the causes explain the gap, and some have rivals",
+        PARTLY: "the causes explain part of the gap",
+        UNKNOWN: "no effect explains half of the gap",
+    }[word]

@@ -1,0 +1,100 @@
+"""The linear model: closed forms of Bayesian linear regression, and evidence against scipy's normal density."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from studies.gate.linear import LinearModel
+
+WIDE = np.full(4, 1e6)
+
+
+def model_of(jacobian, residual, precision, blocks=4, variance=1.0, memory=1.0, bounds=(-WIDE, WIDE)):
+    """A model of one view in blocks of time, each a log of its own; a given noise variance."""
+    count, samples = len(precision), len(residual)
+    ends = np.linspace(0, samples, blocks + 1).astype(int)
+    places = [(0, k, slice(int(a), int(b))) for k, (a, b) in enumerate(itertools.pairwise(ends))]
+    low, high = (end[:count] for end in bounds)
+    rows = np.vstack([jacobian, residual])
+    found = LinearModel.of_rows(rows, places, (np.zeros(count), precision, low, high), memory)
+    return replace(found, variance=np.array([variance]))
+
+
+def example(seed=0, count=4, samples=200):
+    rng = np.random.default_rng(seed)
+    jacobian, x = rng.standard_normal((count, samples)), rng.standard_normal(count)
+    return jacobian, -x @ jacobian + rng.standard_normal(samples), x
+
+
+def test_posterior_is_that_of_bayesian_linear_regression():
+    jacobian, residual, _ = example()
+    precision, variance = np.array([0.5, 1.0, 2.0, 4.0]), 1.7
+    found = model_of(jacobian, residual, precision, variance=variance).posterior()
+    normal = jacobian @ jacobian.T / variance + np.diag(precision)
+    assert found.step == pytest.approx(-np.linalg.solve(normal, jacobian @ residual / variance), rel=1e-6)
+    assert found.covariance == pytest.approx(np.linalg.inv(normal), rel=1e-6)
+
+
+def test_evidence_is_the_marginal_density_of_the_residual():
+    """Differences of log evidence are those of the normal density with the parameters integrated out."""
+    jacobian, residual, _ = example(1)
+    precision = np.array([0.5, 1.0, 2.0, 4.0])
+    found = []
+    for used in (slice(0, 2), slice(0, 4)):
+        j, p = jacobian[used], precision[used]
+        covariance = np.eye(len(residual)) + j.T @ np.diag(1.0 / p) @ j
+        density = multivariate_normal(np.zeros(len(residual)), covariance).logpdf(residual)
+        found.append((model_of(j, residual, p).evidence(), density))
+    assert found[1][0] - found[0][0] == pytest.approx(found[1][1] - found[0][1], rel=1e-6)
+
+
+def test_an_idle_parameter_costs_evidence_and_a_true_one_gains_it():
+    rng = np.random.default_rng(2)
+    jacobian, residual, _ = example(2, count=2)
+    idle = rng.standard_normal((1, 200))
+    precision = np.array([1e-2, 1e-2, 1e-2])
+    true, both = model_of(jacobian, residual, precision[:2]), model_of(np.vstack([jacobian, idle]), residual, precision)
+    lacking = model_of(jacobian[:1], residual, precision[:1])
+    assert true.evidence() > both.evidence() and true.evidence() > lacking.evidence() + 10.0
+
+
+def test_samples_that_count_as_one_divide_what_the_logs_say():
+    jacobian, residual, _ = example(3)
+    precision = np.full(4, 1e-6)
+    one, many = (model_of(jacobian, residual, precision, memory=m).posterior() for m in (1.0, 25.0))
+    assert np.sqrt(np.diag(many.covariance)) == pytest.approx(5.0 * np.sqrt(np.diag(one.covariance)), rel=1e-3)
+    assert many.step == pytest.approx(one.step, rel=1e-3)
+
+
+def test_a_block_left_out_is_predicted_by_a_fit_to_the_others():
+    jacobian, residual, _ = example(4)
+    precision = np.full(4, 0.1)
+    found = model_of(jacobian, residual, precision)
+    chi2 = found.leave_out(found.log)[:, 0]
+    for k in range(4):
+        rest = np.r_[0 : 50 * k, 50 * (k + 1) : 200]
+        j, r = jacobian[:, rest], residual[rest]
+        step = -np.linalg.solve(j @ j.T + np.diag(precision), j @ r)
+        here = slice(50 * k, 50 * (k + 1))
+        assert chi2[k] == pytest.approx(np.mean((residual[here] + step @ jacobian[:, here]) ** 2), rel=1e-6)
+
+
+def test_eliminated_parameters_leave_the_cost_of_the_others():
+    """The minimum over the first two, at any value of the others, is a quadratic with the same minimiser."""
+    jacobian, residual, _ = example(5)
+    found = model_of(jacobian, residual, np.array([0.5, 1.0, 0.0, 0.0]) + 1e-12)
+    reduced = found.eliminated(2)
+    f = -np.linalg.solve(reduced.normal, reduced.slope)
+    step = found.posterior().step
+    assert f == pytest.approx(step[2:], rel=1e-5)
+    assert reduced.others(np.array([0, 1]), f) == pytest.approx(step[:2], rel=1e-5)
+
+
+def test_bounds_hold():
+    jacobian, residual, x = example(6)
+    small = np.full(4, 0.1)
+    found = model_of(jacobian, residual, np.full(4, 1e-6), bounds=(-small, small)).posterior()
+    assert np.all(np.abs(found.step) <= 0.1) and np.any(np.abs(x) > 0.1)
