@@ -12,15 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import STEP, Parameter, apply
+from exodrake.diagnosis.parameter import Parameter
+from exodrake.diagnosis.refine import COLUMNS, Explanation, slope_and_curvature, whole_jacobian
 from studies.gate.likelihood import Likelihood
 from studies.gate.linear import LinearModel
 
@@ -35,82 +33,12 @@ LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initi
 USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
 
 
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """A set of effects with its fitted robot.
-
-    Attributes:
-        effects: ids.
-        parameters: fitted parameters, nominal ones first.
-        x: (parameters,) coordinates.
-        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
-        residual: (samples,) whitened [noise_std].
-        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
-    """
-
-    effects: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
-    x: np.ndarray
-    values: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-
-    @property
-    def robot(self) -> np.ndarray:
-        """Flat parameter vector (n,) of the fitted robot."""
-        return apply(self.values, self.parameters, self.x)
-
-    @property
-    def at_nominal(self) -> np.ndarray:
-        """Flat parameter vector (n,) with the fitted effects and the nominal parameters as they were."""
-        return apply(self.values, self.parameters, np.concatenate([np.zeros(self.nominal), self.x[self.nominal :]]))
-
-    @property
-    def name(self) -> str:
-        """Ids joined by +; `retune` without an effect."""
-        return " + ".join(self.effects) or "retune"
-
-    @property
-    def nominal(self) -> int:
-        """Number of nominal parameters."""
-        return len(self.jacobian)
-
-    @cached_property
-    def prior_std(self) -> np.ndarray:
-        """Prior standard deviations (parameters,) in a fit."""
-        return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
-
-    @property
-    def bounds(self) -> np.ndarray:
-        """Lower and upper ends of the coordinates (2, parameters)."""
-        return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T
-
-    def cost(self, likelihood: Likelihood) -> float:
-        """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
-        return likelihood.cost(self.residual, self.x, self.prior_std)
-
-    def at_each(self, likelihood: Likelihood, points: Sequence[np.ndarray]) -> list[Explanation]:
-        """The explanation at several coordinates x (parameters,), simulated at once."""
-        residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
-        return [replace(self, x=x, residual=residual) for x, residual in zip(points, residuals, strict=True)]
-
-    def changed(self, **fields: Any) -> Explanation:
-        """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
-        found = replace(self, **fields)
-        if self in COLUMNS:
-            COLUMNS[found] = COLUMNS[self]
-        return found
-
-    def own(self, effect: str) -> list[int]:
-        """Positions of the parameters of one of its effects."""
-        return [i for i, p in enumerate(self.parameters) if p.effect == effect]
-
-    def at_bounds(self) -> list[str]:
-        """Names of the amplitudes that ended at an end of their range other than their null."""
-        low, high = self.bounds
-        small = 1e-6 * (high - low)
-        ended = (high > low) & (((self.x <= low + small) & (low != 0.0)) | ((self.x >= high - small) & (high != 0.0)))
-        return [p.name for p, at in zip(self.parameters, ended, strict=True) if at and p.amplitude]
+def at_bounds(e: Explanation) -> list[str]:
+    """Names of the amplitudes that ended at an end of their range other than their null."""
+    low, high = e.bounds
+    small = 1e-6 * (high - low)
+    ended = (high > low) & (((e.x <= low + small) & (low != 0.0)) | ((e.x >= high - small) & (high != 0.0)))
+    return [p.name for p, at in zip(e.parameters, ended, strict=True) if at and p.amplitude]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +58,6 @@ class Predicted:
     x: np.ndarray
 
 
-COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
-
-
 def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
     """The linear model about a fit, a block for each log in each view; the prior of an effect is its range."""
     rows = np.concatenate([whole_jacobian(likelihood, e), e.residual[None]])
@@ -143,29 +68,6 @@ def linear_model(likelihood: Likelihood, e: Explanation) -> LinearModel:
     mean = np.where(shapes, 0.0, -e.x)  # of the change of x
     prior = (mean, 1.0 / np.maximum(std, 1e-300) ** 2, low - e.x, high - e.x)
     return LinearModel.of_rows(rows, likelihood.blocks, prior, likelihood.memory)
-
-
-def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
-    """Derivatives (parameters, samples) of the residual by all parameters; those by the effects are simulated once."""
-    if here not in COLUMNS:
-        COLUMNS[here] = effect_columns(likelihood, here)
-    return np.concatenate([here.jacobian, COLUMNS[here]])
-
-
-def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
-    """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
-    count = here.nominal
-    if count == len(here.parameters):
-        return np.zeros((0, len(here.residual)), dtype=np.float32)
-    steps, rows = [], []
-    for i, p in enumerate(here.parameters[count:], start=count):
-        step = STEP * p.scale
-        step = -step if here.x[i] + step > p.bounds[1] else step
-        moved = here.x.copy()
-        moved[i] += step
-        steps.append(step)
-        rows.append(apply(here.values, here.parameters, moved))
-    return likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,15 +152,6 @@ def minimise(likelihood: Likelihood, start: Explanation, steps: int = STEPS, tol
             COLUMNS[found] = columns[found.nominal :]
             break
     return found
-
-
-def slope_and_curvature(
-    likelihood: Likelihood, here: Explanation, columns: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
-    weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / here.prior_std**2
-    slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
-    return slope, weighted @ weighted.T + np.diag(precision)
 
 
 def stepped(

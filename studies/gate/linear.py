@@ -10,7 +10,7 @@ the logs can be left out by subtraction. s_v^2 is what the fit leaves in a view,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -128,15 +128,6 @@ class LinearModel:
         solved = np.linalg.solve(normal, np.column_stack([cross, slope]))
         own = products[count:-1, count:-1] - cross.T @ solved[:, :-1]
         return Reduced(own, products[count:-1, -1] - cross.T @ solved[:, -1], solved)
-
-    def held(self, at: np.ndarray) -> LinearModel:
-        """The model in which the x in a mask (p,) keep their values, as their priors had no width."""
-        keep = ~at
-        rows = np.r_[keep, True]
-        return replace(
-            self, products=self.products[:, rows][:, :, rows], mean=self.mean[keep], precision=self.precision[keep],
-            low=self.low[keep], high=self.high[keep],
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

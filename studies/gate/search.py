@@ -22,6 +22,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
 from studies.gate.fit import (
     Explanation,
     Predicted,
+    at_bounds,
     bounded,
     fit_beside,
     linear_model,
@@ -148,7 +149,7 @@ class Search:
             best: the other one.
             gain: share of the gap that the effect takes up whose place is asked about.
         """
-        if other.explanation.at_bounds():
+        if at_bounds(other.explanation):
             return False
         left = self.left(best)
         memory = min(best.memory, other.memory)
@@ -204,7 +205,7 @@ class Search:
         found = self.sets[frozenset()]
         for size in range(1, 1 + max(map(len, self.sets))):
             for key, fitted in self.sets.items():
-                if len(key) == size and not fitted.explanation.at_bounds() and self.beats(fitted, found):
+                if len(key) == size and not at_bounds(fitted.explanation) and self.beats(fitted, found):
                     found = fitted
         return found
 
