@@ -1,123 +1,133 @@
-"""State of an isolation: the explanations that were tried, by number of effects, and those that the logs leave."""
+"""Isolation: from a case to the set of effects that explains it best, and the sets beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
 
 import numpy as np
 
-from exodrake.core.threads import side_by_side
-from exodrake.diagnosis.comparison import richer_law, taken_up
-from exodrake.diagnosis.intervals import Fitted
-from exodrake.diagnosis.levels import Levels, Tests
-from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linearise import Linearisation
-from exodrake.diagnosis.refine import Explanation
-from exodrake.diagnosis.select import Predicted
+from exodrake.core.progress import Stage, StageProgress, no_progress
+from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.fit import Explanation, minimise
+from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error, with_prediction
+from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import Problem, by_trial
+from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
-
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """An explanation with its levels, its reduced chi-squares (views,) and its cost."""
-
-    explanation: Explanation
-    levels: Levels
-    chi2: np.ndarray
-    cost: float
-
-
-def needless(likelihood: Likelihood, richer: Tested, simpler: Tested) -> bool:
-    """Whether an explanation is another law of a simpler one, with more parameters to no avail."""
-    name = richer.explanation.name
-    return name in simpler.levels.no_better and richer_law(likelihood, richer.explanation, simpler.explanation)
-
-
-def tested(
-    likelihood: Likelihood, tests: Tests, found: Sequence[Explanation], larger: Sequence[Explanation] = ()
-) -> list[Tested]:
-    """Explanations of one size with their levels, best first; larger: fitted ones of the next size.
-
-    The noise of all is known before one is compared with another.
-    """
-    side_by_side([partial(tests.measure_noise, e) for e in found])
-    rivals = [[*(other for other in found if other is not e), *larger] for e in found]
-    levels = side_by_side([partial(tests, *each) for each in zip(found, rivals, strict=True)])
-    made = [Tested(e, own, likelihood.chi2(e.residual), e.cost(likelihood)) for e, own in zip(found, levels)]
-    return sorted(made, key=lambda t: t.cost)
+USED, MOST = 25_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+SAMPLING = 2.0  # standard errors of a mean square that a gap must exceed, too
+ROUNDS, LEAST_GAIN = (
+    3,
+    0.1,
+)  # nominal Jacobians of retuning, and the mean log chi-square that one must gain for the next
 
 
 @dataclass(frozen=True, eq=False)
 class Isolation:
-    """Explanations tried so far, by number of effects, with their tests.
+    """What was tried on a case.
 
     Attributes:
-        likelihood: views of the case.
-        tests: tests of the last round.
-        nominal, retuned: robots without an effect.
-        beside_retuned: directions of all effects beside the retuned robot.
-        screened: each effect alone as the linearisation predicts it, best first.
-        tested: tested explanations of 1, 2, ... effects, best first.
-        left: explanations of the smallest size that the logs do not reject, best first; none for an unknown cause.
-        irreducible: those of them none of whose effects could be taken out: the logs reject the fit of the rest.
+        problem: the part of the case that was fitted, with what detectors found.
+        whole: the same with whole logs.
+        likelihood: views of the part.
+        lin: directions of all effects beside the retuned robot.
+        nominal: the nominal robot.
+        search: all fitted sets.
+        best: the best of them.
     """
 
+    problem: Problem
+    whole: Problem
     likelihood: Likelihood
-    tests: Tests
-    nominal: Tested
-    retuned: Tested
-    beside_retuned: Linearisation
-    screened: tuple[Predicted, ...] = ()
-    tested: tuple[tuple[Tested, ...], ...] = ()
-    left: tuple[Tested, ...] = ()
-    irreducible: tuple[Tested, ...] = ()
-
-    def with_round(self, tested: Sequence[Tested], parent: Tested | None = None) -> Isolation:
-        """The isolation with the explanations of one size more.
-
-        Of a parent that leaves too much, each must take up most: else it is kept for the error of one law more alone.
-        """
-        kept = [t for t in tested if t.levels.kept]
-        if parent is not None and not parent.levels.consistent:
-            kept = [t for t in kept if self.share(parent.explanation, t.explanation) > self.tests.calibration.taken]
-        left = tuple(t for t in kept if not any(needless(self.likelihood, t, other) for other in kept))
-        return replace(self, tested=(*self.tested, tuple(tested)), left=left)
-
-    def share(self, e: Explanation, larger: Explanation) -> float:
-        """Share of what an explanation leaves that a larger one takes up, above the noise of both."""
-        return taken_up(self.likelihood, e, larger, self.tests.noise.levels(self.likelihood, e, larger)).share
-
-    def without_effects(self) -> Isolation:
-        """The isolation that stops at the robot without an effect, if it is kept."""
-        return replace(self, left=tuple(t for t in (self.nominal, self.retuned) if t.levels.kept)[:1])
+    lin: Linearisation
+    nominal: Explanation
+    search: Search
+    best: Fitted
 
     @property
-    def sufficient(self) -> bool:
-        """Whether some explanations of the last size are left, and none lacks an effect other than the best one's."""
-        if not self.left:
-            return False
-        best = self.left[0]
-        others = (t for t in self.left if t.levels.next_effect not in best.explanation.effects)
-        return best.levels.sufficient and all(t.levels.sufficient for t in others)
+    def retuned(self) -> Fitted:
+        """The retuned robot without an effect."""
+        return self.search.none
 
-    @cached_property
-    def fitted(self) -> Callable[[Tested], Fitted]:
-        """Parameters of the effects of an explanation with their covariance, computed once each."""
+    def negligible(self, robot: np.ndarray) -> bool:
+        """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
+        return negligible(self.whole, robot)
 
-        def found(t: Tested) -> Fitted:
-            e = t.explanation
-            return Fitted(e.parameters[e.nominal :], e.x[e.nominal :], self.tests.covariance(e))
 
-        return cache(found)
+def negligible(problem: Problem, robot: np.ndarray) -> bool:
+    """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column."""
+    logs = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
+    squares = np.concatenate(logs) ** 2
+    error = np.sqrt(2.0 / len(squares))  # standard deviation of the mean square of white noise
+    return bool((squares.mean(axis=0) < 1.0 + NEGLIGIBLE**2 + SAMPLING * error).all())
 
-    @property
-    def explanations(self) -> list[Explanation]:
-        """The explanations of the last size."""
-        return [t.explanation for t in self.tested[-1]]
 
-    @property
-    def best(self) -> Tested:
-        """The explanation of least cost, whether the logs reject it or not."""
-        tried = (self.retuned, *(t for size in self.tested for t in size))
-        return min(tried, key=lambda t: t.explanation.cost(self.likelihood))
+def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:
+    """The nominal parameters fitted to the prediction errors in units of the sensors' noise, and the simulated time.
+
+    A loop that hunts or a finger that snaps over gives the closed-loop cost many minima; feedback of the measured
+    outputs leaves few (Ljung 1999; multiple shooting, Bock 1983). x: where the fit begins.
+    """
+    nominal, values = nominal_parameters(problem.robot), problem.silent()
+    likelihood = output_error(with_prediction(problem)[-1], "retune")
+    x = np.zeros(len(nominal)) if x is None else x
+    (found,) = Explanation((), nominal, x, values, np.zeros(0), np.zeros((len(nominal), 0))).at_each(likelihood, [x])
+    for _ in range(ROUNDS if nominal else 0):
+        before, likelihood = likelihood.mean_log(found.residual), likelihood.scaled_to(found.residual)
+        jacobian = nominal_jacobian(likelihood, values, nominal, found.x, found.residual)
+        found = minimise(likelihood, found.changed(jacobian=jacobian), 4, 1e-3)
+        left = likelihood.mean_log(found.residual)
+        if min(left, before - left) < LEAST_GAIN:
+            break
+    return found, likelihood.simulated
+
+
+def isolate(problem: Problem, progress: StageProgress = no_progress, most: float = USED) -> Isolation:
+    """The isolation of a case.
+
+    Args:
+        problem: the case.
+        progress: called with the stage and what it works on.
+        most: samples that are fitted.
+    """
+    progress(Stage.RETUNE, "")
+    share = affordable(problem, most)
+    start, simulated = retune(problem.shortened(share))
+    whole = detect(problem, start.robot)
+    short = whole.shortened(share)
+    certain = sum(d.certain for d in whole.detected)
+    if certain:
+        start, again = retune(short, start.x)
+        simulated["retune"] += again["retune"]
+    likelihood = likelihood_of(short, start.robot, simulated).for_stage("linearise")
+    machine = problem.robot.machine
+    (residual,) = likelihood.residual(start.robot[None])
+    likelihood = likelihood.with_memory_of(residual)
+    effects = tuple(e for e in machine.effects if e.id in short.tried)
+    zero = replace(start, x=np.zeros(len(start.x)))
+    none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
+    if negligible(whole, zero.robot):
+        (nominal,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
+        lin = Linearisation(start.parameters, zero.x, nominal.residual, none, none[:0], ())
+        search = Search(likelihood, (), lin)
+        search.add([nominal])
+        return Isolation(short, whole, likelihood, lin, nominal, search, search.none)
+    progress(Stage.LINEARISE, "")
+    lin = linearise(likelihood, start.values, start.x, start.parameters, effects, base=residual)
+    start = replace(start, residual=residual, jacobian=lin.jacobian)
+    retuned = minimise(likelihood.scaled_to(residual).for_stage("refine"), start)
+    (nominal,) = retuned.at_each(likelihood, [np.zeros(len(start.x))])
+    search = Search(likelihood, effects, lin, progress=progress)
+    search.add([retuned])
+    best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
+    found = Isolation(short, whole, likelihood, lin, nominal, search, best)
+    if share < affordable(problem) and not best.effects and not found.negligible(retuned.robot):
+        return isolate(problem, progress, MOST)
+    return found
+
+
+def affordable(problem: Problem, most: float = MOST) -> float:
+    """Part of the fitted logs that can be used in reasonable time and memory; most: samples."""
+    return min(1.0, most / sum(trial.measured.size for trial in problem.fit))

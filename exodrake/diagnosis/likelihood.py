@@ -20,7 +20,6 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.core.threads import side_by_side
-from exodrake.diagnosis.noise import noise_uncertainty
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
@@ -70,13 +69,13 @@ class Likelihood:
         views: kinds of residual.
         simulated: time simulated so far, by stage [s]; likelihoods of one case share it.
         stage: under which further simulations are counted.
-        counted: (samples,) which samples count in the cost; all if None.
+        memory: frames that count as one.
     """
 
     views: tuple[View, ...]
     simulated: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     stage: str = ""
-    counted: np.ndarray | None = None
+    memory: float = 1.0
 
     @property
     def robot(self) -> Robot:
@@ -139,57 +138,61 @@ class Likelihood:
     @cached_property
     def weights(self) -> np.ndarray:
         """Weight of each sample in the cost (samples,)."""
-        whole = np.concatenate([np.full(v.samples, 1.0 / v.scale, dtype=np.float32) for v in self.views])
-        return whole if self.counted is None else whole * self.counted
+        return np.concatenate([np.full(v.samples, 1.0 / v.scale, dtype=np.float32) for v in self.views])
 
     def cost(self, residual: np.ndarray, x: np.ndarray, prior_std: np.ndarray) -> float:
         """Half the sum of squares of the weighted residual (samples,) and of x in units of its prior."""
         weighted = residual * self.weights
         return 0.5 * float(weighted @ weighted) + 0.5 * float(np.sum((x / prior_std) ** 2))
 
-    def noise_draws(self, draws: int, rng: np.random.Generator) -> np.ndarray:
-        """Residuals of noise alone (draws, samples).
-
-        Each log comes from one of the simulated runs, shifted round in time; all are of either sign, each column as
-        strong as its noise may be (`noise_uncertainty`).
-        """
-        problem, out, count = self.views[0].problem, [], len(self.views[0].noise)
-        uncertainty = noise_uncertainty(problem.case)
-        for _ in range(draws):
-            sign, parts = rng.choice((-1.0, 1.0)), []
-            runs = rng.integers(count, size=len(problem.fit))
-            shifts = [int(rng.integers(len(trial.reference))) for trial in problem.fit]
-            strengths = sign * np.exp(rng.normal(0.0, uncertainty, len(problem.columns)))
-            level = dict(zip(problem.columns, strengths, strict=True))
-            for view in self.views:
-                levels = np.array([level[column] for column in view.problem.columns])
-                logs = (view.noise[run][k] for k, run in enumerate(runs))
-                parts += [(levels * np.roll(log, k, axis=0)).ravel() for log, k in zip(logs, shifts, strict=True)]
-            out.append(np.concatenate(parts))
-        return np.array(out, dtype=np.float32)
-
-    def scaled_to(self, residual: np.ndarray) -> Likelihood:
-        """The likelihood with each view in units of what a residual (samples,) leaves, noise at least."""
-        frames = max(CORRELATION / self.robot.machine.frame, 1.0)
-        scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * frames)
-        views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
-        return replace(self, views=views)
-
-    def of_samples(self, counted: np.ndarray) -> Likelihood:
-        """The likelihood in which only some samples (samples,) count."""
-        return replace(self, counted=counted)
-
     def for_stage(self, stage: str) -> Likelihood:
         """The likelihood whose simulations count under another stage."""
         return replace(self, stage=stage)
+
+    @property
+    def blocks(self) -> list[tuple[int, int, slice]]:
+        """View, log and samples of each log in each view."""
+        found, at = [], 0
+        for v, view in enumerate(self.views):
+            for k, trial in enumerate(view.problem.fit):
+                found.append((v, k, slice(at, at := at + trial.measured.size)))
+        return found
+
+    def scaled_to(self, residual: np.ndarray) -> Likelihood:
+        """The likelihood with each view in units of what a residual (samples,) leaves, noise at least."""
+        scales = np.sqrt(np.maximum(self.chi2(residual), 1.0) * self.memory)
+        views = tuple(replace(view, scale=float(s)) for view, s in zip(self.views, scales, strict=True))
+        return replace(self, views=views)
+
+    def with_memory_of(self, residual: np.ndarray) -> Likelihood:
+        """The likelihood in which as many samples count as one as a residual (samples,) is correlated over.
+
+        Squares of its autocorrelation are summed, since evidence rests on sums of squares (Bayley & Hammersley 1946),
+        up to the longest time over which a model's error repeats.
+        """
+        most = int(longest(self.views[0].problem))
+        sums = np.zeros(most + 1)
+        for view, part in zip(self.views, self.split(residual), strict=True):
+            for log in by_trial(part, view.problem.fit):
+                for lag in range(min(most, len(log) - 1) + 1):
+                    sums[lag] += float(np.sum(log[lag:] * log[: len(log) - lag]))
+        rho = sums / max(sums[0], 1e-300)
+        return replace(self, memory=float(np.clip(1.0 + 2.0 * np.sum(rho[1:] ** 2), 1.0, most)))
 
 
 def output_error(problem: Problem, stage: str = "") -> Likelihood:
     """The likelihood of a case in closed loop alone, in units of the sensors' noise, which counts as white."""
     columns = len(problem.columns)
     return Likelihood(
-        (View(problem, Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))),), stage=stage
+        (View(problem, Whitening(np.eye(1, ORDER + 1).repeat(columns, 0), np.ones(columns))),),
+        stage=stage,
+        memory=longest(problem),
     )
+
+
+def longest(problem: Problem) -> float:
+    """Frames over which a model's error repeats at the longest."""
+    return max(float(round(CORRELATION / problem.robot.machine.frame)), 1.0)
 
 
 def duration(problem: Problem) -> float:
@@ -212,7 +215,7 @@ def likelihood_of(problem: Problem, values: np.ndarray, simulated: defaultdict[s
         found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw)))
     simulated = defaultdict(float) if simulated is None else simulated
     simulated["noise"] += NOISE_RUNS * duration(problem) * (1 + len(views))  # written, then simulated in each view
-    return Likelihood(tuple(found), simulated)
+    return Likelihood(tuple(found), simulated, memory=longest(problem))
 
 
 def moved_a_little(problem: Problem, values: np.ndarray) -> np.ndarray:

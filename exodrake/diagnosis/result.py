@@ -9,31 +9,48 @@ from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
 from exodrake.core.short_repr import short_repr
 from exodrake.diagnosis.gap import Closure, Interval, Where
-from exodrake.diagnosis.rival import Rival
 from exodrake.machines.write_robot import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw
-    from exodrake.diagnosis.level_table import LevelTest
     from exodrake.diagnosis.problem import Problem
     from exodrake.diagnosis.provenance import Provenance
     from exodrake.diagnosis.since import Since
 
-NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS", "UNKNOWN"
+NO_GAP, RETUNE, NAMED, AMBIGUOUS = "NO_GAP", "RETUNE", "NAMED", "AMBIGUOUS"
+PARTLY, UNKNOWN = "PARTLY", "UNKNOWN"
+CAUSE, REFINEMENT = "cause", "refinement"
+WHOLE = Interval(1.0, 1.0, 1.0)
 NOT_IN_JSON = ("robots", "problem", "run_time")  # the latter is `seconds` there
 
 
 @dataclass(frozen=True)
+class EffectRival:
+    """An effect that explains as much in the place of another.
+
+    Attributes:
+        id: id of the effect.
+        share: of the gap beyond retuning that it would take up.
+    """
+
+    id: str
+    share: Interval
+
+
+@dataclass(frozen=True)
 class NamedEffect:
-    """An effect that the verdict names.
+    """An effect of the improved robot.
 
     Attributes:
         id: id of the effect.
         wires: tendons that it sits on.
         joints: joints that it sits on.
-        parameters: parameter -> interval.
+        parameters: parameter -> interval; values are NaN where channels differ.
         channels: parameter -> channel -> interval, for what differs from channel to channel.
-        probability: probability of the explanation that the effect belongs to.
+        kind: what it is in words, such as dry friction.
+        role: `cause`, or `refinement`: it is in the improved robot and may be the error of a cause's law.
+        share: of the gap beyond retuning that it takes up.
+        rivals: effects that would take up as much in its place.
     """
 
     id: str
@@ -41,7 +58,43 @@ class NamedEffect:
     joints: tuple[str, ...]
     parameters: dict[str, Interval]
     channels: dict[str, dict[str, Interval]]
-    probability: float
+    kind: str = ""
+    role: str = CAUSE
+    share: Interval = WHOLE
+    rivals: tuple[EffectRival, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation still in play beside others, as a robot for `exodrake experiment`.
+
+    Attributes:
+        effects: ids of its effects; none for the retuned robot.
+        parameters: full name -> value [SI] of all parameters by which its robot differs from the nominal one.
+    """
+
+    effects: tuple[str, ...]
+    parameters: dict[str, float]
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +; `retune` without an effect."""
+        return " + ".join(self.effects) or "retune"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the answer leaves unexplained.
+
+    Attributes:
+        value, low, high: share of the gap beyond retuning, with its 90 % interval; NaN without a gap.
+        noise_std: the same beyond noise, RMS over all channels [noise standard deviations].
+    """
+
+    value: float
+    low: float
+    high: float
+    noise_std: float
 
 
 @dataclass(frozen=True)
@@ -68,8 +121,8 @@ class Retune:
     """Nominal parameters that retuning moved, and effects that would explain as much.
 
     Attributes:
-        moved: parameters that moved by more than `moved.VISIBLE` standard deviations, largest change first.
-        alike: effect -> share of retuning's reduction of the cost that it reaches without retuning (linearised).
+        moved: parameters that moved by more than a standard deviation of their tolerance, largest change first.
+        alike: effect -> share of what retuning explains that it explains alone.
     """
 
     moved: tuple[Moved, ...] = ()
@@ -78,25 +131,21 @@ class Retune:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An explanation that was fitted.
+    """A set of effects that was fitted.
 
     Attributes:
         id: ids of its effects, joined by +.
-        score: share of the gap that it removes beyond retuning, 1 for all of it.
+        share: of the gap beyond retuning that it takes up.
         chi2: reduced chi-square in closed loop.
         prediction_chi2: the same as prediction error; NaN without an observer.
-        fit: p-value of its residual (`levels`).
-        complete: p-value of what one more effect takes up (`levels`).
-        left: whether the logs do not reject it.
+        evidence: log evidence beyond that of the retuned robot [nats].
     """
 
     id: str
-    score: float
+    share: float
     chi2: float
     prediction_chi2: float
-    fit: float
-    complete: float
-    left: bool
+    evidence: float
 
 
 @short_repr
@@ -106,13 +155,14 @@ class Diagnosis:
 
     Attributes:
         case: name of the case.
-        verdict: `NO_GAP`, `RETUNE`, `NAMED`, `AMBIGUOUS` or `UNKNOWN`.
+        verdict: `NO_GAP`, `RETUNE`, `NAMED`, `AMBIGUOUS`, `PARTLY` or `UNKNOWN`.
         where: localisation of the gap.
-        effects: effects that the verdict names, with parameters and intervals.
-        equivalents: for AMBIGUOUS, ids of the effects of all explanations that the logs do not reject.
+        effects: causes, then refinements, the largest share first; none of UNKNOWN, whose best set is a candidate.
+        equivalents: for AMBIGUOUS, the first cause that has rivals and these.
+        remainder: what is left unexplained.
         closure: reduction of the gap on the judged logs.
         rivals: explanations that the logs do not tell apart, for `exodrake experiment`; none where one is left.
-        candidates: all explanations that were fitted, largest sets first.
+        candidates: all sets that were fitted, the most likely first.
         baselines: trivial method -> explanation that it would choose among the same fits.
         reasons: reasons for the verdict, a sentence each.
         notes: remarks on logs, their used part and the calibration, a sentence each.
@@ -121,7 +171,6 @@ class Diagnosis:
         evidence: reduced chi-squares of these on the fitted logs.
         simulated: simulated time by stage [s].
         retune: nominal parameters that retuning moved.
-        tests: of the explanation behind the verdict; of the best one tried for UNKNOWN.
         provenance: version, command, robot, calibration and files that the answer was made from.
         since: changes over dated sessions or one long log; None of other cases.
         missing_law: the free law that explains the logs best; None without discovery.
@@ -133,6 +182,7 @@ class Diagnosis:
     where: Where
     effects: tuple[NamedEffect, ...]
     equivalents: tuple[str, ...]
+    remainder: Remainder
     closure: Closure
     rivals: tuple[Rival, ...]
     candidates: tuple[Candidate, ...]
@@ -144,7 +194,6 @@ class Diagnosis:
     evidence: dict[str, float] = field(default_factory=dict)
     simulated: dict[str, float] = field(default_factory=dict)
     retune: Retune = field(default_factory=Retune)
-    tests: tuple[LevelTest, ...] = ()
     provenance: Provenance | None = None
     since: Since | None = None
     missing_law: MissingLaw | None = None

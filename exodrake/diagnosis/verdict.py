@@ -1,22 +1,45 @@
-"""The verdict: what follows from the explanations that the logs do not reject.
+"""Verdict: causes with their rivals, refinements and what remains, from the fitted sets of a search.
 
-    none needed: NO_GAP or RETUNE        one left: NAMED        several: AMBIGUOUS        none left: UNKNOWN
+    left(S) = mean over views of (chi2_v(S) - 1) / (chi2_v(retuned) - 1)        share of the gap that a set leaves
 
-A detector that found an effect for certain makes it NAMED where no further effect is needed.
+An effect of the best set S takes up left(S without it) - left(S), its share. It is a cause where that is a tenth of the
+gap, or most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S
+are refinements. A rival of a cause stands in its place in a set that leaves no more than S and the error of a law.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from exodrake.core.confidence import ALPHA
-from exodrake.diagnosis.intervals import Fitted
-from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.prune import spurious
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+import numpy as np
 
-HUNTS = 2.0  # reduced chi-square of noise alone in closed loop from which the reason says so: as much again as noise
+from exodrake.core.confidence import NORMAL_90
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
+from exodrake.diagnosis.search import LAW, Fitted
+
+EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
+
+
+LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
+
+
+@dataclass(frozen=True)
+class Part:
+    """An effect of the best set.
+
+    Attributes:
+        effect: its id.
+        role: `cause` or `refinement`.
+        share: of the gap that retuning leaves.
+        rivals: effects in its place -> share of the gap that they would take up.
+    """
+
+    effect: str
+    role: str
+    share: Interval
+    rivals: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,79 +48,70 @@ class Decision:
 
     Attributes:
         verdict: its word.
-        best: explanation behind it; the best one tried for UNKNOWN.
-        left: explanations that the logs do not reject, best first.
+        best: the set behind it.
+        parts: its effects, causes first, the largest first.
+        remainder: share of the gap that it leaves.
         reasons: sentences.
-        fitted: parameters of the effects of the best explanation, if it is left and has any.
     """
 
     verdict: str
-    best: Tested
-    left: tuple[Tested, ...]
+    best: Fitted
+    parts: tuple[Part, ...]
+    remainder: Interval
     reasons: tuple[str, ...]
-    fitted: Fitted | None = None
+
+    @property
+    def causes(self) -> tuple[Part, ...]:
+        """Effects that the verdict calls causes."""
+        return tuple(p for p in self.parts if p.role == CAUSE)
 
 
-def decide(problem: Problem, found: Isolation) -> Decision:
+def share_of(values: np.ndarray) -> Interval:
+    """A value over all logs with its jackknife interval; values (1 + logs,): by all, and with each log left out."""
+    value, n = float(values[0]), len(values) - 1
+    half = NORMAL_90 * float(np.sqrt((n - 1) / n * np.sum((values[1:] - values[1:].mean()) ** 2))) if n > 1 else 0.0
+    return Interval(value, max(value - half, 0.0), min(value + half, 1.0))
+
+
+def decide(found: Isolation) -> Decision:
     """The verdict of an isolation."""
-    detected = tuple(d.reason for d in problem.detected if d.certain)
-    fits = {t: found.fitted(t) if t.explanation.effects else None for t in found.left}
-    left = tuple(
-        t for t, fit in fits.items() if t in found.irreducible or not (fit and spurious(t, fit, problem.counted))
-    )
-    if not left and not found.left and not detected:
-        return Decision(UNKNOWN, found.best, (), (rejected(found.best),))
-    if not left and not detected:
-        if found.retuned.levels.consistent:
-            return Decision(RETUNE, found.retuned, (), ("no effect differs from its null value",))
-        name = found.left[0].explanation.name
-        return Decision(UNKNOWN, found.best, (), (f"an effect of the best explanation, {name}, may as well be absent",))
-    if not left:
-        return Decision(NAMED, found.retuned, (), (*detected, "no effect explains what is left beside it"))
-    best = left[0]
-    if not best.explanation.effects:
-        if detected:
-            return Decision(NAMED, best, left, detected)
-        verdict = NO_GAP if best is found.nominal else RETUNE
-        return Decision(verdict, best, left, (kept(best),))
-    if len(left) == 1:
-        return Decision(NAMED, best, left, (*detected, kept(best)), fits[best])
-    names = ", ".join(t.explanation.name for t in left)
-    return Decision(AMBIGUOUS, best, left, (*detected, f"the logs reject none of these: {names}"), fits[best])
-
-
-def kept(t: Tested) -> str:
-    """Reason why an explanation is kept, in one sentence."""
-    p = t.levels
-    if not t.explanation.effects:
-        robot, law = "without an effect", "noise"
+    search, best, none = found.search, found.best, found.search.none
+    if found.negligible(found.nominal.robot) or not best.effects:
+        word = UNKNOWN
+        if found.negligible(found.nominal.robot):
+            word = NO_GAP
+        elif found.negligible(none.explanation.robot):
+            word = RETUNE
+        return Decision(word, none, (), share_of(search.left_by_log(none)), (sentence(word),))
+    left = search.left_by_log(best)
+    gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
+    parts = []
+    for effect, gain in gains.items():
+        others = sum(float(g[0]) for i, g in gains.items() if i != effect)
+        large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
+        mine = float(gain[0])
+        places = search.rivals_of(best, effect, mine)
+        rivals = {i: mine + float(left[0]) - search.left(f) for i, f in places.items()}
+        parts.append(Part(effect, CAUSE if large else REFINEMENT, share_of(gain), rivals))
+    parts.sort(key=lambda p: (p.role != CAUSE, -p.share.value))
+    causes = [p for p in parts if p.role == CAUSE]
+    explained = 1.0 if found.negligible(best.explanation.robot) else 1.0 - float(left[0])
+    if not causes or explained < MOST:
+        word = UNKNOWN
+    elif explained < EXPLAINED:
+        word = PARTLY
     else:
-        robot, law = f"with {t.explanation.name}", "noise and the error of its law"
-    hunts = (
-        f"; its loop hunts, noise alone leaves a reduced chi-square of {p.hunting:.2g}" if p.hunting >= HUNTS else ""
-    )
-    return f"{robot} the logs differ from the robot by no more than {law} (p = {min(p.fit, *p.views):.2g}){hunts}"
+        word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
+    return Decision(word, best, tuple(parts), share_of(left), (sentence(word),))
 
 
-def rejected(t: Tested) -> str:
-    """Reason why the best explanation is rejected, in one sentence."""
-    p, chi2 = t.levels, float(t.chi2[0])
-    if p.burst:
-        return f"{t.explanation.name} leaves too much in single windows of time alone"
-    if not p.consistent:
-        left = f"a reduced chi-square of {chi2:.3g}, too much (p < {ALPHA:g})"
-        return f"the best explanation, {t.explanation.name}, leaves {left}"
-    if p.moved > p.most_moved:
-        name = t.explanation.name
-        return f"the best explanation, {name}, moves nominal parameters further than their tolerances allow"
-    if not p.beaten_by:
-        return f"the best explanation, {t.explanation.name}, takes up too little of what a smaller one leaves"
-    return f"{p.beaten_by} removes {p.share:.0%} of what the best explanation, {t.explanation.name}, leaves"
-
-
-def probabilities(found: Isolation) -> dict[str, float]:
-    """Weight of each tested explanation of the last size: its p-value against the sum of all."""
-    tested = found.tested[-1] if found.tested else (found.retuned,)
-    weights = {t.explanation.name: min(t.levels.fit, t.levels.complete) for t in tested}
-    total = sum(weights.values())
-    return {name: w / total if total > 0.0 else 0.0 for name, w in weights.items()}
+def sentence(word: str) -> str:
+    """Reason for a verdict."""
+    return {
+        NO_GAP: "what is left is negligible",
+        RETUNE: "nominal parameters within their tolerances explain the gap",
+        NAMED: "the causes explain the gap, and nothing else does",
+        AMBIGUOUS: "the causes explain the gap, and some have rivals",
+        PARTLY: "the causes explain part of the gap",
+        UNKNOWN: "no effect explains half of the gap",
+    }[word]

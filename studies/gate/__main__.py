@@ -15,9 +15,9 @@ import click
 import exodrake as exo
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import read_case
+from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem, required_of
-from studies.gate.isolation import isolate
-from studies.gate.recorded import with_recorded_ranges
+from exodrake.diagnosis.recorded import with_recorded_ranges
 from studies.gate.rules import RULES, Answer, score
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
-from studies.gate.isolation import Isolation
-from studies.gate.search import GAIN, Fitted
-from studies.gate.verdict import MOST, PARTLY, decide
+from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
+from exodrake.diagnosis.search import GAIN, Fitted
+from exodrake.diagnosis.verdict import MOST, decide
 
 
 @dataclass(frozen=True)

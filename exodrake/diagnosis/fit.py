@@ -12,15 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from exodrake.core.machine import Machine
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.refine import COLUMNS, Explanation, slope_and_curvature, whole_jacobian
-from studies.gate.likelihood import Likelihood
-from studies.gate.linear import LinearModel
+from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
 DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a bad and a good step
 SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
@@ -31,6 +33,118 @@ FREE = (
 )
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
 USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A set of effects with its fitted robot.
+
+    Attributes:
+        effects: ids.
+        parameters: fitted parameters, nominal ones first.
+        x: (parameters,) coordinates.
+        values: (n,) flat vector of the robot with the fixed parameters of its effects, at x = 0.
+        residual: (samples,) whitened [noise_std].
+        jacobian: (nominal, samples) derivatives by the nominal parameters nearby.
+    """
+
+    effects: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    x: np.ndarray
+    values: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def robot(self) -> np.ndarray:
+        """Flat parameter vector (n,) of the fitted robot."""
+        return apply(self.values, self.parameters, self.x)
+
+    @property
+    def at_nominal(self) -> np.ndarray:
+        """Flat parameter vector (n,) with the fitted effects and the nominal parameters as they were."""
+        return apply(self.values, self.parameters, np.concatenate([np.zeros(self.nominal), self.x[self.nominal :]]))
+
+    @property
+    def name(self) -> str:
+        """Ids joined by +; `retune` without an effect."""
+        return " + ".join(self.effects) or "retune"
+
+    @property
+    def nominal(self) -> int:
+        """Number of nominal parameters."""
+        return len(self.jacobian)
+
+    @cached_property
+    def prior_std(self) -> np.ndarray:
+        """Prior standard deviations (parameters,)."""
+        return np.array([min(p.prior_std, FREE * p.scale) for p in self.parameters])
+
+    @property
+    def use(self) -> np.ndarray:
+        """Coordinates in standard deviations of their priors (parameters,)."""
+        return self.x / self.prior_std
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lower and upper ends of the coordinates (2, parameters)."""
+        return np.array([p.bounds for p in self.parameters]).reshape(-1, 2).T
+
+    def cost(self, likelihood: Likelihood) -> float:
+        """Half the sum of squares of the weighted residual and of the coordinates in units of their priors."""
+        return likelihood.cost(self.residual, self.x, self.prior_std)
+
+    def at(self, likelihood: Likelihood, x: np.ndarray) -> Explanation:
+        """The explanation at other coordinates x (parameters,)."""
+        return self.at_each(likelihood, [x])[0]
+
+    def at_each(self, likelihood: Likelihood, points: Sequence[np.ndarray]) -> list[Explanation]:
+        """The explanation at several coordinates x (parameters,), simulated at once."""
+        residuals = likelihood.residual(np.array([apply(self.values, self.parameters, x) for x in points]))
+        moved = zip(points, residuals, strict=True)
+        return [replace(self, x=x, residual=residual) for x, residual in moved]
+
+    def changed(self, **fields: Any) -> Explanation:
+        """The explanation with other fields at the same coordinates: derivatives by its effects are kept."""
+        found = replace(self, **fields)
+        if self in COLUMNS:
+            COLUMNS[found] = COLUMNS[self]
+        return found
+
+
+COLUMNS: WeakKeyDictionary[Explanation, np.ndarray] = WeakKeyDictionary()  # of explanations that were differentiated
+
+
+def whole_jacobian(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (parameters, samples) of the residual by all parameters; those by the effects are simulated once."""
+    if here not in COLUMNS:
+        COLUMNS[here] = effect_columns(likelihood, here)
+    return np.concatenate([here.jacobian, COLUMNS[here]])
+
+
+def effect_columns(likelihood: Likelihood, here: Explanation) -> np.ndarray:
+    """Derivatives (effect parameters, samples) by the parameters of the effects, away from the nearer bound."""
+    count = here.nominal
+    if count == len(here.parameters):
+        return np.zeros((0, len(here.residual)), dtype=np.float32)
+    steps, rows = [], []
+    for i, p in enumerate(here.parameters[count:], start=count):
+        step = STEP * p.scale
+        step = -step if here.x[i] + step > p.bounds[1] else step
+        moved = here.x.copy()
+        moved[i] += step
+        steps.append(step)
+        rows.append(apply(here.values, here.parameters, moved))
+    return likelihood.derivatives(np.array(rows), here.residual, np.array(steps))
+
+
+def slope_and_curvature(
+    likelihood: Likelihood, here: Explanation, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient (parameters,) and Gauss-Newton matrix (parameters, parameters) of the cost."""
+    weighted, precision = np.multiply(columns, likelihood.weights, dtype=float), 1.0 / here.prior_std**2
+    slope = weighted @ (here.residual * likelihood.weights) + precision * here.x
+    return slope, weighted @ weighted.T + np.diag(precision)
 
 
 def at_bounds(e: Explanation) -> list[str]:

@@ -18,8 +18,7 @@ import numpy as np
 from exodrake.core.effect import Effect
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.threads import side_by_side
-from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
-from studies.gate.fit import (
+from exodrake.diagnosis.fit import (
     Explanation,
     Predicted,
     at_bounds,
@@ -31,8 +30,9 @@ from studies.gate.fit import (
     whole_jacobian,
     without,
 )
-from studies.gate.likelihood import Likelihood
-from studies.gate.linear import LinearModel
+from exodrake.diagnosis.likelihood import Likelihood
+from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
 
 SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
