@@ -20,7 +20,7 @@ import numpy as np
 
 from exodrake.core.machine import Machine
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linear import LinearModel, bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import STEP, Parameter, apply
 
@@ -286,22 +286,6 @@ def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> np
     if size < 1e-6:
         return here.jacobian
     return here.jacobian + np.outer(weight / size, trial.residual - expected).astype(np.float32)
-
-
-def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
-    """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
-    from scipy.optimize import lsq_linear
-
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-    factor = np.sqrt(np.maximum(values, 1e-8 * max(1.0, values[-1])))[:, None] * vectors.T
-    scaled = factor.T @ factor
-    target = np.linalg.solve(factor.T, -slope / size)
-    found = np.linalg.solve(factor, target)
-    ends = low * size, np.maximum(high * size, low * size + 1e-9)
-    if np.any((found < ends[0]) | (found > ends[1])):
-        found = lsq_linear(factor, target, ends, method="bvls").x
-    return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)
 
 
 def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[Explanation, list[np.ndarray]]:

@@ -53,15 +53,19 @@ class Isolation:
 
     def negligible(self, robot: np.ndarray) -> bool:
         """Whether a robot leaves less than `NEGLIGIBLE` beyond noise in each channel, over the whole logs."""
-        return negligible(self.whole, robot)
+        return negligible(self.whole, robot, self.likelihood)
 
 
-def negligible(problem: Problem, robot: np.ndarray) -> bool:
-    """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column."""
-    logs = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
-    squares = np.concatenate(logs) ** 2
-    error = np.sqrt(2.0 / len(squares))  # standard deviation of the mean square of white noise
-    return bool((squares.mean(axis=0) < 1.0 + NEGLIGIBLE**2 + SAMPLING * error).all())
+def negligible(problem: Problem, robot: np.ndarray, likelihood: Likelihood) -> bool:
+    """Whether a robot (parameters,) leaves less than `NEGLIGIBLE` beyond noise in each column.
+
+    Noise is what simulated runs with noise show (`View.squares`), with their scatter; what the sensors state at least.
+    """
+    squares = np.concatenate(by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)) ** 2
+    runs = likelihood.views[0].squares
+    assert runs is not None, "a likelihood of noise"
+    noise = np.maximum(runs.mean(axis=0), 1.0) + SAMPLING * runs.std(axis=0, ddof=1)
+    return bool((squares.mean(axis=0) < noise + NEGLIGIBLE**2).all())
 
 
 def retune(problem: Problem, x: np.ndarray | None = None) -> tuple[Explanation, defaultdict[str, float]]:
@@ -93,10 +97,10 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
         most: samples that are fitted.
     """
     progress(Stage.RETUNE, "")
-    share = affordable(problem, most)
-    start, simulated = retune(problem.shortened(share))
+    part = affordable(problem, most)
+    start, simulated = retune(problem.shortened(part))
     whole = detect(problem, start.robot)
-    short = whole.shortened(share)
+    short = whole.shortened(part)
     certain = sum(d.certain for d in whole.detected)
     if certain:
         start, again = retune(short, start.x)
@@ -107,25 +111,27 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     likelihood = likelihood.with_memory_of(residual)
     effects = tuple(e for e in machine.effects if e.id in short.tried)
     zero = replace(start, x=np.zeros(len(start.x)))
-    none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
-    if negligible(whole, zero.robot):
-        (nominal,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
-        lin = Linearisation(start.parameters, zero.x, nominal.residual, none, none[:0], ())
-        search = Search(likelihood, (), lin)
-        search.add([nominal])
-        return Isolation(short, whole, likelihood, lin, nominal, search, search.none)
+    if negligible(whole, zero.robot, likelihood):
+        none = np.zeros((len(start.x), likelihood.samples), dtype=np.float32)
+        (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
+        effects = ()
+    else:
+        jacobian = nominal_jacobian(likelihood, start.values, start.parameters, start.x, residual)
+        start = replace(start, residual=residual, jacobian=jacobian)
+        retuned = minimise(likelihood.scaled_to(residual).for_stage("refine"), start)
+        tuned = negligible(whole, retuned.robot, likelihood)
+        if part < affordable(problem) and not tuned and negligible(short, retuned.robot, likelihood):
+            return isolate(problem, progress, MOST)  # the rest of the logs shows a gap that this part does not
+        if tuned and most == MOST:
+            effects = ()
+    (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
-    lin = linearise(likelihood, start.values, start.x, start.parameters, effects, base=residual)
-    start = replace(start, residual=residual, jacobian=lin.jacobian)
-    retuned = minimise(likelihood.scaled_to(residual).for_stage("refine"), start)
-    (nominal,) = retuned.at_each(likelihood, [np.zeros(len(start.x))])
+    known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
+    lin = linearise(likelihood, *known)
     search = Search(likelihood, effects, lin, progress=progress)
     search.add([retuned])
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
-    found = Isolation(short, whole, likelihood, lin, nominal, search, best)
-    if share < affordable(problem) and not best.effects and not found.negligible(retuned.robot):
-        return isolate(problem, progress, MOST)
-    return found
+    return Isolation(short, whole, likelihood, lin, nominal, search, best)
 
 
 def affordable(problem: Problem, most: float = MOST) -> float:

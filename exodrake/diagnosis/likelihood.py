@@ -44,12 +44,14 @@ class View:
         whitening: noise model.
         noise: whitened residuals of simulated runs with noise, one list of (frames, columns) arrays a run.
         scale: divisor of the whitened residual in the cost [-].
+        squares: (runs, columns) mean squares of these runs before whitening [noise variances].
     """
 
     problem: Problem
     whitening: Whitening
     noise: tuple[list[np.ndarray], ...] = ()
     scale: float = 1.0
+    squares: np.ndarray | None = None
 
     @property
     def samples(self) -> int:
@@ -212,7 +214,8 @@ def likelihood_of(problem: Problem, values: np.ndarray, simulated: defaultdict[s
         written = [(run[k], robot) for run, robot in zip(runs, robots, strict=True)]
         raw = [by_trial(run.residual(robot[None], run.fit)[0], run.fit) for run, robot in written]
         whitening = whitening_of([log for run in raw for log in run])
-        found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw)))
+        squares = np.array([np.mean(np.concatenate(run) ** 2, axis=0) for run in raw])
+        found.append(View(view, whitening, tuple([whitening(log) for log in run] for run in raw), squares=squares))
     simulated = defaultdict(float) if simulated is None else simulated
     simulated["noise"] += NOISE_RUNS * duration(problem) * (1 + len(views))  # written, then simulated in each view
     return Likelihood(tuple(found), simulated, memory=longest(problem))

@@ -80,7 +80,7 @@ class LinearModel:
         scale = np.sqrt(np.diag(normal))
         unit = normal / np.outer(scale, scale) + RIDGE * np.eye(len(scale))
         slope = products[:-1, -1] - self.precision * self.mean
-        step = np.clip(-np.linalg.solve(unit, slope / scale) / scale, self.low, self.high)
+        step, _ = bounded(normal, slope, self.low, self.high)
         return Posterior(
             step, np.linalg.inv(unit) / np.outer(scale, scale), self._cost(products, step), self._volume(unit, scale)
         )
@@ -164,3 +164,19 @@ class Reduced:
     def others(self, rows: np.ndarray, f: np.ndarray) -> np.ndarray:
         """Change (eliminated,) of the eliminated x with f (rows,) at some places."""
         return -(self.solved[:, -1] + self.solved[:, rows] @ f)
+
+
+def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
+    """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
+    from scipy.optimize import lsq_linear
+
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    factor = np.sqrt(np.maximum(values, 1e-8 * max(1.0, values[-1])))[:, None] * vectors.T
+    scaled = factor.T @ factor
+    target = np.linalg.solve(factor.T, -slope / size)
+    found = np.linalg.solve(factor, target)
+    ends = low * size, np.maximum(high * size, low * size + 1e-9)
+    if np.any((found < ends[0]) | (found > ends[1])):
+        found = lsq_linear(factor, target, ends, method="bvls").x
+    return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)

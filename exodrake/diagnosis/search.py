@@ -22,7 +22,6 @@ from exodrake.diagnosis.fit import (
     Explanation,
     Predicted,
     at_bounds,
-    bounded,
     fit_beside,
     linear_model,
     minimise,
@@ -31,7 +30,7 @@ from exodrake.diagnosis.fit import (
     without,
 )
 from exodrake.diagnosis.likelihood import Likelihood
-from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linear import LinearModel, bounded
 from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
 
 SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
@@ -129,20 +128,25 @@ class Search:
         return float(self.left_by_log(fitted)[0])
 
     def left_by_log(self, fitted: Fitted) -> np.ndarray:
-        """The same (1 + logs,): by all logs, and with each of several logs left out."""
-        before, mine = excess_by_log(self.none.model), excess_by_log(fitted.model)
+        """The same (1 + logs,): by all logs, and with each of several logs left out.
+
+        A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
+        where that is less than expected.
+        """
+        before, mine = squares_by_log(self.none.model), squares_by_log(fitted.model)
         count, samples = len(mine), sample_count(fitted.model)
+        floor = np.minimum(np.min([f.chi2 for f in self.sets.values()], axis=0), 1.0)
         keep = [np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)]
         found = []
         for logs in keep:
-            base = before[logs].sum(axis=0)
-            wide = base > NEGLIGIBLE**2 * samples[logs].sum(axis=0)  # a view without a gap has no say
-            ratio = np.maximum(mine[logs].sum(axis=0), 0.0)[wide] / base[wide]
-            found.append(float(np.mean(ratio)) if wide.any() else 0.0)
+            n = samples[logs].sum(axis=0)
+            gap, left = (np.maximum(x[logs].sum(axis=0) / n - floor, 0.0) for x in (before, mine))
+            weight = gap / (gap + NEGLIGIBLE**2)
+            found.append(float(weight @ (left / np.maximum(gap, 1e-12)) / max(weight.sum(), 1e-12)))
         return np.array(found)
 
     def alike(self, other: Fitted, best: Fitted, gain: float) -> bool:
-        """Whether a set leaves no more than another beyond what laws err by.
+        """Whether a set leaves no more than another, or is as likely.
 
         Args:
             other: the set.
@@ -151,10 +155,16 @@ class Search:
         """
         if at_bounds(other.explanation):
             return False
-        left = self.left(best)
-        memory = min(best.memory, other.memory)
+        left, memory = self.left(best), min(best.memory, other.memory)
         as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
         return as_likely or self.left(other) - left <= min(LAW**2 * gain, left)
+
+    def plainer_law(self, other: Fitted, effect: str, best: Fitted, place: str, gain: float) -> bool:
+        """Whether an effect in the place of another is a law of its kind with fewer parameters, within a law's error."""
+        known = {e.id: e for e in self.effects}
+        same = known[effect].block == known[place].block and kind_of(known[effect]) == kind_of(known[place])
+        fewer = len(other.explanation.x) < len(best.explanation.x)
+        return same and fewer and self.left(other) - self.left(best) <= LAW**2 * gain
 
     def in_place_of(self, best: Fitted, effect: str) -> dict[str, Fitted]:
         """Fitted sets in which another effect stands for one of a set."""
@@ -164,18 +174,12 @@ class Search:
 
     def rivals_of(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
         """Effects in the place of one that leave as much, but for laws of its kind that only have more parameters."""
-        kinds = {e.id: kind_of(e) for e in self.effects}
-
-        def richer(other: str, fitted: Fitted) -> bool:
-            same = kinds.get(other) == kinds.get(effect)
-            return (
-                same
-                and len(fitted.explanation.x) > len(best.explanation.x)
-                and self.left(fitted) > 0.9 * self.left(best)
-            )
-
         places = self.in_place_of(best, effect)
-        return {i: f for i, f in places.items() if self.alike(f, best, gain) and not richer(i, f)}
+        return {
+            i: f
+            for i, f in places.items()
+            if self.alike(f, best, gain) and not self.plainer_law(best, effect, f, i, gain)
+        }
 
     def plainer(self, best: Fitted) -> Fitted:
         """The set with plainer effects in the place of others, where they explain as much.
@@ -187,14 +191,11 @@ class Search:
         for effect in [i for i in best.explanation.effects if i in known]:
             smaller = self.sets.get(best.effects - {effect})
             gain = self.left(smaller) - self.left(best) if smaller else 1.0
-
-            def is_plainer(other: str, fitted: Fitted, effect: str = effect, best: Fitted = best) -> bool:
-                fewer = len(fitted.explanation.x) < len(best.explanation.x)
-                same = kind_of(known[other]) == kind_of(known[effect])
-                return is_memory(known[effect]) > is_memory(known[other]) or (same and fewer)
-
-            found = {i: f for i, f in self.in_place_of(best, effect).items() if is_plainer(i, f)}
-            found = {i: f for i, f in found.items() if self.alike(f, best, gain)}
+            found = {}
+            for i, f in self.in_place_of(best, effect).items():
+                cause = is_memory(known[effect]) and not is_memory(known[i]) and self.alike(f, best, gain)
+                if not at_bounds(f.explanation) and (cause or self.plainer_law(f, i, best, effect, gain)):
+                    found[i] = f
             if found:
                 best = max(found.values(), key=self.evidence)
         return best
@@ -242,7 +243,8 @@ class Search:
         e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
         if key:
-            promising = {p.probe.effect for p in self.screened(e, lin)[:LOOKED]}
+            far = self.sets[key].excess > 1.0  # noise variances: an effect may act only where this set has brought it
+            promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
             new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
@@ -293,10 +295,10 @@ class Search:
         return best
 
 
-def excess_by_log(model: LinearModel) -> np.ndarray:
-    """Sums of squares above noise (logs, views)."""
+def squares_by_log(model: LinearModel) -> np.ndarray:
+    """Sums of squares of the residual (logs, views)."""
     found = np.zeros((model.log.max() + 1, len(model.variance)))
-    np.add.at(found, (model.log, model.view), model.products[:, -1, -1] - model.samples)
+    np.add.at(found, (model.log, model.view), model.products[:, -1, -1])
     return found
 
 

@@ -17,7 +17,7 @@ from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LAW, Fitted
+from exodrake.diagnosis.search import LAW, Fitted, Search
 
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
@@ -74,15 +74,33 @@ def share_of(values: np.ndarray) -> Interval:
 
 
 def decide(found: Isolation) -> Decision:
-    """The verdict of an isolation."""
+    """The verdict of an isolation.
+
+    Where retuning leaves a negligible gap, its tolerances are less likely than an effect only if a single one explains
+    what they leave and is more likely by `NATS`.
+    """
     search, best, none = found.search, found.best, found.search.none
-    if found.negligible(found.nominal.robot) or not best.effects:
+    if found.negligible(found.nominal.robot):
+        return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
+    tuned = found.negligible(none.explanation.robot)
+    parts = parts_of(search, best)
+    causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
+    explained = 1.0 - float(left[0])
+    if tuned and (len(causes) != 1 or causes[0].rivals or explained < EXPLAINED):
+        return Decision(RETUNE, none, (), share_of(search.left_by_log(none)), (sentence(RETUNE),))
+    if found.negligible(best.explanation.robot):
+        explained = 1.0
+    if not causes or explained < MOST:
         word = UNKNOWN
-        if found.negligible(found.nominal.robot):
-            word = NO_GAP
-        elif found.negligible(none.explanation.robot):
-            word = RETUNE
-        return Decision(word, none, (), share_of(search.left_by_log(none)), (sentence(word),))
+    elif explained < EXPLAINED:
+        word = PARTLY
+    else:
+        word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
+    return Decision(word, best, parts, share_of(left), (sentence(word),))
+
+
+def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
+    """Effects of a set, causes first, the largest first."""
     left = search.left_by_log(best)
     gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
     parts = []
@@ -93,16 +111,7 @@ def decide(found: Isolation) -> Decision:
         places = search.rivals_of(best, effect, mine)
         rivals = {i: mine + float(left[0]) - search.left(f) for i, f in places.items()}
         parts.append(Part(effect, CAUSE if large else REFINEMENT, share_of(gain), rivals))
-    parts.sort(key=lambda p: (p.role != CAUSE, -p.share.value))
-    causes = [p for p in parts if p.role == CAUSE]
-    explained = 1.0 if found.negligible(best.explanation.robot) else 1.0 - float(left[0])
-    if not causes or explained < MOST:
-        word = UNKNOWN
-    elif explained < EXPLAINED:
-        word = PARTLY
-    else:
-        word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
-    return Decision(word, best, tuple(parts), share_of(left), (sentence(word),))
+    return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
 def sentence(word: str) -> str:
