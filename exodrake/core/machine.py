@@ -58,6 +58,7 @@ class Machine:
         loop: the closed loop that `analyse` and `tune` look at; None where there is none.
         separate: whether no joint moves another, as where each follows what is commanded or measured.
         defaults: values [SI] by full name of parameters that a robot file need not state.
+        recorded: full name of a parameter -> its largest value [its unit] from the sizes of recorded signals by unit.
         nominal: the machine without variants that this one was made from; None if this one has no variants.
     """
 
@@ -90,6 +91,7 @@ class Machine:
     loop: Loop | None = None
     defaults: Mapping[str, float] = field(default_factory=dict)
     separate: bool = False
+    recorded: Mapping[str, Callable[[Mapping[str, float]], float]] = field(default_factory=dict)
     nominal: Machine | None = None  # the machine without variants that this one was made from
 
     def __post_init__(self) -> None:

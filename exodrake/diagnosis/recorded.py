@@ -68,10 +68,11 @@ def widened(parameter: EffectParameter, size: float) -> EffectParameter:
 
 
 def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
-    """The robot whose generic effects may be as large as the recording shows."""
-    if not any(map(is_generic, robot.machine.effects)):
-        return robot
-    size = sizes(robot.machine, case)
+    """The robot whose generic effects may be as large as the recording shows, and its numbers of rest as small."""
+    machine, size = robot.machine, sizes(robot.machine, case)
+    values = robot.values.copy()
+    for name, largest in machine.recorded.items():
+        values[machine.index[name]] = min(values[machine.index[name]], largest(size))
 
     def adapted(effect: Effect) -> Effect:
         if not is_generic(effect):
@@ -79,4 +80,4 @@ def with_recorded_ranges(robot: Robot, case: Case) -> Robot:
         lead, *rest = effect.parameters
         return replace(effect, parameters=(widened(lead, size.get(lead.unit, 0.0)), *rest))
 
-    return replace(robot, machine=replace(robot.machine, effects=tuple(map(adapted, robot.machine.effects))))
+    return replace(robot, values=values, machine=replace(machine, effects=tuple(map(adapted, machine.effects))))

@@ -1,11 +1,11 @@
 """Joints behind position servos and their cables: ratio, zero, sag, lag, play, and what neighbours do."""
 
-from math import cos, exp
+from math import cos, exp, inf
 
 from exodrake.core.effect import Effect, per_joint
 from exodrake.core.part import State
 from exodrake.core.signal import JOINTS
-from exodrake.effects.friction import turned
+from exodrake.effects.friction import bent, turned
 from exodrake.effects.signal import clipped, mixed, rests, scaled, shifted
 
 STRANDS = 3.0
@@ -67,6 +67,27 @@ def lagging(aim, before, dt, time_constant):
     time_constant angle' = aim - angle
     """
     return before + (aim - before) * (1.0 - exp(-dt / time_constant)) if time_constant > 0.0 else aim
+
+
+def limited(aim, before, dt, speed):
+    """Angle after a tick [rad] of a drive that turns no faster than a speed [rad/s].
+
+    angle <- angle + min(max(aim - angle, -speed dt), speed dt)
+    """
+    return before + clipped(aim - before, speed * dt)
+
+
+def short_of(angle, error, width, bristle):
+    """Angle at the joint [rad] that dry friction in the gear holds back, on the side that it came from.
+
+    shown = angle - error z          z: bristle [-1 .. 1], which turns with the aim
+    """
+    return angle - error * bristle
+
+
+def settle_bristle(dt, moved, error, width, bristle):
+    """The bristle [-1 .. 1] after the aim moved [rad]: dz/daim = (1 - z sgn(aim')) / width."""
+    return bent(bristle, moved, width)
 
 
 def half_width(bend, width, mu):
@@ -152,6 +173,16 @@ GRAVITY_SAG = Effect(
     source="proportional servos hold by their error; 1-5 deg; range assumed", at={"joint.aimed": sagging},
     parameters=(per_joint("sag", "rad", null=0.0, low=-0.1, high=0.1, default=0.02),),
 )  # fmt: skip
+HYSTERESIS = Effect(
+    id="joint.hysteresis", summary="dry friction in the gear: the joint stops short of where it is told",
+    family="hysteresis",
+    signature="angle against command is a loop with rounded corners, rate-free, which a small motion does not fill",
+    source="friction over stiffness of a proportional servo (Rhoban/bam), 0.2-5 deg; Dahl 1968; range assumed",
+    at={"joint.shown": short_of, "joint.settle": settle_bristle}, advances=("joint.settle",),
+    parameters=(per_joint("error", "rad", null=0.0, low=0.002, high=0.3, default=0.02),
+                per_joint("width", "rad", null=0.05, low=0.005, high=0.5, default=0.05, transform="log")),
+    states=(State("bristle", JOINTS),),
+)  # fmt: skip
 LAG = Effect(
     id="joint.lag", summary="the drive follows as a first-order lag", family="lag",
     signature="angle behind the command, and smaller in fast motion",
@@ -170,6 +201,13 @@ PLAY = Effect(
     source="physics.md 4.A gear backlash 0.2-4 deg; cables more (Hwang et al., RA-L 2020)",
     at={"joint.followed": rests}, formula="angle <- min(max(angle, aim - half_width), aim + half_width)",
     parameters=(per_joint("half_width", "rad", null=0.0, low=0.002, high=0.6, default=0.05),),
+)  # fmt: skip
+SPEED_LIMIT = Effect(
+    id="joint.speed_limit", summary="the drive turns no faster than its supply allows", family="speed limit",
+    signature="angle ramps at one slope after large steps of the command; slow motion untouched",
+    source="no-load speeds of hobby servos, 1-10 rad/s, less with a low supply; range assumed",
+    at={"joint.followed": limited},
+    parameters=(per_joint("speed", "rad/s", null=inf, low=0.2, high=20.0, default=4.0, transform="reciprocal"),),
 )  # fmt: skip
 SHEATH_PLAY = Effect(
     id="joint.sheath_play",

@@ -11,7 +11,7 @@ from exodrake.core.part import Part
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, UNIFORM, Axes, Signal
 from exodrake.core.skeleton import axes_side_by_side
-from exodrake.effects import LIBRARY, generic_effects, in_order, plugin_effects
+from exodrake.effects import LIBRARY, for_machine, generic_effects, in_order, plugin_effects
 from exodrake.physics import joint, joint_command
 from exodrake.physics.reading import sensor
 
@@ -20,6 +20,7 @@ REFERENCES = (Signal("angle_ref", "rad", JOINTS), Signal("angle_start", "rad", J
 BEND = Signal("bend", "rad", JOINTS)
 ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the sensor of the joints reads and writes
 COLUMN = Column("angle", "angle_read", label="Joint angle")
+STANDARD = ("speed_limit", "hysteresis")  # laws that every drive may have
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
 COMPUTED = (
@@ -63,11 +64,14 @@ def joint_machine(
         name: of the machine.
         part: name of the part that moves the joints.
         joints: their names.
-        library: its effects; the generic ones of its sensors join those whose family is not among them.
+        library: its effects; the `STANDARD` laws and the generic ones of its sensors join those whose family is
+            not among them.
         frame: its period [s].
         max_effects: that a diagnosis may name together.
         settings: `BEND` if logs state the bend of each joint's sheath.
     """
+    standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in STANDARD)
+    library = (*library, *others(tuple(standard), library))
     given, (*_, reading) = (*REFERENCES, *settings), (parts := parts_of(part, joints, frame, settings))
     return Machine(
         name=name,

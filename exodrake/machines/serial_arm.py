@@ -52,6 +52,7 @@ SECTION = mapping(
     {"urdf": text(), "form": text(FORMS), "frame": number(above=0.0, high=SLOWEST), "tip": text()}, required=("urdf",)
 )
 FRAME = 0.005  # s, as most recordings of arms: assumed
+REST = 0.01  # of the largest speed, below which dry friction of the largest effort counts as rest: assumed
 STEP = 0.02  # rad or m, of a reference for the analysis: assumed
 CROSSTALK = ("torque.crosstalk", "encoder.crosstalk")  # not tried: joints are measured one by one
 OFFSET = ("arm.offset",)  # which is `torque.offset` in inverse dynamics
@@ -88,6 +89,7 @@ def slots_of(frame: float) -> int:
 def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
     """The arm in inverse-dynamics form: position, velocity and acceleration are measured, the effort is predicted."""
     unit, efforts, count = units(chain), typical_efforts(chain), len(chain.names)
+    speed, force = unit["velocity"], unit["effort"]
     torque = reading("torque", "effort", unit, 0, frame, float(efforts.max()), count)
     parts = (arm_inverse.part(scales(efforts, unit), unit), torque)
     motion = signals(unit, "position", "velocity", "acceleration")
@@ -113,6 +115,7 @@ def inverse_machine(name: str, chain: Chain, frame: float) -> Machine:
         skeleton=shape,
         separate=True,
         defaults=stated(chain, "arm") | losses(chain),
+        recorded={"arm.mobility": lambda size: REST * size.get(speed, np.inf) / max(size.get(force, 0.0), 1e-12)},
     )
 
 
