@@ -15,17 +15,16 @@ import pytest
 from report_synthetic import COLUMNS, IDS, VERDICTS, chosen, diagnosis, simulated_logs
 from rich.console import Console
 
+from exodrake.core.progress import Stage
 from exodrake.data.log import Log
 from exodrake.data.plot import envelope, stretch_of
 from exodrake.diagnosis.gap import Interval
-from exodrake.diagnosis.pipeline import notes_on_confirmation
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
 from exodrake.report import number_format, wording
-from exodrake.report.curves import LEVELS, MOST, curves
 from exodrake.report.diagnosis_html import html_of
-from exodrake.report.how_far import spectra
+from exodrake.report.how_far import LEVELS, MOST, curves, spectra
 from exodrake.report.simulated_logs import SimulatedLogs
-from exodrake.report.terminal import print_summary
+from exodrake.report.terminal import print_profile, print_summary
 from exodrake.report.where import binned, top_condition
 from exodrake.report.which import retuned_tables
 
@@ -83,10 +82,12 @@ def test_page_holds_the_licence_of_what_it_contains(pages):
 def test_page_says_the_answer(pages):
     text = visible(pages(NAMED))
     for wanted in (
-        "Capstan friction on tendons AF and MF", "0.280 to 0.340", "93 to 98 %",  # value, interval, closure
+        "Load-dependent friction (tendon.capstan_friction) at tendons AF and MF explains 91 % of the gap; 6 % remains",
+        "0.280 to 0.340", "93 to 98 %",  # interval, closure
         "T_d = T_c - F", "exodrake effects tendon.capstan_friction",  # equation
-        "finger.kappa.MCP", "2 repeated rows dropped", "level of each test", "raw BIC",
-        "Would noise leave so much? p = 0.4 p &gt; 0.02 passed",  # a test at its level
+        "finger.kappa.MCP", "2 repeated rows dropped", "raw BIC", "Evidence [nats]",
+        "a cause takes up of the gap at least 10 %",  # a number of the decisions
+        "1 refinement", "may be the error of a cause’s law",
         "2026-11-22 08:00:00 UTC", "exodrake diagnose case", "exo_index.yaml", "abc123",  # provenance
         "noise: repeats chirp.csv.gz", "222222222222",  # every log, and the hash of its file
     ):  # fmt: skip
@@ -94,12 +95,48 @@ def test_page_says_the_answer(pages):
     assert "case &lt;7&gt; &amp; co" in text
 
 
-def test_headline_holds_value_interval_and_unit():
-    assert "mu_phi 0.300 (90 %: 0.270 to 0.330)" in wording.headline(diagnosis())
-    found = diagnosis().effects[0]
-    stiffness = Interval(5275.0, 4900.0, 5700.0, "N/m")
-    other = replace(found, parameters={"stiffness": stiffness}, channels={})
-    assert wording.value_words(other) == "stiffness 5.28 N/mm (90 %: 4.90 to 5.70)"
+def test_headline_names_cause_place_share_and_what_remains():
+    said = {verdict: wording.headline(diagnosis(verdict)) for verdict in VERDICTS}
+    cause = "oad-dependent friction (tendon.capstan_friction) at tendons AF and MF explains"
+    assert said[NAMED] == f"L{cause} 91 % of the gap; 6 % remains."
+    where = "in the tendon, mostly with frequency below 1 Hz"
+    assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains {where}."
+    assert said[AMBIGUOUS] == (
+        "The logs cannot tell capstan friction (tendon.capstan_friction) from coulomb friction "
+        "(tendon.coulomb_friction) at tendons AF and MF, which explains 91 % of the gap; 6 % remains."
+    )
+    assert "finger.kappa.MCP 0.0800 -> 0.0712" in said[RETUNE] and "negligible" in said[NO_GAP]
+    best = "the best set, tendon.capstan_friction, would explain 41 % of it"
+    assert best in said[UNKNOWN] and "in the tendon at tendons AF and MF" in said[UNKNOWN]
+
+
+def test_rivals_belong_to_one_cause_and_the_others_stand_besides():
+    found = diagnosis(AMBIGUOUS)
+    base = replace(found.effects[0], wires=(), joints=("base",), id="servo.latency", kind="delay")
+    base = replace(base, rivals=(replace(base.rivals[0], id="servo.lag"),), share=Interval(0.7, 0.6, 0.8))
+    besides = replace(found.effects[1], joints=(), id="encoder.hysteresis", role="cause")
+    text = wording.headline(replace(found, effects=(besides, base)))
+    assert "cannot tell latency (servo.latency) from lag (servo.lag) at joint base, which explains 70 %" in text
+    assert "; hysteresis (encoder.hysteresis) in the encoder besides explains 3 % of it; 6 % remains" in text
+
+
+def test_headline_states_values_by_channel_only_where_these_differ():
+    channels = {"AF": Interval(0.4, 0.37, 0.43), "MF": Interval(0.15, 0.12, 0.18), "AE": Interval(0.01, -0.1, 0.1)}
+    cause = replace(diagnosis().effects[0], channels={"mu_phi": channels})
+    said = wording.headline(replace(diagnosis(), effects=(cause,)))
+    assert "(mu_phi 0.400 at AF, 0.150 at MF)" in said and "AE" not in said
+
+
+def test_all_channels_of_a_long_list_are_called_so():
+    class Axes:
+        def of(self, axis):
+            return tuple("1234567") if axis == "joints" else ()
+
+    class Machine:
+        axes = Axes()
+
+    assert wording.seat((), tuple("1234567"), Machine()) == "all 7 joints"  # pyright: ignore[reportArgumentType]
+    assert wording.seat(("AF",), ("1", "2")) == "tendon AF and joints 1 and 2"
 
 
 def test_channels_that_disagree_are_stated_one_by_one():
@@ -137,12 +174,12 @@ def test_page_is_well_formed_and_ids_do_not_clash(pages):
 
 def test_page_of_no_gap_has_no_place_and_no_effect(pages):
     text = visible(pages(NO_GAP))
-    assert "Where:" not in text and "Which: the tests" in text and "No gap" in text
+    assert "Where:" not in text and "Which:" not in text and "No gap" in text
 
 
 def test_unknown_page_names_no_effect(pages):
     text = visible(pages(UNKNOWN))
-    assert "no effect of the library" in text and "not accepted" in text and "weight among" not in text
+    assert "no effect of the library" in text and "not accepted" in text and "Refined" not in text
 
 
 def browsed(file, folder, *options):
@@ -201,20 +238,27 @@ def test_curves_are_read_under_the_pointer_and_zoom(pages, tmp_path):
 def test_summary_is_short_and_says_the_verdict(verdict):
     text = said(verdict)
     assert verdict in text and "gap (RMS)" in text
-    assert len(text.splitlines()) < 26
+    assert len(text.splitlines()) < 29
 
 
 def test_summary_of_each_kind():
     assert "0.280 to 0.340" in said(NAMED) and "96 % (93 to 98 %)" in said(NAMED)
-    ambiguous = said(AMBIGUOUS)
-    assert (
-        "capstan friction or coulomb friction" in ambiguous
-        and "exodrake experiment" in ambiguous
-        and IDS[1] in ambiguous
-    )
-    assert "direction of motion 61 %" in said(UNKNOWN)
+    assert "refined hysteresis (finger.hysteresis)" in said(NAMED) and "error of a cause's law" in said(NAMED)
+    assert "exodrake experiment" in said(AMBIGUOUS) and f"or {IDS[1]}" in said(AMBIGUOUS)
+    assert "direction of motion 61 %" in said(UNKNOWN) and "direction of motion 61 %" in said(PARTLY)
     assert "closure" not in said(NO_GAP) and "of what retuning alone leaves" in said(NAMED)
-    assert "within their tolerances" in said(RETUNE) and "finger.kappa.MCP 0.0800 -> 0.0712" in said(RETUNE)
+    assert "within their tolerances" in said(RETUNE) and "one effect alone" in said(RETUNE)
+
+
+def test_profile_sets_processor_time_beside_simulated_time():
+    console = Console(record=True, width=120, file=StringIO())
+    found = replace(
+        diagnosis(), simulated={"retune": 1200.0, "linearise": 6400.0, "refine": 50.0, "refine again": 25.0}
+    )
+    print_profile(found, {Stage.RETUNE: 1.5, Stage.LINEARISE: 4.0, Stage.FIT: 3.25}, console)
+    lines = console.export_text().splitlines()
+    assert any("fitting" in line and "3.25 s" in line and "75 s" in line for line in lines)
+    assert any(line.startswith("all") and "8.75 s" in line and "7,675 s" in line for line in lines)
 
 
 def test_top_condition_is_the_injected_one():
@@ -321,14 +365,14 @@ def test_closure_per_kind_counts_in_noise_standard_deviations():
 def test_page_without_motion_capture_and_with_an_effect_outside_the_library():
     found = diagnosis()
     runs = chosen(simulated_logs(frames=300), [c for c in COLUMNS if not c.startswith("angle")])
-    strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow"),))
+    strange = replace(found, effects=(replace(found.effects[0], id="tendon.of_tomorrow", kind=""),))
     assert "Of tomorrow" in visible(html_of(strange, runs))
 
 
 def test_page_and_summary_of_a_diagnosis_without_columns():
     found, runs = diagnosis(), chosen(simulated_logs(frames=300), [])
     found = replace(found, closure=replace(found.closure, signals={}))
-    assert "Capstan friction" in visible(html_of(found, runs))
+    assert "Load-dependent friction" in visible(html_of(found, runs))
     print_summary(found, Console(file=StringIO()))
 
 
@@ -369,7 +413,7 @@ def test_page_of_a_case_without_held_out_log_says_so():
 def test_page_of_a_robot_that_diverges_says_so_by_gaps():
     runs = simulated_logs(frames=300)
     runs.logs[1].simulated["nominal"][100:] = np.inf
-    assert "Capstan friction" in visible(html_of(diagnosis(), runs))
+    assert "Load-dependent friction" in visible(html_of(diagnosis(), runs))
     (log,) = curves(runs, ROBOTS)["logs"]
     assert np.isnan(unpacked(log["columns"][0]["nominal"])[100:]).all()
 
@@ -392,7 +436,7 @@ def test_no_place_prints_a_percentage_below_minus_100():
     signals = {name: replace(gap, closure=-3.2e4) for name, gap in found.closure.signals.items()}
     closure = replace(found.closure, overall=GREW, retune=GREW, effect=GREW, signals=signals)
     closure = replace(closure, measured_on=("grasps",), motions={"sweeps": GREW})
-    candidates = tuple(replace(c, score=-470.0) for c in found.candidates)
+    candidates = tuple(replace(c, share=-470.0) for c in found.candidates)
     runs = simulated_logs(frames=600)
     found = replace(found, closure=closure, candidates=candidates, problem=runs.problem)
     html = re.sub(r"<style.*?</style>|<svg.*?</svg>|<script.*?</script>", " ", html_of(found, runs), flags=re.S)
@@ -402,13 +446,16 @@ def test_no_place_prints_a_percentage_below_minus_100():
         assert not re.search(r"[-−][\d,]{3,} ?%", text) and "grew by a factor of 47,000" in text
 
 
-def test_held_out_motion_that_contradicts_the_verdict_is_said():
+def test_held_out_motion_that_contradicts_the_verdict_is_in_the_headline():
     problem = simulated_logs().problem
-    for step, confirmed in ((Interval(-0.13, -0.67, -0.03), False), (Interval(0.95, 0.91, 0.97), True)):
-        found = replace(diagnosis(), problem=problem)
+    steps = {
+        Interval(-0.13, -0.67, -0.03): (False, "held-out motion contradicts it"),
+        Interval(0.13, -0.2, 0.4): (False, "held-out motion does not confirm it"),
+        Interval(0.95, 0.91, 0.97): (True, "6 % remains."),
+    }
+    found = replace(diagnosis(), problem=problem)
+    for step, (confirmed, words) in steps.items():
         found = replace(found, closure=replace(found.closure, effect=step))
         assert found.to_json()["confirmed"] is confirmed
-        assert ("held-out motion does not confirm" in wording.headline(found)) is not confirmed
-        said = notes_on_confirmation(found)
-        assert len(said) == (not confirmed) and all("contradicts" in s and "grasps.csv.gz" in s for s in said)
+        assert words in wording.headline(found)
     assert replace(found, problem=replace(problem, holdout=())).confirmed is None

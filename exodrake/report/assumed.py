@@ -1,4 +1,4 @@
-"""Section "what was assumed" of the report: every log of the case, the numbers of the tests, the provenance."""
+"""Section "what was assumed" of the report: every log of the case, the numbers of the decisions, the provenance."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.level_table import decision_numbers
+from exodrake.diagnosis.isolation import SAMPLING
 from exodrake.diagnosis.result import Diagnosis
+from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
+from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.blocks import Table
 from exodrake.report.simulated_logs import ROBOTS, SimulatedLogs
@@ -20,7 +22,7 @@ def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template."""
     return {
         "logs": log_table(diagnosis, runs),
-        "levels": level_table(runs),
+        "numbers": Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions"),
         "provenance": provenance_table(diagnosis),
     }
 
@@ -60,10 +62,19 @@ def digest(case: Case, file: str) -> str:
     return f"`{found[:DIGITS]}`" if found else "–"
 
 
-def level_table(runs: SimulatedLogs) -> Table:
-    """Each number of the tests with its meaning and provenance."""
-    rows = decision_numbers(runs.problem.robot.machine)
-    return Table(("Number", "Value", "Source"), rows, words=3, folded="The numbers of the tests")
+def decision_numbers() -> list[tuple[str, str]]:
+    """Each number of the search and of the verdict: its meaning and value with unit."""
+    return [
+        ("a gap is negligible below, in every channel", f"{NEGLIGIBLE:g} noise standard deviations RMS beyond noise"),
+        ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
+        ("one effect more adds evidence of at least", f"{NATS:g} nats"),
+        ("and takes up of what is left at least", n.percent(GAIN)),
+        ("a cause takes up of the gap at least", n.percent(LARGE)),
+        ("or of what is left without it at least", n.percent(MOST)),
+        ("a law of an effect may err by", n.percent(LAW)),
+        ("causes are named that explain of the gap at least", n.percent(EXPLAINED)),
+        ("causes explain part of it (PARTLY) from", n.percent(MOST)),
+    ]
 
 
 def provenance_table(diagnosis: Diagnosis) -> Table | None:

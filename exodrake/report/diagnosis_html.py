@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from exodrake import __version__
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis
 from exodrake.report import number_format, wording
 from exodrake.report.assumed import assumed
 from exodrake.report.blocks import render
@@ -19,7 +19,9 @@ from exodrake.report.since import since
 from exodrake.report.where import where
 from exodrake.report.which import which
 
-COLOURS = {NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", UNKNOWN: "#b42318"}
+COLOURS = {
+    NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
+}  # fmt: skip
 
 
 def report_html(diagnosis: Diagnosis, problem: Problem) -> str:

@@ -19,15 +19,15 @@ from exodrake.core.plural import plural
 from exodrake.diagnosis.change_point import RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row
 from exodrake.diagnosis.fleet_change import Trend, trends
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
 from exodrake.diagnosis.sessions import DAY
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS
-from exodrake.report.timeline import timeline
+from exodrake.report.since import timeline
 
-VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, UNKNOWN, FAILURE)
-WORST_FIRST = (UNKNOWN, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
+VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, PARTLY, UNKNOWN, FAILURE)
+WORST_FIRST = (UNKNOWN, PARTLY, NAMED, AMBIGUOUS, FAILURE, RETUNE, NO_GAP)  # order of robots by their last verdict
 GREY = "#475467"  # of failures and of verdicts that a newer version gave
 CELLS = 60  # of a robot's strip of verdicts
 DRAWN = 24  # trends that are drawn

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from exodrake.core.confidence import ALPHA
+from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis
-from exodrake.diagnosis.session_series import RESIDUAL, Series
-from exodrake.diagnosis.since import Since
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Table
-from exodrake.report.timeline import timeline
+
+if TYPE_CHECKING:
+    from exodrake.diagnosis.session_series import Series
+    from exodrake.diagnosis.since import Since
 
 SHOWN = 6  # series that are drawn
 STEADY = f"no quantity changes over the {{}} (tests at p < {ALPHA:g})"
@@ -80,7 +82,7 @@ def speed(found: Since, one: Series, change: Change) -> str:
 
 def title(one: Series) -> str:
     """A series in words."""
-    name = "the residual’s power" if one.name == RESIDUAL else one.name
+    name = "the residual’s power" if one.name == "residual" else one.name
     return f"{name} on {one.channel}" if one.channel else name
 
 
@@ -111,3 +113,30 @@ def changes(found: Since) -> Table | None:
         rows.append((title(one), *cells[:1], f"{one.p:.2g}", *cells[1:]))
     header = ("Quantity", "Change began", "p", "Before", "Last", "Rate")
     return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
+
+
+def timeline(
+    head: Mapping[str, Any],
+    unit: str,
+    times: Sequence[float],
+    rows: Mapping[str, Sequence[float]],
+    change: Change | None,
+    clock: Callable[[Sequence[float]], list[float]],
+) -> dict[str, Any]:
+    """Plain data of a quantity.
+
+    Args:
+        head: `title`, and `dates`: whether the clock gives POSIX times.
+        unit: of the values.
+        times: (n,) of the values and of the change [their unit].
+        rows: `values`, `low` and `high` (n,) [unit].
+        change: its change point; None without.
+        clock: times as they are shown [s].
+    """
+    name, factor = shown_unit(unit)
+    shown = {key: [factor * float(value) for value in values] for key, values in rows.items()}
+    found = {**head, "unit": SYMBOLS.get(name, name), **shown, "times": clock(times)}
+    if change is None:
+        return found
+    path = [[*clock([t]), factor * y] for t, y in change.path(times[0], times[-1])]
+    return found | {"began": clock(change.began), "path": path}

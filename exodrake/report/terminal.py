@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
+from exodrake.core.progress import Stage
+from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
 from exodrake.report import number_format as n, wording as w
 from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
     from rich.panel import Panel
     from rich.table import Table
 
-COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", UNKNOWN: "red"}
+COLOURS = {NO_GAP: "green", RETUNE: "cyan", NAMED: "blue", AMBIGUOUS: "yellow", PARTLY: "magenta", UNKNOWN: "red"}
 TOP = 5  # candidates that are listed
+SIMULATES = {"retune": Stage.RETUNE, "linearise": Stage.LINEARISE}  # simulated time by stage; the rest is of the fits
 BAR = 20  # characters of a full bar
 REGIMES = 3  # conditions that are named
 
@@ -48,8 +50,8 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     console = console or Console(highlight=False)
     console.print(verdict_panel(diagnosis))
     if diagnosis.effects:
-        rows = [row for effect in diagnosis.effects for row in parameter_rows(effect)]
-        console.print(table(("effect", "parameter", ">value", ">90 % interval"), rows))
+        rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
+        console.print(table(("effect", ">share of the gap", "parameter", ">value", ">90 % interval"), rows))
     console.print(gap_table(diagnosis))
     for line in closing_lines(diagnosis):
         console.print(line)
@@ -64,32 +66,39 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
 
 
 def verdict_panel(diagnosis: Diagnosis) -> Panel:
-    """The verdict in a coloured box, with place and reason."""
+    """The verdict in a coloured box, with place, refinements and reason."""
     from rich.markup import escape
     from rich.panel import Panel
 
     lines = [f"[bold]{escape(w.headline(diagnosis))}[/bold]"]
     where = diagnosis.where
     if where.block != "none":
-        place = w.seat(where.wires, where.joints)
+        place = w.seat(where.wires, where.joints, w.machine_of(diagnosis))
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
-    if diagnosis.verdict in (UNKNOWN, AMBIGUOUS) and where.regime:
+    if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
         lines.append("when    " + ", ".join(f"{name} {n.percent(value)}" for name, value in top) + " of its variance")
+    if refined := w.refinement_words(diagnosis):
+        lines.append(f"refined {escape(refined)}")
     lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
     title = f"[bold]{diagnosis.verdict}[/bold]  {escape(diagnosis.case)}"
     style = COLOURS.get(diagnosis.verdict, "white")
     return Panel("\n".join(lines), title=title, title_align="left", border_style=style, padding=(0, 2))
 
 
-def parameter_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
-    """Effect, parameter (by channel where it has several values), value and interval."""
-    rows = []
+def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
+    """Effect with role and share, parameters (by channel where there are several values), and its rivals below."""
+    refined = "" if effect.role == CAUSE else f" [dim]{effect.role}[/dim]"
+    rivals = [(f"  or {rival.id}", w.share_span(rival.share)) for rival in effect.rivals]
+    left = [(f"[bold]{effect.id}[/bold]{refined}", w.share_span(effect.share)), *rivals]
+    values = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
-        rows += [(f"{name} {channel}", *n.interval(one)) for channel, one in channels.items()]
-        rows += [] if channels else [(name, *n.interval(item))]
-    return [(f"[bold]{effect.id}[/bold]" if k == 0 else "", *row) for k, row in enumerate(rows)]
+        values += [(f"{name} {channel}", *n.interval(one)) for channel, one in channels.items()]
+        values += [] if channels else [(name, *n.interval(item))]
+    count = max(len(left), len(values))
+    left, values = left + [("", "")] * (count - len(left)), values + [("", "", "")] * (count - len(values))
+    return [(*a, *b) for a, b in zip(left, values, strict=True)]
 
 
 def gap_table(diagnosis: Diagnosis) -> Table:
@@ -118,29 +127,32 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
         lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
         robots = ", ".join(f"{name} {n.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")
-    if diagnosis.verdict == RETUNE:
-        lines += [f"moved   {text}" if k == 0 else f"        {text}" for k, text in enumerate(w.moved_words(diagnosis))]
-    if diagnosis.verdict == AMBIGUOUS:
-        lines.append(f"class   {', '.join(w.class_of(diagnosis))}")
+    if alike := w.alike_words(diagnosis):
+        lines.append(f"moved   {alike}")
     if diagnosis.rivals:
         lines.append(f"next    {w.experiment_words(diagnosis)}")
     return lines
 
 
 def ranking(diagnosis: Diagnosis) -> Table:
-    """The best candidates with bars."""
+    """The likeliest fitted sets: share of the gap, reduced chi-square in closed loop, evidence, and a bar."""
     rows = []
-    for candidate in diagnosis.candidates[:TOP]:
-        removed = min(max(candidate.score, 0.0), 1.0)
-        rows.append((candidate.id, n.percent(removed), "━" * round(BAR * removed)))
-    return table(("candidate, fitted logs", ">closure beyond retuning", ""), rows, wrapped=0)
+    for one in diagnosis.candidates[:TOP]:
+        bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
+        rows.append((one.id or "retune", w.share(one.share), n.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
+    return table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0)
 
 
-def print_profile(diagnosis: Diagnosis, console: Console | None = None) -> None:
-    """Prints which stages of a diagnosis took the simulated time; to standard output without a console."""
+def print_profile(diagnosis: Diagnosis, spent: Mapping[Stage, float], console: Console | None = None) -> None:
+    """Prints processor time [s] by stage beside the time that it simulated; to standard output without a console."""
     from rich.console import Console
 
-    total = diagnosis.simulated_time
-    rows = [(stage, f"{s:,.0f} s", n.percent(s / total)) for stage, s in diagnosis.simulated.items()]
-    rows.append(("all", f"{total:,.0f} s", f"in {diagnosis.run_time:.1f} s"))
-    (console or Console(highlight=False)).print(table(("stage", ">simulated", ">share"), rows))
+    simulated = dict.fromkeys(spent, 0.0)
+    for name, seconds in diagnosis.simulated.items():
+        stage = SIMULATES.get(name, Stage.FIT)
+        simulated[stage] = simulated.get(stage, 0.0) + seconds
+    rows = [(s.text, f"{spent.get(s, 0.0):.2f} s", f"{time:,.0f} s") for s, time in simulated.items()]
+    rows.append(
+        ("all", f"{sum(spent.values()):.2f} s in {diagnosis.run_time:.1f} s", f"{diagnosis.simulated_time:,.0f} s")
+    )
+    (console or Console(highlight=False)).print(table(("stage", ">processor", ">simulated"), rows))

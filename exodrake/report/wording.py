@@ -1,8 +1,9 @@
-"""A diagnosis in words: verdict, place, effects, what to measure next; and its gap per kind of signal."""
+"""A diagnosis in words: causes with place, share and rivals, what remains; and its gap per kind of signal."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,24 @@ from exodrake.core.display import Display, display_of
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.plural import plural
-from exodrake.diagnosis.gap import SignalGap
-from exodrake.diagnosis.result import AMBIGUOUS, NO_GAP, RETUNE, UNKNOWN, Diagnosis, NamedEffect
+from exodrake.diagnosis.gap import Interval, SignalGap
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    CAUSE,
+    NO_GAP,
+    PARTLY,
+    REFINEMENT,
+    RETUNE,
+    UNKNOWN,
+    Diagnosis,
+    NamedEffect,
+)
 from exodrake.report.number_format import closure, digits, interval, listed, percent
 
-MOST_MOVED = 4  # parameters that the terminal lists
+MOST_MOVED = 4  # parameters that a sentence lists
+MOST_SEATS = 4  # channels that a sentence lists where an effect sits on all of them
 SMALL = 1.1  # noise standard deviations: a gap below it leaves nothing to close
+REFINED = "a refinement may be the error of a cause's law, and is no cause"
 
 
 @dataclass(frozen=True)
@@ -40,13 +53,15 @@ def split_column(name: str, machine: Machine | None) -> tuple[str, str]:
     return kind, name[len(kind) + 1 :]
 
 
-def seat(tendons: tuple[str, ...], joints: tuple[str, ...]) -> str:
-    """Tendons and joints in words; empty if there are none."""
-    parts = [
-        f"{plural(len(names), axis)} {listed(names)}"
-        for axis, names in (("tendon", tendons), ("joint", joints))
-        if names
-    ]
+def seat(tendons: Sequence[str], joints: Sequence[str], machine: Machine | None = None) -> str:
+    """Tendons and joints in words, `all 7 joints` for a long list of all of them; empty if there are none."""
+    parts = []
+    for axis, names in (("tendon", tendons), ("joint", joints)):
+        every = machine.axes.of(f"{axis}s") if machine else ()
+        if len(names) > MOST_SEATS and set(names) == set(every):
+            parts.append(f"all {len(names)} {axis}s")
+        elif names:
+            parts.append(f"{plural(len(names), axis)} {listed(list(names))}")
     return " and ".join(parts)
 
 
@@ -67,10 +82,25 @@ def summary_of(diagnosis: Diagnosis, identity: str) -> str:
     return effect.summary if effect else ""
 
 
-def effect_words(effect: NamedEffect) -> str:
-    """An effect with its place: `capstan friction on tendons AF and MF`."""
-    place = seat(effect.wires, effect.joints)
-    return name_of(effect.id) + (f" on {place}" if place else f" in the {effect.id.split('.')[0]}")
+def causes(diagnosis: Diagnosis) -> list[NamedEffect]:
+    """Effects that the verdict calls causes, the largest first."""
+    return [e for e in diagnosis.effects if e.role == CAUSE]
+
+
+def refinements(diagnosis: Diagnosis) -> list[NamedEffect]:
+    """Further effects of the improved robot, the largest first."""
+    return [e for e in diagnosis.effects if e.role == REFINEMENT]
+
+
+def kind_words(effect: NamedEffect) -> str:
+    """An effect's kind with its id: `load-dependent friction (tendon.capstan_friction)`."""
+    return f"{effect.kind or name_of(effect.id)} ({effect.id})"
+
+
+def place_of(diagnosis: Diagnosis, effect: NamedEffect) -> str:
+    """Where an effect sits: `at tendons AF and MF`, or `in the motor`."""
+    place = seat(effect.wires, effect.joints, machine_of(diagnosis))
+    return f"at {place}" if place else f"in the {effect.id.split('.')[0]}"
 
 
 def parameter_values(effect: NamedEffect) -> list[tuple[str, str, str]]:
@@ -84,57 +114,116 @@ def parameter_values(effect: NamedEffect) -> list[tuple[str, str, str]]:
     return found
 
 
-def value_words(effect: NamedEffect) -> str:
-    """The parameters of an effect in a sentence: `mu_phi 0.31 (90 %: 0.28 to 0.34)`."""
-    return ", ".join(f"{name} {value} (90 %: {span})" for name, value, span in parameter_values(effect))
+def by_channel(effect: NamedEffect) -> str:
+    """Values of the first parameter channel by channel, where they differ: `mu_phi 0.31 at AF, 0.12 at MF`."""
+    for name, item in effect.parameters.items():
+        channels = {c: i for c, i in effect.channels.get(name, {}).items() if says_something(i)}
+        if len(channels) < 2 or all(item.low <= one.value <= item.high for one in channels.values()):
+            return ""
+        return f"{name} " + ", ".join(f"{interval(one)[0]} at {channel}" for channel, one in channels.items())
+    return ""
 
 
-def headline(diagnosis: Diagnosis, values: bool = True) -> str:
-    """The verdict in one sentence, with or without the values of the named effects' parameters."""
-    where = diagnosis.where
+def says_something(item: Interval) -> bool:
+    """Whether an interval is no wider than twice its value."""
+    return math.isfinite(item.high - item.low) and item.high - item.low <= 2.0 * abs(item.value)
+
+
+def share(fraction: float) -> str:
+    """A share of the gap as per cent, between 0 and 100 %."""
+    return percent(min(max(fraction, 0.0), 1.0)) if math.isfinite(fraction) else "an unknown part"
+
+
+def share_span(item: Interval) -> str:
+    """A share of the gap with its 90 % interval, where it has one: `91 % (87 to 94 %)`."""
+    span = f" ({share(item.low).removesuffix(' %')} to {share(item.high)})" if item.low < item.high else ""
+    return f"{share(item.value)}{span}"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence: causes, places, shares, what remains, and what held-out motion says of them."""
     if diagnosis.verdict == NO_GAP:
-        return "The nominal robot is consistent with noise on every signal."
+        return "What the nominal robot leaves beyond noise is negligible on every signal."
     if diagnosis.verdict == RETUNE:
-        return "Nominal parameters within their tolerances explain every signal; no effect is needed."
+        moved = moved_words(diagnosis)
+        said = f": {moved}" if moved else ""
+        return f"Nominal parameters within their tolerances explain the gap{said}; no effect is needed."
     if diagnosis.verdict == UNKNOWN:
-        place = seat(where.wires, where.joints)
-        within = f" in the {where.block}" if where.block != "none" else ""
-        return f"There is a gap{within}{f' ({place})' if place else ''} that no effect of the library explains."
-    if diagnosis.verdict == AMBIGUOUS:
-        names = listed([name_of(i) for i in class_of(diagnosis)], "or")
-        return f"The logs cannot tell apart: {names}{unconfirmed(diagnosis)}."
-    words = [effect_words(e) + (f": {value_words(e)}" if values else "") for e in diagnosis.effects]
-    text = ("; and " if values else " and ").join(words)
-    closed = "" if diagnosis.closure.overall.value > 0.0 else ": the cause is found, the gap is not closed"
-    return f"{text[:1].upper()}{text[1:]}{unconfirmed(diagnosis)}{closed}."
+        return f"{unknown_words(diagnosis)}{unconfirmed(diagnosis)}."
+    words = "; ".join(cause_words(diagnosis))
+    text = f"{words[:1].upper()}{words[1:]}{remainder_words(diagnosis)}{unconfirmed(diagnosis)}"
+    return f"{text}{'' if diagnosis.closure.overall.value > 0.0 else '; on the judged logs the gap is not closed'}."
+
+
+def cause_words(diagnosis: Diagnosis) -> list[str]:
+    """Each cause: what, where, and how much of the gap it explains; those with rivals first, with these."""
+    found = causes(diagnosis)
+    said, named = [], "explains {} of the gap"
+    for effect in sorted(found, key=lambda e: not e.rivals):
+        place, values = place_of(diagnosis, effect), by_channel(effect)
+        explained = named.format(share(effect.share.value)) + (f" ({values})" if values and not effect.rivals else "")
+        if effect.rivals:
+            others = listed([f"{name_of(r.id)} ({r.id})" for r in effect.rivals], "or")
+            lead = "the logs cannot tell" if not said else "nor"
+            said.append(f"{lead} {name_of(effect.id)} ({effect.id}) from {others} {place}, which {explained}")
+        else:
+            besides = " besides" if said and diagnosis.verdict == AMBIGUOUS else ""
+            said.append(f"{kind_words(effect)} {place}{besides} {explained}")
+        named = "explains {} of it"
+    return said
+
+
+def remainder_words(diagnosis: Diagnosis) -> str:
+    """What the causes and refinements leave; its place and regime where causes explain a part only."""
+    left = diagnosis.remainder
+    if not math.isfinite(left.value):
+        return ""
+    text = f"; {share(left.value)} remains"
+    if diagnosis.verdict != PARTLY:
+        return text
+    where = diagnosis.where
+    within = f" in the {where.block}" if where.block != "none" else ""
+    return f"{text}{within}{regime_words(diagnosis)}"
+
+
+def regime_words(diagnosis: Diagnosis) -> str:
+    """The condition that the error depends on most: `, mostly with direction of motion`; empty without one."""
+    regime = diagnosis.where.regime
+    return f", mostly with {max(regime, key=lambda name: regime[name])}" if regime else ""
+
+
+def unknown_words(diagnosis: Diagnosis) -> str:
+    """Where the gap lies that no effect explains, in what regime, and what the best set would explain."""
+    where = diagnosis.where
+    place = seat(where.wires, where.joints, machine_of(diagnosis))
+    within = f" in the {where.block}" if where.block != "none" else ""
+    text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(diagnosis)}"
+    best = next((c for c in diagnosis.candidates if c.id not in ("", "retune")), None)
+    would = f"; the best set, {best.id}, would explain {share(best.share)} of it" if best else ""
+    return f"{text}, that no effect of the library explains{would}"
+
+
+def refinement_words(diagnosis: Diagnosis) -> str:
+    """Refinements with place and share in a sentence, and what they are; empty without any."""
+    found = refinements(diagnosis)
+    if not found:
+        return ""
+    each = [f"{kind_words(e)} {place_of(diagnosis, e)}, {share(e.share.value)} of the gap" for e in found]
+    return f"{'; '.join(each)} ({REFINED})"
 
 
 def unconfirmed(diagnosis: Diagnosis) -> str:
-    """Says of effects that held-out motion does not confirm them; empty of others."""
-    return ", which held-out motion does not confirm" if diagnosis.confirmed is False else ""
-
-
-def class_of(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Ids of the class of an ambiguous verdict, best first and each once."""
-    return tuple(dict.fromkeys((*diagnosis.equivalents, *(e.id for e in diagnosis.effects))))
-
-
-def tested_words(diagnosis: Diagnosis) -> str:
-    """The explanation behind the verdict."""
-    if diagnosis.verdict == NO_GAP:
-        return "the nominal robot"
-    if diagnosis.verdict == RETUNE:
-        return "the robot with retuned parameters and no effect"
-    if diagnosis.verdict == UNKNOWN:
-        return "the best explanation that was tried"
-    return f"the robot with {listed([effect_words(e) for e in diagnosis.effects])}"
+    """Says that held-out motion contradicts the effects, or does not confirm them; empty where it does."""
+    if diagnosis.confirmed is not False:
+        return ""
+    return f"; held-out motion {'contradicts' if diagnosis.closure.effect.high < 0.0 else 'does not confirm'} it"
 
 
 def robots_of(diagnosis: Diagnosis) -> dict[str, str]:
     """The robots that the answer compares: their key among the gaps of a signal -> what they are."""
     robots = {"before": "nominal robot", "retuned": "retuned robot", "after": "improved robot"}
     if diagnosis.verdict == UNKNOWN:
-        return robots | {"after": "best candidate (not accepted)"}
+        return robots | {"after": "best set (not accepted)"}
     return dict(list(robots.items())[: {NO_GAP: 1, RETUNE: 2}.get(diagnosis.verdict, 3)])
 
 
@@ -181,15 +270,17 @@ def experiment_words(diagnosis: Diagnosis) -> str:
     return "`exodrake experiment CASE --out reference.csv` designs the motion that tells them apart"
 
 
-def moved_words(diagnosis: Diagnosis) -> list[str]:
-    """Parameters that retuning moved, and the effects that alone explain as much; nothing where it moved nothing."""
-    found = diagnosis.retune
-    lines = []
-    if found.moved:
-        shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in found.moved[:MOST_MOVED]]
-        rest = len(found.moved) - len(shown)
-        lines.append("; ".join(shown) + (f"; and {rest} more" if rest > 0 else ""))
-    if found.alike:
-        shares = [f"{identity} ({percent(share)} of that)" for identity, share in found.alike.items()]
-        lines.append(f"one effect alone, with nominal parameters, closes as much: {', '.join(shares)}")
-    return lines
+def moved_words(diagnosis: Diagnosis) -> str:
+    """Parameters that retuning moved, the largest change first; empty where it moved nothing."""
+    moved = diagnosis.retune.moved
+    shown = [f"{m.name} {digits(m.nominal, 3)} -> {digits(m.value, 3)} {m.unit}" for m in moved[:MOST_MOVED]]
+    rest = [f"{len(moved) - len(shown)} more"] if len(moved) > len(shown) else []
+    return listed(shown + rest)
+
+
+def alike_words(diagnosis: Diagnosis) -> str:
+    """Effects that alone, with nominal parameters, explain as much as retuning; empty without any, and if one is named."""
+    if diagnosis.verdict != RETUNE:
+        return ""
+    shares = [f"{identity} ({percent(one)} of that)" for identity, one in diagnosis.retune.alike.items()]
+    return f"one effect alone, with nominal parameters, closes as much: {', '.join(shares)}" if shares else ""
