@@ -24,10 +24,11 @@ from exodrake.cli.main import OneLineErrors
 from studies.experiment_page import DESIGNED, MOTIONS, page, said
 
 if TYPE_CHECKING:
+    from exodrake.diagnosis.rival import Rival
+
     from exodrake.blind.robot_spec import RobotSpec
     from exodrake.data.case import Case
     from exodrake.diagnosis.problem import Problem
-    from exodrake.diagnosis.rival import Rival
     from exodrake.experiment.contest import Contest
 
 LOG_SEED = 9  # of the noise of further logs
@@ -49,8 +50,9 @@ def measured(
         duration: length of the experiment [s].
         motions: those wanted.
     """
-    from exodrake.diagnosis.problem import make_problem
     from exodrake.diagnosis.rival import Rival
+
+    from exodrake.diagnosis.problem import make_problem
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.length import default_duration
     from exodrake.machines.robot_file import load_robot
@@ -102,8 +104,9 @@ def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarra
 def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
     """Verdict of a case with what the true law takes up of each other, and the explanations that are left."""
     from exodrake.diagnosis.comparison import taken_up
-    from exodrake.diagnosis.pipeline import isolated
     from exodrake.diagnosis.rivals import rival
+
+    from exodrake.diagnosis.pipeline import isolated
     from exodrake.diagnosis.verdict import decide
 
     problem, found = isolated(problem)
@@ -192,12 +195,12 @@ def of_case(
 ) -> Iterator[dict[str, Any]]:
     """Results of a case folder (`measured`)."""
     from exodrake.blind.run import ANSWER
-    from exodrake.blind.transfer import withheld
     from exodrake.core.json_file import read_json
     from exodrake.core.threads import one_blas_thread
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
+    from studies.transfer.study import withheld
 
     label, machine = labels.get("cases", labels)[case.name], load_robot().machine
     truth = [effect["id"] for effect in label["effects"]]

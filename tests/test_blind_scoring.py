@@ -10,8 +10,8 @@ from exodrake.blind import make as making
 from exodrake.blind.answers import Answered
 from exodrake.blind.case_mix import CaseMix
 from exodrake.blind.commitment import read_committed, write_committed
-from exodrake.blind.matching import is_truth
-from exodrake.blind.measures import exactly_named
+from exodrake.blind.matching import is_in_class, is_kind_right, is_truth
+from exodrake.blind.measures import exactly_named, names_too_much, shares_of
 from exodrake.blind.parameter_intervals import interval_score, intervals_of, scale_of
 from exodrake.blind.score import score
 from exodrake.blind.score_table import as_json, as_markdown, as_tables
@@ -114,8 +114,14 @@ def test_score_of_a_set_done_by_hand(tiny):
         "truth named or in its class, pair": (2, 2),
         "truth named or in its class, same-block": (0, 1),
         "truth named or in its class, three": (1, 1),
+        "kind and block right, single": (3, 6),
+        "kind and block right, pair": (1, 2),
+        "kind and block right, same-block": (0, 1),
+        "kind and block right, three": (1, 1),
+        "PARTLY, and its causes hold the truth": (0, 0),
         "truth first": (6, 10),
         "UNKNOWN outside the library": (1, 2),
+        "not named outside the library": (1, 2),
         "wrongly UNKNOWN": (1, 12),
         "false alarm on healthy": (1, 2),
         "missed (NO_GAP or RETUNE) though visible": (1, 10),
@@ -231,6 +237,37 @@ def test_a_set_matches_the_truth_up_to_inseparable_effects():
 def test_a_class_of_provably_inseparable_effects_counts_as_one_name(others, exact):
     verdict = answer("AMBIGUOUS", "encoder", {HOMING: {}}, equivalents=[HOMING, *others])
     assert exactly_named(Answered("case", {"kind": "single", "effects": [truth(SLACK)]}, verdict)) == exact
+
+
+def cause(name, *rivals, role="cause"):
+    return {"id": name, "role": role, "rivals": [{"id": rival} for rival in rivals]}
+
+
+def test_each_cause_has_rivals_of_its_own_and_refinements_do_not_count():
+    pair = [truth("timing.command_latency"), truth(GAIN)]
+    causes = [cause("tendon.creep", "timing.command_latency"), cause(GAIN)]
+    assert is_in_class(pair, {"effects": causes})
+    assert not is_in_class(pair, {"effects": [cause(CREEP, "timing.command_latency", GAIN)]})  # one cause, two truths
+    refined = {"verdict": "NAMED", "effects": [cause(GAIN), cause(CREEP, role="refinement")]}
+    case = Answered("case", {"kind": "single", "effects": [truth(GAIN)]}, refined)
+    assert exactly_named(case) and not names_too_much(case)
+
+
+def test_kind_and_block_count_before_the_law():
+    coulomb, stribeck = "tendon.coulomb_friction", "tendon.stribeck_friction"
+    for right in (cause(stribeck), cause(coulomb, stribeck)):
+        assert is_kind_right([truth(coulomb)], {"effects": [right]})
+    for wrong in ([cause(GAIN)], [cause(coulomb, GAIN)], [cause(coulomb), cause(GAIN)], []):
+        assert not is_kind_right([truth(coulomb)], {"effects": wrong})
+
+
+def test_partly_is_not_named_but_its_causes_are_looked_at():
+    case = Answered(
+        "case", {"kind": "single", "effects": [truth(GAIN)]}, {"verdict": "PARTLY", "effects": [cause(GAIN)]}
+    )
+    assert not exactly_named(case) and is_in_class(case.truths, case.diagnosis)
+    rows = {item.name: item for item in shares_of([case])}
+    assert rows["PARTLY, and its causes hold the truth"].hits == 1 and rows["exactly named, single"].hits == 0
 
 
 def test_channels_count_one_by_one_where_the_truth_sits():

@@ -243,7 +243,7 @@ def test_summary_is_short_and_says_the_verdict(verdict):
 
 def test_summary_of_each_kind():
     assert "0.280 to 0.340" in said(NAMED) and "96 % (93 to 98 %)" in said(NAMED)
-    assert "refined hysteresis (finger.hysteresis)" in said(NAMED) and "error of a cause's law" in said(NAMED)
+    assert "refined hysteresis (finger.hysteresis)" in said(NAMED) and "a refinement may be the error" in said(NAMED)
     assert "exodrake experiment" in said(AMBIGUOUS) and f"or {IDS[1]}" in said(AMBIGUOUS)
     assert "direction of motion 61 %" in said(UNKNOWN) and "direction of motion 61 %" in said(PARTLY)
     assert "closure" not in said(NO_GAP) and "of what retuning alone leaves" in said(NAMED)

@@ -6,5 +6,5 @@ finger, other functional forms of every effect, and faults outside the library.
 simulator.py simulates one robot; dynamics.py, chain.py, tendons.py, joint_torques.py and control_loop.py hold its
 physics; catalogue.py says what can be injected; case_mix.py plans a set and gap.py sizes its effects; make.py, run.py
 and score.py are the commands, of which the last rests on answers.py, matching.py, measures.py, shares.py and
-parameter_intervals.py. transfer.py measures what a controller gains from a diagnosis, with control_task.py's cost.
+parameter_intervals.py.
 """

@@ -16,7 +16,14 @@ from exodrake.core.schema import having, listing, names, number, optional, text
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
 BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))
-EFFECT = having({"id": text(), "parameters": optional(BOUNDS), "channels": optional(names(BOUNDS))}, required=("id",))
+RIVALS = optional(listing(having({"id": text()}, required=("id",))))
+EFFECT = having(
+    {
+        "id": text(), "kind": optional(text()), "role": optional(text()), "rivals": RIVALS,
+        "parameters": optional(BOUNDS), "channels": optional(names(BOUNDS)),
+    },
+    required=("id",),
+)  # fmt: skip
 STEP = optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN}))
 ANSWERED = having(
     {

@@ -10,7 +10,18 @@ from typing import Any
 import numpy as np
 
 from exodrake.blind.answers import FAILURE, Answered
-from exodrake.blind.matching import accepted_blocks, accepted_ids, first_ids, found_ids, is_truth, named_ids
+from exodrake.blind.matching import (
+    accepted_blocks,
+    accepted_ids,
+    causes_of,
+    first_ids,
+    found_ids,
+    is_in_class,
+    is_kind_right,
+    is_truth,
+    named_ids,
+    rivals_of,
+)
 from exodrake.blind.parameter_intervals import ParameterInterval, intervals_of
 from exodrake.blind.shares import Share
 
@@ -49,9 +60,13 @@ def exactly_named(case: Answered) -> bool:
 
 
 def in_class(case: Answered) -> bool:
-    """Every true effect is named, or in the class of an AMBIGUOUS verdict."""
-    found = found_ids(case.diagnosis)
-    return case.verdict in ("NAMED", "AMBIGUOUS") and all(accepted_ids(truth) & found for truth in case.truths)
+    """Every true effect is a cause that is named, or a rival of one."""
+    return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
+
+
+def kind_right(case: Answered) -> bool:
+    """The causes are of the true kinds and in the true blocks, whatever their laws."""
+    return case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis)
 
 
 def first(case: Answered) -> bool:
@@ -110,10 +125,14 @@ def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
     closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
     rows = [share(f"exactly named, {kind}", visible(cases, [kind]), exactly_named, NAMEABLE[kind]) for kind in NAMEABLE]
     rows += [share(f"truth named or in its class, {kind}", visible(cases, [kind]), in_class) for kind in NAMEABLE]
+    rows += [share(f"kind and block right, {kind}", visible(cases, [kind]), kind_right) for kind in NAMEABLE]
+    partly = [case for case in nameable if case.verdict == "PARTLY"]
     return (
         *rows,
+        share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
         share("truth first", nameable, first, ">= 95 %"),
         share("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
+        share("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT)),
         share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
         share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
         share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
@@ -151,7 +170,7 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
     """Measures that are no shares."""
     answers = [case.diagnosis for case in cases]
     named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
-    sizes = [len(set(answer.get("equivalents") or ())) for answer in answers if answer["verdict"] == "AMBIGUOUS"]
+    sizes = [size for answer in answers if answer["verdict"] == "AMBIGUOUS" for size in class_sizes(answer)]
     rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
     for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
         rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
@@ -167,6 +186,12 @@ def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
         rows.append(quantity(f"{name}, median", np.median, values, middle))
         rows.append(quantity(f"{name}, 95 %", lambda known: np.percentile(known, 95), values, end))
     return tuple(rows)
+
+
+def class_sizes(answer: dict[str, Any]) -> list[int]:
+    """Sizes of the classes of the causes that have rivals; of an older answer that of its one class."""
+    own = [1 + len(rivals_of(cause)) for cause in causes_of(answer) if rivals_of(cause)]
+    return own or [len(set(answer.get("equivalents") or ()))]
 
 
 def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from exodrake.blind.answers import Answered
 from exodrake.blind.catalogue import ENTRIES
-from exodrake.blind.matching import Diagnosis, Truth
+from exodrake.blind.matching import Diagnosis, Truth, causes_of
 
 ALPHA = 0.1  # of a 90 % interval
 
@@ -72,7 +72,7 @@ def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
 
 def stated(name: str, truth: Truth, diagnosis: Diagnosis) -> Iterator[tuple[str | None, dict[str, Any]]]:
     """Channel and interval of a parameter, for the channels of the truth; without channels the overall interval."""
-    for effect in diagnosis.get("effects") or ():
+    for effect in causes_of(diagnosis):
         if effect["id"] != truth["id"]:
             continue
         channels = (effect.get("channels") or {}).get(name)

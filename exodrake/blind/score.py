@@ -69,6 +69,7 @@ def confusion_of(cases: Sequence[Answered]) -> dict[tuple[str, str, bool], int]:
         truth = " + ".join(effect["id"] for effect in case.truths) or "healthy"
         named = " + ".join(named_ids(case.diagnosis))
         answer = named if case.verdict in ("NAMED", "AMBIGUOUS") and named else case.verdict
+        answer = f"PARTLY: {named}" if case.verdict == "PARTLY" else answer
         table[truth, answer, right(case)] += 1
     return dict(sorted(table.items()))
 

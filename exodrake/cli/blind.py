@@ -1,4 +1,4 @@
-"""`exodrake blind`: withheld cases from a reference simulator, diagnoses, and what controllers gain from them."""
+"""`exodrake blind`: withheld cases from a reference simulator, their diagnoses and scores."""
 
 from pathlib import Path
 
@@ -93,53 +93,3 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
         write_text(json_file, json.dumps(as_json(result), indent=1) + "\n")
     if markdown:
         write_text(markdown, as_markdown(result))
-
-
-@command.command(short_help="What a controller gains from a diagnosis.")
-@click.argument("folder", type=AnyPath())
-@click.option("--labels", required=True, type=AnyPath(), help="Labels file of the set.")
-@click.option("--cases", type=click.IntRange(min=1), default=None, help="How many, from the first [all].")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the motions and all noise.")
-@click.option(
-    "--tuner", type=click.Choice(["cost", "requirements"]), default="cost", show_default=True,
-    help="Least cost of a task, or as `exodrake tune` does.",
-)  # fmt: skip
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(min=-1), help="Processes; -1 for one a core.")
-@click.option("--json", "json_file", type=AnyPath(), default=None, help="Write all numbers as JSON.")
-@click.option("--markdown", type=AnyPath(), default=None, help="Write the tables as Markdown.")
-def transfer(
-    folder: Path, labels: Path, cases: int | None, seed: int, tuner: str, jobs: int, json_file: Path | None,
-    markdown: Path | None,
-) -> None:  # fmt: skip
-    """Tune controllers on the nominal, retuned and improved robots of FOLDER and run them on the withheld robots.
-
-    FOLDER is a set that `blind run` diagnosed. The labels are read only after every controller is tuned.
-    """
-    import json
-
-    from rich.console import Console
-
-    from exodrake.blind.control_task import TUNERS
-    from exodrake.blind.score_table import markdown as markdown_of
-    from exodrake.blind.transfer import transfer as transfer_set
-    from exodrake.blind.transfer_table import as_json, tables
-    from exodrake.core.errors import InputError
-    from exodrake.core.files import write_text
-    from exodrake.report.terminal import table
-
-    if not labels.is_file():
-        raise InputError(f"{labels}: no such file")
-    with counted("tuning", resume="nothing is kept") as count:
-        found = transfer_set(folder, labels, cases, jobs, seed, TUNERS[tuner], count)
-    console = Console()
-    for title, headings, rows in tables(found):
-        console.print(f"[bold]{title}[/bold]")
-        console.print(table(headings, rows, wrapped=0))
-    for name, reason in found.failed.items():
-        click.echo(f"{name}: {reason}", err=True)
-    if json_file:
-        write_text(json_file, json.dumps(as_json(found), indent=1, allow_nan=False) + "\n")
-    if markdown:
-        write_text(markdown, markdown_of(tables(found)))
-    if found.failed:
-        raise SystemExit(1)

@@ -144,11 +144,11 @@ def reveal(console: Console, out: Path, found: Diagnosis) -> None:
             console.print("   Its law has another form there, so its parameters are other numbers.")
         right = bool(accepted_ids(truth) & found_ids(found.to_json()))
         verdict = f"the verdict was {found.verdict}"
-        missed = f"[red]not named[/red]: {verdict}; among the candidates it is {rank_of(truth['id'], found)}"
+        missed = f"[red]not named[/red]: {verdict}; among single effects it is {rank_of(truth['id'], found)}"
         console.print(f"   [green]found[/green]: {verdict}" if right else f"   {missed}")
 
 
 def rank_of(identity: str, found: Diagnosis) -> str:
-    """Rank of an effect among the candidates, in words."""
-    names = [candidate.id for candidate in found.candidates]
+    """Rank of an effect among the fitted sets that it is alone in, in words."""
+    names = [one.id for one in found.candidates if "+" not in one.id]
     return f"number {names.index(identity) + 1} of {len(names)}" if identity in names else "not listed"

@@ -29,7 +29,7 @@ FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 @click.option("--without", default="", metavar="ID,...", help="Do not try these effects.")
 @click.option("--discover/--no-discover", default=None, help="Look for a law that the library lacks [for UNKNOWN].")
 @click.option("--out-law", metavar="FOLDER", **FOLDER, help="Write a law that was found, as a plugin with its robot.")
-@click.option("--profile", is_flag=True, help="Say which stages took the simulated time.")
+@click.option("--profile", is_flag=True, help="Say how much processor time and simulated time each stage took.")
 @click.option("--jobs", type=click.IntRange(min=1), default=None, help="Processor cores to use [all].")
 @click.option("--out", type=AnyPath(), metavar="FOLDER", help="Of several cases: a folder for each.")
 @click.option("--cluster", metavar="ADDRESS", help="Of several cases: Dask scheduler to run on.")
@@ -72,7 +72,7 @@ def diagnose_case(
     law: tuple[bool | None, Path | None] = (None, None),
 ) -> None:  # fmt: skip
     """One case: summary and files; law: whether to look for a missing one (for UNKNOWN if None), and its folder."""
-    from exodrake.core.progress import stages
+    from exodrake.core.progress import Stage, stages, timed
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
@@ -86,6 +86,7 @@ def diagnose_case(
     read = read_case(case, required_of(nominal.machine), nominal.machine.frame, allow_outside)
     known: list[Diagnosis] = []
     written: dict[Path, None] = {}
+    spent: dict[Stage, float] = {}
 
     def keep(found: Diagnosis) -> None:
         """Writes the answer, and the report last: an error in it loses nothing."""
@@ -95,7 +96,7 @@ def diagnose_case(
             written.update(dict.fromkeys(write_all({report: report_of(known[0], read, nominal)})))
 
     try:
-        with stages() as progress:
+        with stages() as shown, timed(shown) as (progress, spent):
             from exodrake.diagnosis.pipeline import diagnose
             from exodrake.diagnosis.result import UNKNOWN
 
@@ -108,7 +109,7 @@ def diagnose_case(
         if known:
             print_summary(known[0])
             if profile:
-                print_profile(known[0])
+                print_profile(known[0], spent)
             say_written(list(written))
 
 

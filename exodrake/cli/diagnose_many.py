@@ -50,21 +50,31 @@ def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
 
 
 def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
-    """Tabulate case, verdict, effects and closure."""
+    """Tabulate case, verdict, causes with their share of the gap, and closure."""
     from rich.markup import escape
     from rich.table import Table
 
+    from exodrake.diagnosis.result import CAUSE
     from exodrake.report.number_format import closure
 
-    table = Table("case", "verdict", "effects", "closure")
+    table = Table("case", "verdict", "causes", "closure")
     for name, answer in answers.items():
         name = escape(name)
         if answer is None:
             table.add_row(name, "[red]failed[/red]", "", "")
             continue
-        effects = ", ".join(effect["id"] for effect in answer["effects"])
+        effects = ", ".join(map(cause, (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE)))
         value = answer["closure"]["overall"].get("value") if effects else None
         said = "" if value is None else closure(value)
         refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
         table.add_row(name, answer["verdict"] + refuted, effects, said)
     return table
+
+
+def cause(effect: dict[str, Any]) -> str:
+    """A cause with its rivals and its share of the gap, which answers of older versions lack."""
+    from exodrake.report.wording import share
+
+    names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
+    value = (effect.get("share") or {}).get("value")
+    return names if value is None else f"{names} {share(value)}"

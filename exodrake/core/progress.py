@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import Enum
@@ -35,6 +36,27 @@ Count = Callable[[int, int, int], None]  # done, failed, total
 
 def no_progress(*_: Any) -> None:
     """Report nothing."""
+
+
+@contextmanager
+def timed(progress: StageProgress) -> Iterator[tuple[StageProgress, dict[Stage, float]]]:
+    """Measure the processor time [s] of each stage beside its progress; whole at the end of the context."""
+    spent: dict[Stage, float] = {}
+    stage, began = Stage.CHECK, time.process_time()
+
+    def close() -> None:
+        nonlocal began
+        now = time.process_time()
+        spent[stage], began = spent.get(stage, 0.0) + now - began, now
+
+    def report(entered: Stage, detail: str = "") -> None:
+        nonlocal stage
+        close()
+        stage = entered
+        progress(entered, detail)
+
+    yield report, spent
+    close()
 
 
 def fraction(done: float, stage: Stage) -> float:

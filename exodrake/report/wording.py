@@ -279,7 +279,7 @@ def moved_words(diagnosis: Diagnosis) -> str:
 
 
 def alike_words(diagnosis: Diagnosis) -> str:
-    """Effects that alone, with nominal parameters, explain as much as retuning; empty without any, and if one is named."""
+    """Effects that alone, with nominal parameters, explain as much as `RETUNE`; empty without any."""
     if diagnosis.verdict != RETUNE:
         return ""
     shares = [f"{identity} ({percent(one)} of that)" for identity, one in diagnosis.retune.alike.items()]

@@ -10,8 +10,8 @@ import numpy as np
 
 from exodrake.blind.score_table import Row, counted
 from exodrake.blind.shares import Share
-from exodrake.blind.transfer import DEFAULT, MODELS, Transfer, Transferred
 from exodrake.core.plain import plain
+from studies.transfer.study import DEFAULT, MODELS, Transfer, Transferred
 
 RESAMPLES = 1000  # of cases, for the interval of the rank correlation
 COSTS = ("case", "tuned on", "{}", ">predicted", ">real", ">change")

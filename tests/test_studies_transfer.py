@@ -7,21 +7,21 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.blind import control_task, transfer as transferring
 from exodrake.blind.case_mix import CasePlan, DrawnCase
 from exodrake.blind.catalogue import ENTRIES, draw_effect
 from exodrake.blind.commitment import write_committed
-from exodrake.blind.control_task import by_cost, cost, motion, own_gains, predicted
 from exodrake.blind.make import label_of
 from exodrake.blind.parameters import TENSION_MAX, draw_parameters
 from exodrake.blind.protocols import clock
 from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
 from exodrake.blind.simulator import assemble
-from exodrake.blind.transfer import MODELS, Prediction, Transfer, Transferred, real_cost, transfer, withheld
-from exodrake.blind.transfer_table import as_json, measures, tables
-from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.machines.write_robot import write_robot
+from studies.transfer import control_task, study as transferring
+from studies.transfer.__main__ import command
+from studies.transfer.control_task import by_cost, cost, motion, own_gains, predicted
+from studies.transfer.study import MODELS, Prediction, Transfer, Transferred, real_cost, transfer, withheld
+from studies.transfer.table import as_json, measures, tables
 
 LATE = {"frames": 3.0}  # latency of the commands
 
@@ -156,7 +156,7 @@ def test_set_without_robots_or_with_changed_labels_is_refused(tmp_path, late):
     with pytest.raises(InputError, match="not those committed"):
         transfer(folder, labels, cases=1, tuner=kp_only)
     (folder / "case_01" / "improved.yaml").unlink()
-    result = CliRunner().invoke(cli, ["blind", "transfer", str(folder), "--labels", str(labels)])
+    result = CliRunner().invoke(command, [str(folder), "--labels", str(labels)])
     assert result.exit_code == 2 and "case_01: no improved.yaml" in result.output
     assert len(result.output.strip().splitlines()) == 1
 

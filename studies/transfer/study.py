@@ -17,7 +17,6 @@ import numpy as np
 
 from exodrake.blind.answers import read_diagnosis, read_labels
 from exodrake.blind.catalogue import ENTRIES
-from exodrake.blind.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
 from exodrake.blind.run import ANSWER, cases_of
 from exodrake.blind.simulator import simulate
@@ -27,6 +26,7 @@ from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.many import IMPROVED, RETUNED
 from exodrake.machines.robot_file import load_robot
+from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
 DEFAULT = "default"  # the controller as it is
 MODELS = ("nominal", "retuned", "improved")
