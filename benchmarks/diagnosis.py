@@ -16,12 +16,12 @@ import numpy as np
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import linearise
-from exodrake.diagnosis.parameter import Parameter, apply, effect_parameters, nominal_parameters
+from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
-from exodrake.diagnosis.refine import STEP, Explanation, minimise
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.protocols import random_motion
 from exodrake.simulation.simulate import record, simulate

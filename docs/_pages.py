@@ -1,4 +1,4 @@
-"""Pages generated when the site is built: commands, effects, tutorial, Python, numbers of the tests; formulas."""
+"""Pages generated when the site is built: commands, effects, tutorial, Python, numbers of the decisions; formulas."""
 
 from __future__ import annotations
 
@@ -15,13 +15,12 @@ from _notebook import page as notebook_page
 
 from exodrake import PUBLIC
 from exodrake.cli.main import COMMANDS, cli
-from exodrake.diagnosis.level_table import decision_numbers
-from exodrake.machines.robot_file import load_robot
+from exodrake.report.assumed import decision_numbers
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files
 
-LEVELS = "<!-- levels -->"  # where a page wants the numbers of the tests
+NUMBERS = "<!-- numbers -->"  # where a page wants the numbers of the decisions
 # heading -> names on the Python page, in order; names in no group come last
 GROUPS = {
     "Robots": ("load_robot", "write_robot", "Robot"),
@@ -66,8 +65,8 @@ def on_files(files: Files, config):
 
 
 def on_page_markdown(markdown: str, page, config, files):
-    """Insert the numbers of the tests where a page has the placeholder."""
-    return markdown.replace(LEVELS, levels()) if LEVELS in markdown else markdown
+    """Insert the numbers of the decisions where a page has the placeholder."""
+    return markdown.replace(NUMBERS, numbers())
 
 
 def on_page_content(html: str, page, config, files):
@@ -141,7 +140,6 @@ def where(name: str) -> str:
     return f"{getattr(found, '__module__', PUBLIC[name])}.{getattr(found, '__qualname__', name)}"
 
 
-def levels() -> str:
-    """Format the numbers of the tests of the built-in robot's machine, with their sources."""
-    rows = decision_numbers(load_robot().machine)
-    return "| number | value | source |\n|---|---|---|\n" + "\n".join(f"| {a} | {b} | {c} |" for a, b, c in rows)
+def numbers() -> str:
+    """Format the numbers of the decisions."""
+    return "| number | value |\n|---|---|\n" + "\n".join(f"| {a} | {b} |" for a, b in decision_numbers())

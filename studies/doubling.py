@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from exodrake.blind.matching import causes_of, rivals_of
 from exodrake.cli.main import OneLineErrors
 
 if TYPE_CHECKING:
@@ -34,9 +35,9 @@ def doubled(case: Case) -> Case:
 
 
 def said(answer: dict[str, Any]) -> str:
-    """Verdict and effects of an answer in one line; the ids of a class if it is AMBIGUOUS."""
-    ids = answer.get("equivalents") if answer["verdict"] == "AMBIGUOUS" else [e["id"] for e in answer["effects"]]
-    return " ".join([answer["verdict"], " + ".join(sorted(ids or ()))]).strip()
+    """Verdict and causes of an answer in one line, each with its rivals."""
+    names = [" or ".join([cause["id"], *sorted(rivals_of(cause))]) for cause in causes_of(answer)]
+    return " ".join([answer["verdict"], " + ".join(sorted(names))]).strip()
 
 
 def page(rows: dict[str, tuple[str, str]], command: str) -> str:
@@ -54,7 +55,7 @@ def page(rows: dict[str, tuple[str, str]], command: str) -> str:
 
 
 TEXT = """Answers to cases of the reference simulator, and to the same cases with a copy of every fitted log. The same
-answer: verdict and effects, or the ids of the class.
+answer: verdict, and causes with their rivals.
 
     {command}"""
 

@@ -13,22 +13,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
+from exodrake.blind.matching import found_ids
 from exodrake.cli.main import OneLineErrors
 from studies.experiment_page import DESIGNED, MOTIONS, page, said
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.rival import Rival
-
     from exodrake.blind.robot_spec import RobotSpec
     from exodrake.data.case import Case
-    from exodrake.diagnosis.problem import Problem
+    from exodrake.diagnosis.result import Rival
     from exodrake.experiment.contest import Contest
 
 LOG_SEED = 9  # of the noise of further logs
@@ -50,16 +49,15 @@ def measured(
         duration: length of the experiment [s].
         motions: those wanted.
     """
-    from exodrake.diagnosis.rival import Rival
-
     from exodrake.diagnosis.problem import make_problem
+    from exodrake.diagnosis.result import Rival
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.length import default_duration
     from exodrake.machines.robot_file import load_robot
 
     robot = load_robot()
     if "before" not in row:
-        before, found = explained(make_problem(case, robot, effects), truth)
+        before, found = explained(case, effects)
         rivals = [{"effects": r.effects, "parameters": r.parameters} for r in found]
         row |= {"truth": truth, "before": before, "rivals": rivals}
         yield row
@@ -74,7 +72,7 @@ def measured(
         reference, promised = (None, {"left": 0.0}) if known else motion_of(motion, contest, length)
         again = row["before"] | {"same": True}
         if reference is not None and promised["left"] >= SAME:
-            again, _ = explained(make_problem(with_log(case, spec, reference), robot, effects), truth)
+            again, _ = explained(with_log(case, spec, reference), effects)
         row.setdefault("promised", {})[motion] = promised
         row.setdefault("after", {})[motion] = again
         yield row
@@ -101,24 +99,14 @@ def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarra
     return reference, {"probability": probability, "left": left, "time": process_time() - started}
 
 
-def explained(problem: Problem, truth: list[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
-    """Verdict of a case with what the true law takes up of each other, and the explanations that are left."""
-    from exodrake.diagnosis.comparison import taken_up
-    from exodrake.diagnosis.rivals import rival
+def explained(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tuple[Rival, ...]]:
+    """Verdict of a case by some effects, with causes and their rivals, and the explanations still in play."""
+    from exodrake.diagnosis.pipeline import diagnose
 
-    from exodrake.diagnosis.pipeline import isolated
-    from exodrake.diagnosis.verdict import decide
-
-    problem, found = isolated(problem)
-    decision = decide(problem, found)
-    tested = [t for size in found.tested for t in size]
-    true = next((t.explanation for t in tested if sorted(t.explanation.effects) == sorted(truth)), None)
-    others = [t.explanation for t in tested if len(t.explanation.effects) == len(truth) and t.explanation is not true]
-    taken = {e.name: taken_up(found.likelihood, e, true).share for e in others} if true else {}
-    levels = {t.explanation.name: {**asdict(t.levels), "chi2": t.chi2.tolist(), "cost": t.cost} for t in tested}
-    kept = [t.explanation.name for t in decision.left]
-    answer = {"verdict": decision.verdict, "class": kept, "taken": taken, "levels": levels}
-    return answer, tuple(rival(problem, t.explanation) for t in decision.left)
+    made = diagnose(case, tried=effects)
+    causes = [e for e in made.effects if e.role == "cause"]
+    left = [cause.id for cause in causes] + [rival.id for cause in causes for rival in cause.rivals]
+    return {"verdict": made.verdict, "causes": [c.id for c in causes], "class": left}, made.rivals
 
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
@@ -146,8 +134,8 @@ def ambiguous(folder: Path) -> list[Path]:
 
 
 def left_in(answer: dict[str, Any]) -> frozenset[str]:
-    """Effects of the explanations that a stored answer leaves."""
-    return frozenset(i for c in answer["candidates"] if c["left"] for i in c["id"].split(" + "))
+    """Effects of a stored answer and their rivals."""
+    return frozenset(effect["id"] for effect in answer["effects"]) | found_ids(answer)
 
 
 @click.command(cls=OneLineErrors)

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 MOTIONS = DESIGNED, RANDOM = "designed", "random"
 
 
-TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its class
-(the logs reject all others before). Those that still are ambiguous get one further log of a minute, of the motion that
+TEXT = """Cases of the reference simulator whose stored answer is ambiguous, diagnosed with the effects of its causes
+and their rivals. Those that still are ambiguous get one further log of a minute, of the motion that
 `exodrake experiment` designs or of a random one as long, and are diagnosed again with it. Resolved: one explanation is
 left, and it is the true one. T is what the rival that is distinguished worst would leave of the new log once it is
-refitted, in variances of noise; promised is the probability that follows from it. The same log: T of a random motion is
-below 1, less than noise, and no experiment is run. A case can be resolved in principle if a motion did it, or if after
-one the true law takes up a larger share of what each rival leaves than an absent effect takes up of what a true law
-leaves (`taken` of the calibration).
+refitted, in variances of noise. The same log: T of a random motion is
+below 1, less than noise, and no experiment is run.
 
     {command}"""
-FOUND = """What the cases show, with the diagnosis of commit `3f796af`:
+FOUND = """What the cases show, with the diagnosis of commit `3f796af`, the version before this one:
 
 - All that a further motion can tell apart the designed one of a minute does: friction that grows with speed against one
   that grows with load, stiffness against a gain of the load cell, a gain against a nonlinearity, crosstalk, or a spool
@@ -39,32 +35,10 @@ resolved a case or could have. Half a minute tells less: the true law took up 0.
 case that a minute resolves. The search for a motion of a minute takes about 50 s of one core for two explanations."""
 
 
-def is_true(row: dict[str, Any], name: str) -> bool:
-    """Whether an explanation is the true one."""
-    return sorted(name.split(" + ")) == sorted(row["truth"])
-
-
 def resolved(row: dict[str, Any], motion: str) -> bool:
     """Whether one explanation is left after a motion, and it is the true one."""
     after = row["after"][motion]
-    return after["verdict"] == "NAMED" and is_true(row, after["class"][0])
-
-
-def in_principle(row: dict[str, Any]) -> bool:
-    """Whether a motion resolved it, or after one the true law takes up most of what each other one leaves."""
-    from exodrake.diagnosis.calibration import calibration_of
-    from exodrake.machines.robot_file import load_robot
-
-    limit, others = (
-        calibration_of(load_robot().machine).taken,
-        [c for c in row["before"]["class"] if not is_true(row, c)],
-    )
-    if len(others) == len(row["before"]["class"]):
-        return False
-    run = {motion: after["taken"] for motion, after in row["after"].items() if not after.get("same")}
-    shares = [{frozenset(n.split(" + ")): share for n, share in taken.items()} for taken in run.values()]
-    taken = [min((own.get(frozenset(n.split(" + ")), 0.0) for n in others), default=0.0) for own in shares]
-    return any(resolved(row, motion) for motion in run) or any(least > limit for least in taken)
+    return after["verdict"] == "NAMED" and sorted(after["causes"]) == sorted(row["truth"])
 
 
 def page(rows: dict[str, dict[str, Any]], command: str) -> str:
@@ -80,15 +54,11 @@ def page(rows: dict[str, dict[str, Any]], command: str) -> str:
 
 def shares_of(used: dict[str, dict[str, Any]]) -> list[str]:
     """The table of motions."""
-    lines = ["| motion | resolved, of all | of those that can be | one left, but not the true one | promised |"]
-    lines += ["|---|---|---|---|---|"]
+    lines = ["| motion | resolved | one left, but not the true one |", "|---|---|---|"]
     for motion in MOTIONS:
         run = [row for row in used.values() if motion in row["after"]]
         wrong = sum(row["after"][motion]["verdict"] == "NAMED" for row in run) - right_of(run, motion)
-        told = [row["promised"][motion].get("probability", 0.0) for row in run if motion in row["promised"]]
-        mean = f"{np.mean(told):.0%}" if told else "-"
-        shares = " | ".join(share(some, motion) for some in (run, [row for row in run if in_principle(row)]))
-        lines.append(f"| {motion} | {shares} | {wrong} | {mean} |")
+        lines.append(f"| {motion} | {share(run, motion)} | {wrong} |")
     return lines
 
 
@@ -109,25 +79,25 @@ def paired(rows: list[dict[str, Any]]) -> str:
 
 def kinds(used: dict[str, dict[str, Any]]) -> list[str]:
     """The table of kinds of class."""
-    lines = ["| effects that are to be told apart | cases | can be | by the designed | by the random motion |"]
-    lines += ["|---|---|---|---|---|"]
+    lines = ["| effects that are to be told apart | cases | by the designed | by the random motion |"]
+    lines += ["|---|---|---|---|"]
     for kind in sorted({kind_of(row) for row in used.values()}):
         some = [row for row in used.values() if kind_of(row) == kind]
         run = [[row for row in some if motion in row["after"]] for motion in MOTIONS]
         counts = [f"{right_of(part, motion)} of {len(part)}" for part, motion in zip(run, MOTIONS, strict=True)]
-        lines.append(f"| {kind} | {len(some)} | {sum(map(in_principle, some))} | {' | '.join(counts)} |")
+        lines.append(f"| {kind} | {len(some)} | {' | '.join(counts)} |")
     return lines
 
 
 def cases(used: dict[str, dict[str, Any]]) -> list[str]:
     """The table of cases."""
-    lines = ["| case | true | class before | T designed, random | after the designed | after a random one | can be |"]
-    lines += ["|---|---|---|---|---|---|---|"]
+    lines = ["| case | true | class before | T designed, random | after the designed | after a random one |"]
+    lines += ["|---|---|---|---|---|---|"]
     for name, row in used.items():
         left = ", ".join(f"{row['promised'][m]['left']:.0f}" if m in row["promised"] else "-" for m in MOTIONS)
         after = [outcome(row, motion) for motion in MOTIONS]
         start = f"{truth_of(row)} | {', '.join(row['before']['class'])}"
-        lines.append(f"| {name} | {start} | {left} | {' | '.join(after)} | {'yes' if in_principle(row) else 'no'} |")
+        lines.append(f"| {name} | {start} | {left} | {' | '.join(after)} |")
     return lines
 
 
@@ -143,9 +113,8 @@ def truth_of(row: dict[str, Any]) -> str:
 
 
 def kind_of(row: dict[str, Any]) -> str:
-    """The effects that some explanations of a class have and others have not."""
-    sets = [set(name.split(" + ")) for name in row["before"]["class"]]
-    return ", ".join(sorted(set.union(*sets) - set.intersection(*sets)))
+    """The causes and rivals that are to be told apart."""
+    return ", ".join(sorted(row["before"]["class"]))
 
 
 def right_of(rows: list[dict[str, Any]], motion: str) -> int:

@@ -27,9 +27,8 @@ from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_machine import laws_of
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.free_input import free_courses
-from exodrake.diagnosis.isolation import Isolation
+from exodrake.diagnosis.isolation import Isolation, isolate
 from exodrake.diagnosis.linearise import linearise
-from exodrake.diagnosis.pipeline import isolated
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.report import number_format as n
@@ -89,7 +88,8 @@ def discovered(
     """What is found in a case with an effect injected in some blocks."""
     with one_blas_thread():
         started = time.process_time()
-        problem, found = isolated(make_problem(case, load_robot(robot_name), tried))
+        found = isolate(make_problem(case, load_robot(robot_name), tried))
+        problem = found.whole
         where = block_of_inputs(problem, found, injected)
         law = discover(problem, found, where=where)
         seconds = time.process_time() - started
@@ -102,7 +102,7 @@ def discovered(
 def block_of_inputs(problem: Problem, found: Isolation, injected: str) -> str:
     """Block of the free input that the logs are likeliest with, at any effect of the library but the injected one."""
     e = found.retuned.explanation
-    if found.retuned.levels.kept or found.nominal.levels.kept:
+    if found.negligible(e.robot):
         return ""
     effects = [effect for effect in problem.robot.machine.effects if effect.id != injected]
     lin = linearise(found.likelihood, e.values, e.x, e.parameters, effects, e.jacobian, e.residual)

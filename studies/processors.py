@@ -60,9 +60,12 @@ def answered(case: Path, out: Path, kernel: str) -> dict[str, Any]:
 
 
 def named(answer: dict[str, Any]) -> tuple[Any, ...]:
-    """What must not depend on the processor: verdict, place, effects with their channels, class."""
-    effects = [(e["id"], e["wires"], e["joints"], sorted(e["channels"])) for e in answer["effects"]]
-    return answer["verdict"], answer["where"]["block"], effects, answer["equivalents"]
+    """What must not depend on the processor: verdict, place, effects with role, channels and rivals."""
+    effects = [
+        (e["id"], e["role"], e["wires"], e["joints"], sorted(e["channels"]), [r["id"] for r in e["rivals"]])
+        for e in answer["effects"]
+    ]
+    return answer["verdict"], answer["where"]["block"], effects
 
 
 def intervals(answer: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -77,6 +80,8 @@ def apart(answers: list[dict[str, Any]]) -> float:
     """Largest difference of a value between answers that name the same, in widths of its narrowest interval."""
     found = [0.0]
     for same in zip(*map(intervals, answers), strict=True):
+        if any(i["value"] is None for i in same):  # channels differ, and count one by one
+            continue
         values, width = [i["value"] for i in same], min(i["high"] - i["low"] for i in same)
         found.append((max(values) - min(values)) / width if max(values) > min(values) else 0.0)
     return max(found)

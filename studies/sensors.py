@@ -60,31 +60,33 @@ def computed(case: Case) -> dict[str, dict[str, str]]:
 
 
 def measured(case: Case, hidden: tuple[str, ...]) -> dict[str, Any]:
-    """Verdict of a case without some columns, and the explanations that are left."""
+    """Verdict of a case without some columns, and its causes with their rivals."""
     from exodrake.core.threads import one_blas_thread
-    from exodrake.diagnosis.pipeline import isolated
+    from exodrake.diagnosis.isolation import isolate
     from exodrake.diagnosis.problem import make_problem
     from exodrake.diagnosis.verdict import decide
     from exodrake.machines.robot_file import load_robot
 
     with one_blas_thread():
-        problem, found = isolated(make_problem(without(case, hidden), load_robot()))
-        decision = decide(problem, found)
-    detected = [d.effect.id for d in problem.detected if d.certain]
-    return {"verdict": decision.verdict, "left": [*(t.explanation.name for t in decision.left), *detected]}
+        found = isolate(make_problem(without(case, hidden), load_robot()))
+        decision = decide(found)
+    detected = [d.effect.id for d in found.problem.detected if d.certain]
+    causes = [part.effect for part in decision.causes]
+    rivals = [rival for part in decision.causes for rival in part.rivals]
+    return {"verdict": decision.verdict, "causes": [*causes, *detected], "rivals": rivals}
 
 
 def outcome(row: dict[str, Any], truth: str) -> str:
     """Result of a case with one effect, in words."""
-    verdict, left = row["verdict"], row["left"]
+    verdict, causes = row["verdict"], row["causes"]
     if verdict == "NAMED":
-        return "named" if left in ([truth], ["retune", truth]) else "another named"
+        return "named" if causes == [truth] else "another named"
     if verdict == "AMBIGUOUS":
-        return "in the class" if truth in left else "not in the class"
-    return {"UNKNOWN": "unknown"}.get(verdict, "not seen")
+        return "in the class" if truth in (*causes, *row["rivals"]) else "not in the class"
+    return {"UNKNOWN": "unknown", "PARTLY": "partly"}.get(verdict, "not seen")
 
 
-OUTCOMES = ("named", "in the class", "unknown", "not seen", "another named", "not in the class")
+OUTCOMES = ("named", "in the class", "partly", "unknown", "not seen", "another named", "not in the class")
 
 
 def page(effects: dict[str, dict[str, str]], rows: dict[str, dict[str, Any]], command: str) -> str:

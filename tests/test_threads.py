@@ -8,7 +8,7 @@ import pytest
 from diagnosis_cases import FRAMES, case_of, robot_with
 
 from exodrake.core.threads import HELPERS, side_by_side
-from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 
@@ -78,6 +78,6 @@ def test_an_isolation_is_the_same_on_one_thread_and_on_three(monkeypatch):
     found = {}
     for count in (1, 3):
         monkeypatch.setattr(numba, "get_num_threads", lambda count=count: count)
-        _, isolation = isolated(problem)
-        found[count] = [(t.explanation.name, *t.chi2, *t.explanation.x, t.levels.fit) for t in isolation.tested[0]]
-    assert found[1] and found[1] == found[3]
+        sets = isolate(problem).search.sets
+        found[count] = {key: (*f.chi2, *f.explanation.x) for key, f in sets.items()}
+    assert len(found[1]) > 1 and found[1] == found[3]

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.improved import robot_of
+from exodrake.diagnosis.fit import Explanation, minimise
+from exodrake.diagnosis.closure import robot_of
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.refine import Explanation, minimise
 
 ROUNDS, STEPS = 4, 8  # of fitting, with a new Jacobian in each; steps within a round
 TOL = 1e-3  # share of the cost that a step and a round must gain
