@@ -18,7 +18,7 @@ PAGE = """# The missing law
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
 are diagnosed with **no effect in the library**: no injected law is known to it. Free inputs of unknown course act at
 the points of all effects but the injected one and name a block; one free law is searched over every point of every
-part; both make one answer ([how](explain/diagnosis.md#the-missing-law)). Logs are half as long as usual, held-out ones
+part; both make one answer ([how](explain/missing_law.md)). Logs are half as long as usual, held-out ones
 of another motion than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in encoder,
 motor or tendon, which meet at the spool. The runner-up is the best law in another block. It is distinguished where the
 law takes up more of what it leaves above noise than a law in a wrong part takes up of what the best one in the right
