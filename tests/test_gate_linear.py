@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from exodrake.diagnosis.linear import LinearModel
+from studies.gate.linear import LinearModel
 
 WIDE = np.full(4, 1e6)
 
