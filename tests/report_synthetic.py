@@ -38,6 +38,8 @@ SHARES = {"tendon": 0.83, "finger": 0.11, "sensor": 0.04, "motor": 0.015, "encod
 REGIME = {"direction of motion": 0.61, "load": 0.22, "time since reversal": 0.12, "frequency below 1 Hz": 0.7}
 IDS = ("tendon.capstan_friction", "tendon.coulomb_friction", "finger.hysteresis", "finger.stiffness + sensor.gain")
 
+LEFT = {PARTLY: Remainder(0.38, 0.32, 0.45, 3.1), UNKNOWN: Remainder(0.59, 0.5, 0.7, 5.2)}
+
 
 def noise_and_sizes():
     """Noise standard deviation and size of each column [SI]."""
@@ -152,7 +154,7 @@ def diagnosis(verdict=NAMED):
         where=where if found else Where("none"),
         effects=(cause(verdict), refinement()) if verdict in (NAMED, AMBIGUOUS, PARTLY) else (),
         equivalents=IDS[:2] if verdict == AMBIGUOUS else (),
-        remainder=Remainder(0.38, 0.32, 0.45, 3.1) if verdict == PARTLY else Remainder(0.06, 0.03, 0.09, 0.4),
+        remainder=LEFT.get(verdict, Remainder(0.06, 0.03, 0.09, 0.4)),
         closure=closure(healthy),
         rivals=rivals if verdict == AMBIGUOUS else (),
         candidates=tuple(candidate(n, i, best) for i, n in enumerate(IDS)) if found else (),

@@ -99,8 +99,8 @@ def test_headline_names_cause_place_share_and_what_remains():
     said = {verdict: wording.headline(diagnosis(verdict)) for verdict in VERDICTS}
     cause = "oad-dependent friction (tendon.capstan_friction) at tendons AF and MF explains"
     assert said[NAMED] == f"L{cause} 91 % of the gap; 6 % remains."
-    where = "in the tendon, mostly with frequency below 1 Hz"
-    assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains {where}."
+    most = "most on tension_AF (1.1 noise standard deviations)"
+    assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains, {most}."
     assert said[AMBIGUOUS] == (
         "The logs cannot tell capstan friction (tendon.capstan_friction) from coulomb friction "
         "(tendon.coulomb_friction) at tendons AF and MF, which explains 91 % of the gap; 6 % remains."
@@ -125,6 +125,11 @@ def test_headline_states_values_by_channel_only_where_these_differ():
     cause = replace(diagnosis().effects[0], channels={"mu_phi": channels})
     said = wording.headline(replace(diagnosis(), effects=(cause,)))
     assert "(mu_phi 0.400 at AF, 0.150 at MF)" in said and "AE" not in said
+
+
+def test_a_detected_cause_without_a_share_is_called_detected():
+    cause = replace(diagnosis().effects[0], share=Interval(np.nan, np.nan, np.nan))
+    assert "at tendons AF and MF was detected; 6 %" in wording.headline(replace(diagnosis(), effects=(cause,)))
 
 
 def test_all_channels_of_a_long_list_are_called_so():

@@ -131,7 +131,7 @@ def says_something(item: Interval) -> bool:
 
 def share(fraction: float) -> str:
     """A share of the gap as per cent, between 0 and 100 %."""
-    return percent(min(max(fraction, 0.0), 1.0)) if math.isfinite(fraction) else "an unknown part"
+    return percent(min(max(fraction, 0.0), 1.0)) if math.isfinite(fraction) else "–"
 
 
 def share_span(item: Interval) -> str:
@@ -161,7 +161,9 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
     said, named = [], "explains {} of the gap"
     for effect in sorted(found, key=lambda e: not e.rivals):
         place, values = place_of(diagnosis, effect), by_channel(effect)
-        explained = named.format(share(effect.share.value)) + (f" ({values})" if values and not effect.rivals else "")
+        known = math.isfinite(effect.share.value)  # not of one among several that detectors found
+        explained = named.format(share(effect.share.value)) if known else "was detected"
+        explained += f" ({values})" if values and not effect.rivals else ""
         if effect.rivals:
             others = listed([f"{name_of(r.id)} ({r.id})" for r in effect.rivals], "or")
             lead = "the logs cannot tell" if not said else "nor"
@@ -174,16 +176,16 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def remainder_words(diagnosis: Diagnosis) -> str:
-    """What the causes and refinements leave; its place and regime where causes explain a part only."""
+    """What the causes and refinements leave; where causes explain a part only, the signal that holds most of it."""
     left = diagnosis.remainder
     if not math.isfinite(left.value):
         return ""
     text = f"; {share(left.value)} remains"
-    if diagnosis.verdict != PARTLY:
+    worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
+    if diagnosis.verdict != PARTLY or worst is None:
         return text
-    where = diagnosis.where
-    within = f" in the {where.block}" if where.block != "none" else ""
-    return f"{text}{within}{regime_words(diagnosis)}"
+    name, gap = worst
+    return f"{text}, most on {name} ({digits(gap.after / gap.noise_std, 2)} noise standard deviations)"
 
 
 def regime_words(diagnosis: Diagnosis) -> str:
@@ -198,8 +200,9 @@ def unknown_words(diagnosis: Diagnosis) -> str:
     place = seat(where.wires, where.joints, machine_of(diagnosis))
     within = f" in the {where.block}" if where.block != "none" else ""
     text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(diagnosis)}"
-    best = next((c for c in diagnosis.candidates if c.id not in ("", "retune")), None)
-    would = f"; the best set, {best.id}, would explain {share(best.share)} of it" if best else ""
+    explained = 1.0 - diagnosis.remainder.value
+    best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
+    would = f"; the best set, {best.id}, would explain {share(explained)} of it" if best and explained > 0.005 else ""
     return f"{text}, that no effect of the library explains{would}"
 
 
