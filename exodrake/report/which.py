@@ -45,7 +45,7 @@ def share_bars(diagnosis: Diagnosis) -> Bars | None:
     noise = f", {n.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
     rows.append(("remains", length(left.value), w.share(left.value) + noise, False))
     caption = (
-        "Share of the gap beyond retuning on the fitted logs: what is left without the effect less what is left with it. "
+        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
         "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
     )
     return Bars(rows, caption)
