@@ -173,7 +173,7 @@ def test_demo_draws_a_fault_by_its_seed():
     assert len({case_plan(seed).ids for seed in range(20)}) > 8
 
 
-@pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 4")])
+@pytest.mark.parametrize(("verdict", "words"), [(NAMED, "found: the verdict was NAMED"), (UNKNOWN, "number 1 of 3")])
 def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, words):
     from io import StringIO
 
@@ -189,3 +189,11 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
     reveal(console, tmp_path, diagnosis(verdict))
     text = console.export_text()
     assert "capstan_friction on AF" in text and words in text and "law has another form" in text
+
+
+def test_profile_says_processor_time_by_stage(case, answered):
+    answered(NAMED)
+    result = run("diagnose", case, "--profile")
+    assert result.exit_code == 0, result.output
+    table = result.output[result.output.index("processor") :]
+    assert all(stage.text in table for stage in Stage) and "7,600 s" in table  # simulated time of the ready answer
