@@ -16,11 +16,9 @@ import numpy as np
 
 from exodrake import __version__
 from exodrake.core.plural import plural
-from exodrake.diagnosis.change_point import RAMP, STEP
-from exodrake.diagnosis.fleet import FAILURE, Row
-from exodrake.diagnosis.fleet_change import Trend, trends
+from exodrake.diagnosis.change_point import DAY, RAMP, STEP
+from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
-from exodrake.diagnosis.sessions import DAY
 from exodrake.report import number_format as n
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS

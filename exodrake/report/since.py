@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from exodrake.core.confidence import ALPHA
 from exodrake.core.display import SYMBOLS, shown_unit
 from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
@@ -16,11 +15,10 @@ from exodrake.report import number_format as n
 from exodrake.report.blocks import Table
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.session_series import Series
-    from exodrake.diagnosis.since import Since
+    from exodrake.diagnosis.since import Series, Since
 
 SHOWN = 6  # series that are drawn
-STEADY = f"no quantity changes over the {{}} (tests at p < {ALPHA:g})"
+STEADY = "no quantity changes over the {}"
 
 
 def since(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -110,8 +108,8 @@ def changes(found: Since) -> Table | None:
         if change is not None:
             before, after = (n.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
             cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
-        rows.append((title(one), *cells[:1], f"{one.p:.2g}", *cells[1:]))
-    header = ("Quantity", "Change began", "p", "Before", "Last", "Rate")
+        rows.append((title(one), *cells[:1], n.percent(one.p), *cells[1:]))
+    header = ("Quantity", "Change began", "Constant by evidence", "Before", "Last", "Rate")
     return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
 
 
