@@ -51,7 +51,7 @@ def print_summary(diagnosis: Diagnosis, console: Console | None = None) -> None:
     console.print(verdict_panel(diagnosis))
     if diagnosis.effects:
         rows = [row for effect in diagnosis.effects for row in effect_rows(effect)]
-        console.print(table(("effect", ">share of the gap", "parameter", ">value", ">90 % interval"), rows))
+        console.print(table(("effect", ">of the gap", "parameter", ">value", ">90 % interval"), rows))
     console.print(gap_table(diagnosis))
     for line in closing_lines(diagnosis):
         console.print(line)

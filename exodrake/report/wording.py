@@ -135,8 +135,9 @@ def share(fraction: float) -> str:
 
 
 def share_span(item: Interval) -> str:
-    """A share of the gap with its 90 % interval, where it has one: `91 % (87 to 94 %)`."""
-    span = f" ({share(item.low).removesuffix(' %')} to {share(item.high)})" if item.low < item.high else ""
+    """A share of the gap with its 90 % interval, where it has one: `91 % (87-94)`."""
+    ends = (share(x).removesuffix(" %") for x in (item.low, item.high))
+    span = f" ({'-'.join(ends)})" if item.low < item.high else ""
     return f"{share(item.value)}{span}"
 
 
@@ -180,7 +181,7 @@ def remainder_words(diagnosis: Diagnosis) -> str:
     left = diagnosis.remainder
     if not math.isfinite(left.value):
         return ""
-    text = f"; {share(left.value)} remains"
+    text = f"; {share(left.value)} remains" if left.value >= 0.005 else "; nothing remains"
     worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
     if diagnosis.verdict != PARTLY or worst is None:
         return text
