@@ -18,8 +18,17 @@ from exodrake.core.confidence import ALPHA
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.diagnosis.change_point import RAMP, STEP
-from exodrake.diagnosis.fleet import FAILURE, Amount, Row, ordered, read_answers, read_table, row_of, table_bytes
-from exodrake.diagnosis.fleet_change import trends
+from exodrake.diagnosis.fleet import (
+    FAILURE,
+    Amount,
+    Row,
+    ordered,
+    read_answers,
+    read_table,
+    row_of,
+    table_bytes,
+    trends,
+)
 from exodrake.diagnosis.many import diagnose_all, stored
 from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE, UNKNOWN
 from exodrake.report.fleet import fleet_html, members, strip

@@ -1,48 +1,51 @@
-"""Change point of a series: whether a quantity that was estimated session by session changed, when and how.
+"""Change point of a series: whether a quantity known at several times changed, when and how, by Bayesian evidence.
 
     y_i = a + b g(t_i) + e_i        e ~ N(0, s^2 V), V known, s >= 1 unknown (sessions scatter more than noise says)
 
     step   g = 1[t > tau]        ramp   g = max(t - tau, 0)        step and ramp   both at one tau
 
-The statistic is the largest likelihood ratio over shape and date, a scan (Quandt 1960; Andrews 1993; Bai & Perron
-1998; for a step on line Page's CUSUM 1954, Siegmund 1985). Its law without a change depends neither on a nor on s, so
-draws of white noise give exact p-values. The confidence set of the date inverts the ratio test: a date is kept if
-series that change then, as fitted, come out as far below their best date often enough (Worsley 1986). Draws replace
-the asymptotics of smooth likelihoods, which do not hold for change points.
+Shapes are equally likely beforehand, dates uniform, and p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G the
+columns without their constant (Zellner 1986), with k over several decades (mixtures of g-priors; Liang et al. 2008):
+one k would count a share of a large change as scatter. All but shape, date and k is integrated in closed form. Sets and
+intervals are credible ones, averaged over shapes and dates. Whether there is a change at all is asked by the odds, too:
+p is the share of series without one whose odds are as large, by draws, since odds alone depend on the prior's width.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from scipy.special import gammainc, gammaincinv, gammaln, logsumexp
 
-from exodrake.core.confidence import ALPHA, CONFIDENCE
-from exodrake.diagnosis.change_dates import BOTH, RAMP, STEP, Dates, dates_of
+from exodrake.core.confidence import CONFIDENCE
 
+STEP, RAMP, BOTH = "step", "ramp", "step and ramp"
+DAY = 86400.0  # s
 LEAST = 5  # points: a change has three parameters, their scatter one
-REJECTED = 0.05  # level of a date's test: at a tenth, sets of ramps covered 82 to 88 %, since sizes are fitted, too
-DRAWS, DATE_DRAWS, SIZE_DRAWS = 1999, 199, 2000  # for the p-value, for each date that is tried, for sizes
 GRID = 4  # dates of a ramp's begin that are tried between two points
-ROUNDING = 1e-9  # of the spread of a series
-FAR = 40.0  # deviance beyond which a date is given up without draws: no level between 1e-9 and 0.5 has such a limit
+SIZES = (1.0, 1e2, 1e4, 1e6)  # k of the prior of b, times the number of points: unit information and wider
+DRAWS = 1999  # of series without a change, and of sizes
+LARGE = 1e4  # scatter of the series without a change: the bound s >= 1 is far, so that p is the largest
+SMALLEST = 1e-4  # sum of squares beneath which a series counts as exact
 
 
 @dataclass(frozen=True)
 class Change:
-    """Change of a series: its date, shape and size, with intervals.
+    """Change of a series: its date, shape and size, with 90 % intervals.
 
     Attributes:
         p: p-value of no change.
         shape: of the likeliest change.
-        shapes: those that the series leaves open.
-        began: (likeliest, low, high) date with its 90 % set [unit of times]; one at the first point may be earlier.
+        shapes: those of the set of dates.
+        began: (likeliest, low, high) date with its set [unit of times]; one at the first point may be earlier.
         before: (value, low, high) until then [unit of values].
         after: the same of the last point.
         rate: the same by unit of time, from the begin to the last point; NaN of a step.
         scatter: s, the scatter of the points about the change in units of their own standard deviations.
-        size: sum of squares that the change takes up, in units of s^2.
+        size: log odds of the change [nats].
     """
 
     p: float
@@ -63,150 +66,155 @@ class Change:
 
 
 class ChangePoint:
-    """The scan for one change at times (points,), of series with one covariance (points, points) of their errors."""
+    """The evidence for one change at increasing times (points,).
+
+    Args:
+        times: of the points.
+        covariance: (points, points) V of their errors.
+        grid: dates of a ramp's begin that are tried between two points.
+    """
 
     def __init__(self, times: np.ndarray, covariance: np.ndarray, grid: int = GRID) -> None:
         self.times = np.asarray(times, dtype=float)
         self.white = np.linalg.inv(np.linalg.cholesky(covariance))
         constant = self.white @ np.ones(len(times))
-        self.constant = constant / np.linalg.norm(constant)
-        self.all = dates_of(self.times, self.white, self.constant, grid)
-        self.plain = self.all.where(self.all.shape != BOTH)  # one parameter each, so their gains compare
-
-    @cached_property
-    def null(self) -> np.ndarray:
-        """Likelihood ratios (draws,) of series without a change, whose scatter is not known."""
-        noise = np.random.default_rng(DRAWS).standard_normal((len(self.times), DRAWS))
-        return np.sort(self.ratio(noise - np.outer(self.constant, self.constant @ noise), 0.0))
+        self.norm = float(np.linalg.norm(constant))
+        self.constant = constant / self.norm
+        self.half = 0.5 * (len(self.times) - 1)
+        self.shape, self.low, self.high, self.columns = candidates(self.times, grid)
+        rows = np.einsum("ij,cjk->cik", self.white, self.columns)
+        self.rows = rows - np.einsum("i,j,cjk->cik", self.constant, self.constant, rows)
+        self.added = np.array([orthonormal(r) for r in self.rows])
+        count = 1 + (self.shape == BOTH)
+        k = len(self.times) * np.array(SIZES)
+        self.kept = k / (1.0 + k)  # (k,) share of a change that the prior lets through
+        span, of_shape = self.high - self.low, self.shape[:, None] == self.shape
+        prior = np.log(span / (of_shape @ span)) - np.log(len(set(self.shape)) * len(SIZES))
+        self.prior = prior - 0.5 * np.log1p(k)[:, None] * count  # (k, candidates), with the volume of b
 
     def centred(self, series: np.ndarray) -> np.ndarray:
         """Series (points, n), whitened and without their constant."""
         rows = self.white @ series
         return rows - np.outer(self.constant, self.constant @ rows)
 
-    def ratio(self, rows: np.ndarray, least: float) -> np.ndarray:
-        """Largest likelihood ratio (n,) of centred series (points, n), the scatter's square being `least` at least."""
-        gain, free = self.plain.gains(rows).max(axis=0), max(len(rows) - 2, 1)
-        left = np.maximum((rows**2).sum(axis=0) - gain, 1e-12)
-        return gain / np.maximum(left / free, least)
+    def integrated(self, squares: np.ndarray) -> np.ndarray:
+        """Log evidence of residual sums of squares, s >= 1 integrated."""
+        half = 0.5 * np.maximum(squares, SMALLEST)
+        return gammaln(self.half) + np.log(gammainc(self.half, half)) - self.half * np.log(half)
+
+    def evidences(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Log evidence of centred series (points, n): (n,) without a change, (k, candidates, n) with each."""
+        gain = sum((self.added[:, :, c] @ rows) ** 2 for c in (0, 1))
+        total = np.sum(rows**2, axis=0)
+        each = self.integrated(total - self.kept[:, None, None] * gain) + self.prior[:, :, None]
+        return self.integrated(total), each
+
+    @cached_property
+    def volume(self) -> float:
+        """Log of the density of errors and constant that depends on V alone, for comparisons of several V."""
+        return float(np.linalg.slogdet(self.white)[1] - np.log(self.norm))
+
+    def log_odds(self, series: np.ndarray) -> np.ndarray:
+        """Log odds (n,) of a change to none in series (points, n), both as likely beforehand [nats]."""
+        none, each = self.evidences(self.centred(series))
+        return logsumexp(each, axis=(0, 1)) - none
+
+    @cached_property
+    def null(self) -> np.ndarray:
+        """Log odds (draws,) of series without a change, in order."""
+        noise = np.random.default_rng(DRAWS).standard_normal((len(self.times), DRAWS))
+        return np.sort(self.log_odds(LARGE * np.linalg.solve(self.white, noise)))
 
     def p_values(self, series: np.ndarray) -> np.ndarray:
         """p-values (n,) of no change in series (points, n), valid for normal errors of any scatter s >= 1."""
-        above = DRAWS - np.searchsorted(self.null, self.ratio(self.centred(series), 1.0))
-        return (1.0 + above) / (DRAWS + 1.0)
+        return (1.0 + DRAWS - np.searchsorted(self.null, self.log_odds(series))) / (DRAWS + 1.0)
 
     def __call__(self, values: np.ndarray, rng: np.random.Generator) -> Change:
-        """The change of a series (points,), with date, shape and sizes estimated as if there were one."""
-        p, row = float(self.p_values(values[:, None])[0]), self.centred(values[:, None])
-        dates = self.all if self.needs_both(row, rng) else self.plain
-        gain = dates.gains(row)[:, 0]
-        best = int(gain.argmax())
-        free = max(len(row) - 3 - int(dates.shape[best] == BOTH), 1)  # constant, date and sizes are fitted
-        scatter = max(float(np.sum(row**2) - gain[best]) / free, 1.0)
-        kept = self.dates_left(dates, row, gain, scatter, free, rng)
-        weight = np.where(kept, np.exp(-(gain[best] - gain) / (2.0 * scatter)), 0.0)
-        sizes = self.sizes(dates, values, weight / weight.sum(), scatter, free, rng)
-        middle = 0.5 * (dates.low[best] + dates.high[best])
-        ends = (dates.low[kept].min(), dates.high[kept].max())
-        began = tuple(float(max(t, self.times[0])) for t in (middle, *ends))
-        shapes = tuple(dict.fromkeys([str(dates.shape[best]), *map(str, dates.shape[kept])]))
-        before, after, rate = sizes
-        name, strength = str(dates.shape[best]), float(gain[best] / scatter)
-        return Change(p, name, shapes, began, before, after, rate, float(np.sqrt(scatter)), strength)  # pyright: ignore
-
-    def needs_both(self, row: np.ndarray, rng: np.random.Generator) -> bool:
-        """Whether one of step and ramp alone is rejected against both, by draws of the likelier one as fitted."""
-        if len(row) <= LEAST:
-            return False
-        gain, total = self.plain.gains(row)[:, 0], float(np.sum(row**2))
-        best, free = int(gain.argmax()), len(row) - 3
-        fitted = self.plain.added[best] @ (self.plain.added[best].T @ row)
-        scatter = max((total - gain[best]) / free, 1.0)
-        drawn = fitted + np.sqrt(scatter) * self.noise(rng)
-
-        def ratio(rows: np.ndarray, least: float) -> np.ndarray:
-            one, two = self.plain.gains(rows).max(axis=0), self.all.gains(rows).max(axis=0)
-            return (two - one) / np.maximum(((rows**2).sum(axis=0) - two) / (free - 1), least)
-
-        above = int((ratio(drawn, 1e-12) >= ratio(row, 1.0)).sum())
-        return (1.0 + above) / (DATE_DRAWS + 1.0) < ALPHA
-
-    def noise(self, rng: np.random.Generator) -> np.ndarray:
-        """White noise (points, draws) without its constant."""
-        noise = rng.standard_normal((len(self.times), DATE_DRAWS))
-        return noise - np.outer(self.constant, self.constant @ noise)
-
-    def dates_left(
-        self, dates: Dates, row: np.ndarray, gain: np.ndarray, scatter: float, free: int, rng: np.random.Generator
-    ) -> np.ndarray:
-        """Candidates that the likelihood ratio test does not reject.
-
-        Args:
-            dates: what is tried.
-            row: (points, 1) centred series.
-            gain: (candidates,) sum of squares that each takes up of it.
-            scatter: s^2 about the best one [-].
-            free: degrees of freedom of s^2.
-            rng: of the draws.
-
-        Returns:
-            (candidates,) mask.
-        """
-        deviance = (gain.max() - gain) / scatter
-        kept = deviance <= 0.0
-        noise = self.noise(rng)
-        for k in np.flatnonzero((deviance > 0.0) & (deviance <= FAR)):
-            spread = max(float(np.sum(row**2) - gain[k]) / (len(row) - 2), 1.0)
-            rows = dates.added[k] @ (dates.added[k].T @ row) + np.sqrt(spread) * noise
-            drawn = dates.gains(rows)
-            best = drawn.max(axis=0)
-            left = (rows**2).sum(axis=0) - best
-            below = (best - drawn[k]) / np.maximum(left / free, 1e-12)
-            kept[k] = (1.0 + (below >= deviance[k]).sum()) / (DATE_DRAWS + 1.0) > REJECTED
-        return kept
+        """The change of a series (points,), estimated as if there were one."""
+        row = self.centred(values[:, None])
+        none, each = self.evidences(row)
+        weight = np.exp(each[:, :, 0] - each.max())
+        weight /= weight.sum()
+        dates = weight.sum(axis=0)
+        order = np.argsort(-dates / (self.high - self.low))
+        inside = order[: 1 + int(np.searchsorted(np.cumsum(dates[order]), CONFIDENCE))]
+        best = int(order[0])
+        middle = 0.5 * (self.low[best] + self.high[best])
+        ends = (middle, self.low[inside].min(), self.high[inside].max())
+        value, low, high, scatter = self.sizes(values, row[:, 0], weight, best, rng)
+        before, after, rate = zip(value, low, high, strict=True)
+        odds = float(logsumexp(each) - none[0])
+        return Change(
+            p=float(self.p_values(values[:, None])[0]), shape=str(self.shape[best]),
+            shapes=tuple(dict.fromkeys(map(str, self.shape[inside]))),
+            began=tuple(float(max(t, self.times[0])) for t in ends),  # pyright: ignore[reportArgumentType]
+            before=before, after=after, rate=rate, scatter=scatter, size=odds,
+        )  # fmt: skip
 
     def sizes(
-        self, dates: Dates, values: np.ndarray, weights: np.ndarray, scatter: float, free: int, rng: np.random.Generator
-    ) -> list[tuple[float, float, float]]:
-        """Value before, value at the last point, and rate, each with its interval, averaged over the dates left.
+        self, values: np.ndarray, row: np.ndarray, weight: np.ndarray, best: int, rng: np.random.Generator
+    ) -> tuple[list[float], list[float], list[float], float]:
+        """Values (3,) before, at the last point and of the rate, the ends of their intervals, and the mean scatter.
 
         Args:
-            dates: what is tried.
-            values: (points,) series.
-            weights: (candidates,) of the dates.
-            scatter: s^2 [-].
-            free: degrees of freedom of s^2.
+            values, row: (points,) series, and the same whitened and centred.
+            weight: (k, candidates) posterior.
+            best: the likeliest candidate, whose means are the values.
             rng: of the draws.
         """
-        counts, cloud = rng.multinomial(SIZE_DRAWS, weights), []
-        for k in map(int, np.flatnonzero(counts)):
-            mean, spread = self.fit(dates, k, values)
-            strength = np.sqrt(scatter * free / rng.chisquare(free, counts[k]))
-            moves = rng.multivariate_normal(np.zeros(3), spread, counts[k], method="eigh")
-            cloud.append(stated(dates, k, mean + strength[:, None] * moves))
-        best = int(weights.argmax())
-        first, rows = stated(dates, best, self.fit(dates, best, values)[0][None])[0], np.concatenate(cloud)
-        first = np.where(np.abs(first) < ROUNDING * np.ptp(values), 0.0, first)
-        return [interval_of(value, column) for value, column in zip(first, rows.T, strict=True)]
+        cloud, scatter, stated = [], [], np.zeros(3)
+        draws = rng.multinomial(DRAWS, weight.ravel() / weight.sum()).reshape(weight.shape)
+        for c in np.flatnonzero(draws.sum(axis=0) + (np.arange(weight.shape[1]) == best)):
+            own, back = self.added[c].T @ row, np.linalg.pinv(self.rows[c]) @ self.added[c]
+            kept = np.repeat(self.kept, draws[:, c])
+            squares = np.maximum(row @ row - kept * (own @ own), SMALLEST)
+            u = gammaincinv(self.half, rng.random(len(kept)) * gammainc(self.half, 0.5 * squares))
+            s = np.maximum(np.sqrt(squares / (2.0 * np.maximum(u, 1e-300))), 1.0)
+            noise = rng.standard_normal((len(kept), 3)) * s[:, None]
+            b = (kept[:, None] * own + np.sqrt(kept)[:, None] * noise[:, 1:]) @ back.T
+            cloud.append(self.stated(c, values, b, noise[:, 0]))
+            scatter.append(s)
+            if c == best:
+                mean = float(weight[:, c] @ self.kept / weight[:, c].sum()) * own @ back.T
+                stated = self.stated(c, values, mean[None], np.zeros(1))[0]
+        found = np.concatenate(cloud)
+        ends = np.full((2, 3), np.nan)
+        for i in range(3):
+            known = found[np.isfinite(found[:, i]), i]
+            if np.isfinite(stated[i]) and len(known):
+                low, high = np.quantile(known, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+                ends[:, i] = min(low, stated[i]), max(high, stated[i])
+        return stated.tolist(), *ends.tolist(), float(np.concatenate(scatter).mean())
 
-    def fit(self, dates: Dates, k: int, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients (3,) of a constant and of the candidate's columns, and their covariance (3, 3) for s = 1."""
-        design = self.white @ np.column_stack([np.ones(len(self.times)), dates.columns[k]])
-        spread = np.linalg.pinv(design.T @ design)
-        return spread @ design.T @ (self.white @ values), spread
+    def stated(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """Value before, at the last point, and rate (n, 3), of coefficients b (n, 2) of a candidate and noise (n,)."""
+        left = self.white @ (values[:, None] - self.columns[c] @ b.T)
+        first = (self.constant @ left + noise) / self.norm
+        rate = {STEP: np.full(len(b), np.nan), RAMP: b[:, 0], BOTH: b[:, 1]}[str(self.shape[c])]
+        return np.column_stack([first, first + b @ self.columns[c, -1], rate])
 
 
-def stated(dates: Dates, k: int, coefficients: np.ndarray) -> np.ndarray:
-    """Value before, at the last point, and rate (n, 3), of coefficients (n, 3) of candidate k; no rate of a step."""
-    after = coefficients[:, 0] + coefficients[:, 1:] @ dates.columns[k, -1]
-    rate = {STEP: np.full(len(after), np.nan), RAMP: coefficients[:, 1], BOTH: coefficients[:, 2]}[str(dates.shape[k])]
-    return np.column_stack([coefficients[:, 0], after, rate])
+def candidates(times: np.ndarray, grid: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Shapes (candidates,), the ends of the time that each stands for, and their columns (candidates, points, 2).
+
+    A step may lie in any gap between two of the times (points,). A ramp may begin at any point but the last two, and
+    `grid` times between two of them; one that begins later equals a step. Both together need a point more than `LEAST`.
+    """
+    found = [(STEP, a, b, times > a, 0.0 * times) for a, b in pairwise(times)]
+    for a, b in pairwise(times[:-1]):
+        cell = (b - a) / grid
+        starts = a + cell * np.arange(grid)
+        found += [(RAMP, t - cell / 2, t + cell / 2, np.maximum(times - t, 0.0), 0.0 * times) for t in starts]
+    if len(times) > LEAST:
+        middles = ((a, b, 0.5 * (a + b)) for a, b in pairwise(times[:-1]))
+        found += [(BOTH, a, b, times > a, np.maximum(times - t, 0.0)) for a, b, t in middles]
+    shape, low, high, *columns = zip(*found, strict=True)
+    return np.array(shape), np.array(low), np.array(high), np.array(columns, dtype=float).transpose(1, 2, 0)
 
 
-def interval_of(value: float, draws: np.ndarray) -> tuple[float, float, float]:
-    """A value with the ends of its 90 % interval by draws (n,), which may be NaN."""
-    known = draws[np.isfinite(draws)]
-    if not np.isfinite(value) or not len(known):
-        return float("nan"), float("nan"), float("nan")
-    low, high = np.quantile(known, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
-    return float(value), float(min(low, value)), float(max(high, value))
+def orthonormal(rows: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (points, 2) of the same span; a column of zeros for one that adds nothing."""
+    first = rows[:, 0] / np.linalg.norm(rows[:, 0])
+    second = rows[:, 1] - (first @ rows[:, 1]) * first
+    size = np.linalg.norm(second)
+    return np.column_stack([first, second / size if size > 1e-9 else np.zeros(len(second))])
