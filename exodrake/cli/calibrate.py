@@ -1,108 +1,78 @@
-"""`exodrake calibrate`: the numbers of a machine's tests, and their error rates, from simulated robots."""
+"""`exodrake calibrate`: error rates of a machine's diagnosis, from simulated robots."""
 
 from __future__ import annotations
 
 import shlex
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
 
 from exodrake.cli.options import AnyPath, robot_option
 from exodrake.core.progress import counted, where_to_run
 
-if TYPE_CHECKING:
-    from exodrake.diagnosis.calibration import Calibration
-
 
 @click.command()
 @robot_option()
 @click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
-@click.option("--cases", default=100, show_default=True, type=click.IntRange(min=1), help="How many robots.")
+@click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
+@click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
 @click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
-@click.option("--keep-numbers", is_flag=True, help="State the error rates of the numbers in use, and keep those.")
 @where_to_run
 @click.option("--write", type=AnyPath(), metavar="FILE", help="calibration.yaml of the machine's folder.")
 def command(
-    robot: str,
-    folder: str | None,
-    cases: int,
-    seed: int,
-    keep_numbers: bool,
-    jobs: int,
-    cluster: str | None,
+    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None,
     write: Path | None,
-) -> None:
-    """Calibrate the tests of a machine on simulated robots, and count how often they err.
+) -> None:  # fmt: skip
+    """Count how often the diagnosis of a machine errs, on simulated robots.
 
     The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without
-    --case they follow the machine's own experiments. The same seed gives the same numbers, whatever --jobs is.
+    --case they follow the machine's own experiments. The same seed gives the same robots, whatever --jobs is; fewer
+    where the time ends before.
     """
+    from rich.console import Console
+
     from exodrake.cli.diagnose import check_target
+    from exodrake.core.errors import InputError
     from exodrake.core.files import write_text
+    from exodrake.core.provenance import configuration
     from exodrake.data.case import read_case
-    from exodrake.diagnosis.calibrate import calibrate, numbers_of, rates_of
-    from exodrake.diagnosis.calibration import NUMBERS, calibration_of, calibration_text
+    from exodrake.diagnosis.calibrate import calibrate, rates_of
+    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, rate_of
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
+    from exodrake.report import number_format as n
+    from exodrake.report.terminal import table
 
     check_target(write)
     machine = load_robot(robot).machine
     case = read_case(folder, required_of(machine), machine.frame) if folder else None
     with counted("calibrating", "nothing is kept") as count:
-        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count)
-    report_failures(failed, cases)
-    found, rests_on = numbers_of(records, source_of(robot, folder, cases, seed, keep_numbers))
-    rates = rates_of(records)
-    print_calibration(found, rests_on, rates)
-    if keep_numbers:
-        measured = ", ".join(f"{name} {getattr(found, name):.3g}" for name in NUMBERS)
-        source = f"{found.source}, gave the rates and found {measured}; the numbers in use were kept"
-        found, rests_on = replace(calibration_of(machine), source=source), {}
-    if write:
-        write_text(write, calibration_text(found, rests_on, rates))
-        click.echo(f"wrote {write}")
-
-
-def report_failures(failed: dict[int, str], cases: int) -> None:
-    """Says how many robots failed, and why the first did; InputError if all did."""
-    from exodrake.core.errors import InputError
-
+        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
     if failed:
-        click.echo(f"{len(failed)} of {cases} robots failed; robot {min(failed)}: {failed[min(failed)]}", err=True)
-    if len(failed) == cases:
+        first = min(failed)
+        click.echo(f"{len(failed)} robots failed; robot {first}: {failed[first]}", err=True)
+    if not records:
         raise InputError("no robot could be diagnosed")
-
-
-def source_of(robot: str, folder: str | None, cases: int, seed: int, keep_numbers: bool) -> str:
-    """The command and today's date, without the path of a folder."""
-    motion, kept = ["--case", Path(folder).name] if folder else [], ["--keep-numbers"] if keep_numbers else []
-    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(cases), "--seed", str(seed)]
-    return f"{shlex.join([*words, *kept])}, {date.today()}"
-
-
-def print_calibration(found: Calibration, rests_on: dict[str, int], rates: dict[str, dict[str, Any]]) -> None:
-    """Prints the numbers beside the default ones, and the error rates with their intervals."""
-    from rich.console import Console
-
-    from exodrake.diagnosis.calibration import UNCALIBRATED
-    from exodrake.diagnosis.level_table import MEANINGS
-    from exodrake.report import number_format as n
-    from exodrake.report.terminal import table
-
-    values = {name: (getattr(found, name), getattr(UNCALIBRATED, name)) for name in MEANINGS}
-    numbers = [
-        (name, MEANINGS[name], f"{value:.3g}", f"{old:.3g}", str(rests_on[name]))
-        for name, (value, old) in values.items()
-    ]
-    console = Console(highlight=False)
-    console.print(table(("number", "meaning", ">value", ">default", ">robots"), numbers, wrapped=1))
-    console.print()
+    counted_robots = len(records) + len(failed)
+    if counted_robots < cases:
+        click.echo(f"{counted_robots} of {cases} robots in {minutes:g} minutes", err=True)
+    motion = ["--case", Path(folder).name] if folder else []
+    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(counted_robots)]
+    source = f"{shlex.join([*words, '--seed', str(seed)])}, {date.today()}"
+    found = Calibration(source, configuration()["code"], rates_of(records))
     rows = [
-        (name, f"{r['k']} of {r['n']}", n.percent(r["k"] / r["n"]), f"{r['low']:.0%} .. {r['high']:.0%}")
-        for name, r in rates.items()
-        if r["n"]
+        (
+            name,
+            RATES[name],
+            f"{k} of {total}",
+            n.percent(k / total),
+            "{low:.0%} .. {high:.0%}".format(**rate_of(k, total)),
+        )
+        for name, (k, total) in (found.rates or {}).items()
+        if total
     ]
-    console.print(table(("rate", ">robots", ">share", ">95 % interval"), rows))
+    Console(highlight=False).print(table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1))
+    if write:
+        write_text(write, calibration_text(found))
+        click.echo(f"wrote {write}")

@@ -16,7 +16,13 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).parent.parent
 ANSWERING = ("core", "data", "physics", "effects", "machines", "compiled", "simulation", "diagnosis")
 DIGITS = 12  # hexadecimal ones of a SHA-256
-ASIDE = ("diagnosis/healthy.py", "data/plot.py", "core/display.py", "core/templates.py")  # without bearing on an answer
+ASIDE = (
+    "diagnosis/healthy.py",
+    "diagnosis/calibra",
+    "data/plot.py",
+    "core/display.py",
+    "core/templates.py",
+)  # no bearing on an answer
 
 
 def configuration() -> dict[str, str]:
@@ -34,7 +40,7 @@ def code_of(plugin_folders: tuple[Path, ...]) -> str:
 def source_files(place: Path) -> list[Path]:
     """Python and YAML files that bear on an answer, sorted: the file itself, or all below a folder."""
     found = [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
-    return [file for file in found if not name_of(file).startswith(ASIDE)]
+    return [file for file in found if not name_of(file).startswith(ASIDE) and file.name != "calibration.yaml"]
 
 
 def name_of(file: Path) -> str:

@@ -1,107 +1,93 @@
-"""Calibration: the numbers of the tests, for a machine.
+"""Calibration: how often verdicts on a machine err, as `exodrake calibrate` measured it on simulated robots.
 
-`exodrake calibrate` measures them on simulated robots of the machine (`calibrate`). Every diagnosis reads them from the
-file `calibration.yaml` in the machine's folder. A machine without that file has the numbers of `UNCALIBRATED`, and its
-verdict says so.
+A machine's folder holds them in `calibration.yaml`. No number of the diagnosis comes from there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
 from exodrake.core.plugins import single_machines
-from exodrake.core.schema import anything, mapping, number, text
+from exodrake.core.proportions import binomial_interval
+from exodrake.core.provenance import configuration
+from exodrake.core.schema import mapping, number, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.diagnosis.parameter import expanded
 from exodrake.machines.library import machine_folders
 
 FILE = "calibration.yaml"  # in the folder of the machine
-DIGITS = 4  # significant ones of a number in the file
+ALARM, NAMED, CLASS = "healthy: a cause", "one effect: named alone", "one effect: in class"
+UNKNOWN, UNSEEN, COVERED = "one effect: UNKNOWN", "one effect: not seen", "90 % intervals: hold the truth"
+RATES = {
+    ALARM: "healthy robots that were given a cause",
+    NAMED: "robots with one effect whose effect is the only cause, without a rival",
+    CLASS: "robots with one effect whose effect is a cause, a rival of one, or another law of its family and block",
+    UNKNOWN: "robots with one effect whose cause stays unknown",
+    UNSEEN: "robots with one effect that show no gap, or one that retuning closes",
+    COVERED: "parameters of rightly named effects that lie in their 90 % intervals",
+}
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Numbers of the tests: upper quantiles of statistics of simulated robots.
+    """Error rates of a machine's verdicts.
 
     Attributes:
-        law_error: rho, relative standard deviation of the law of an effect [-].
-        same_meaning: the same of a parameter that means the same in every law [-].
-        taken: share of the excess over noise that an effect which is not there takes up [-].
-        moved: mean square of the changes of nominal parameters in standard deviations of their tolerances [-].
         source: command and date; empty if nothing was measured.
+        code: first digits of the SHA-256 of the code that was measured.
+        rates: rate of `RATES` -> count k of n.
     """
 
-    law_error: float
-    same_meaning: float
-    taken: float
-    moved: float
     source: str = ""
-
-    def rho(self, effect: Effect, decoded: Collection[str]) -> float:
-        """Relative standard deviation of the law of an effect [-]; `decoded`: ids of effects whose size was decoded."""
-        return self.same_meaning if effect.same_meaning and effect.id not in decoded else self.law_error
+    code: str = ""
+    rates: Mapping[str, tuple[int, int]] | None = None
 
 
-# from development robots of the Exo-Index with 50 tolerances: 40 healthy ones moved by 0.24 to 0.89; absent effects
-# took up 0.59 at most in the first cases, and nearly all of a small excess beside an offset later
-UNCALIBRATED = Calibration(law_error=0.4, same_meaning=0.05, taken=0.6, moved=1.0)
-FEW = 0.98  # quantile of chi-square by which `moved` is larger for a machine with fewer tolerances
-NUMBERS = tuple(name for name in asdict(UNCALIBRATED) if name != "source")
+RATE = mapping({name: number(low=0.0) for name in ("k", "n", "low", "high")}, required=("k", "n"))
 SCHEMA = mapping(
-    {**dict.fromkeys(NUMBERS, number(above=0.0)), "source": text(), "rates": anything, "rests_on": anything},
-    required=(*NUMBERS, "source"),
+    {"source": text(), "code": text(), "rates": mapping(dict.fromkeys(RATES, RATE), required=tuple(RATES))},
+    required=("source", "code", "rates"),
 )
 
 
 def calibration_of(machine: Machine) -> Calibration:
-    """The calibration of a machine; `UNCALIBRATED` without one, scaled to its number of tolerances.
-
-    Raises:
-        InputError: for a malformed file.
-    """
+    """The calibration of a machine; an empty one if it has none. InputError for a malformed file."""
     folder = machine_folders().get(machine.name)
     if folder is None or not (folder / FILE).is_file():
-        return replace(UNCALIBRATED, moved=UNCALIBRATED.moved * spread(tolerances(machine)) / spread(50))
+        return Calibration()
     content = SCHEMA(read_yaml(folder / FILE), str(folder / FILE))
-    return Calibration(**{key: content[key] for key in (*NUMBERS, "source")})
-
-
-def tolerances(machine: Machine) -> int:
-    """Number of nominal parameters with a tolerance."""
-    names = (name for group in machine.tolerances for name in group.parameters)
-    return sum(len(expanded(name, machine.axes)) for name in names)
-
-
-def spread(count: int) -> float:
-    """Upper quantile of the mean square of so many standard normal numbers."""
-    from scipy.stats import chi2
-
-    return float(chi2.ppf(FEW, count)) / count if count else 1.0
+    rates = {name: (int(rate["k"]), int(rate["n"])) for name, rate in content["rates"].items()}
+    return Calibration(content["source"], content["code"], rates)
 
 
 def calibration_notes(machine: Machine) -> tuple[str, ...]:
-    """Notes on missing tolerances and a missing calibration, a sentence each; none for other machines."""
-    found = []
-    if not tolerances(machine):
+    """A sentence on missing tolerances, and one on the error rates of verdicts on a machine."""
+    found, known = [], calibration_of(machine).rates
+    if not machine.tolerances:
         found.append(f"{machine.name} states no tolerances: its nominal parameters count as exact and are not retuned")
-    if not calibration_of(machine).source:
+    if known is None:
         folder = single_machines().get(machine.name)
         option = f"--machine {folder.name}" if folder else f"--robot {machine.name}"
-        found.append(f"the tests of {machine.name} are not calibrated; `exodrake calibrate {option}`")
+        found.append(f"no error rates are known for this machine: `exodrake calibrate {option}` measures them")
+    else:
+        (alarms, healthy), (named, ill) = known[ALARM], known[NAMED]
+        other = "" if calibration_of(machine).code == configuration()["code"] else " (measured on another version)"
+        found.append(
+            f"of {healthy} healthy robots of this kind {alarms} {'was' if alarms == 1 else 'were'} given a cause; "
+            f"of {ill} with one effect {named} {'was' if named == 1 else 'were'} named rightly{other}"
+        )
     return tuple(found)
 
 
-def calibration_text(found: Calibration, rests_on: Mapping[str, int], rates: Mapping[str, Any]) -> str:
-    """The file of a calibration.
+def rate_of(k: int, n: int) -> dict[str, float]:
+    """Count k of n with its exact (Clopper-Pearson) 95 % interval; the whole range for n = 0."""
+    low, high = binomial_interval(k, n)
+    return {"k": k, "n": n, "low": round(low, 4), "high": round(high, 4)}
 
-    Args:
-        found: its numbers and source.
-        rests_on: number -> count of simulated robots that it comes from.
-        rates: error rates of the tests.
-    """
-    numbers = {name: float(f"{getattr(found, name):.{DIGITS}g}") for name in NUMBERS}
-    return dump_yaml({**numbers, "source": found.source, "rests_on": dict(rests_on), "rates": dict(rates)})
+
+def calibration_text(found: Calibration) -> str:
+    """The file of a calibration."""
+    rates: dict[str, Any] = {name: rate_of(*pair) for name, pair in (found.rates or {}).items()}
+    return dump_yaml({"source": found.source, "code": found.code, "rates": rates})

@@ -4,11 +4,11 @@
 
     step   g = 1[t > tau]        ramp   g = max(t - tau, 0)        step and ramp   both at one tau
 
-Shapes are equally likely beforehand, dates uniform, and p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G the
-columns without their constant (Zellner 1986), with k over several decades (mixtures of g-priors; Liang et al. 2008):
-one k would count a share of a large change as scatter. All but shape, date and k is integrated in closed form. Sets and
-intervals are credible ones, averaged over shapes and dates. Whether there is a change at all is asked by the odds, too:
-p is the share of series without one whose odds are as large, by draws, since odds alone depend on the prior's width.
+Shapes are equally likely beforehand, dates uniform, and p(a, s) ~ 1/s. b has the g-prior N(0, k s^2 (G'V^-1 G)^-1), G
+the columns without their constant (Zellner 1986), with k over several decades (Liang et al. 2008): one k would count a
+share of a large change as scatter. All but shape, date and k is integrated in closed form. Sets and intervals are
+credible ones, averaged over shapes and dates. Whether there is a change at all is asked by the odds, too: p is the
+share of series without one whose odds are as large, by draws, since odds alone depend on the prior's width.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import gammainc, gammaincinv, gammaln, logsumexp
+from scipy.special import gammainc, gammaincinv, gammaln
 
 from exodrake.core.confidence import CONFIDENCE
 
@@ -117,7 +117,7 @@ class ChangePoint:
     def log_odds(self, series: np.ndarray) -> np.ndarray:
         """Log odds (n,) of a change to none in series (points, n), both as likely beforehand [nats]."""
         none, each = self.evidences(self.centred(series))
-        return logsumexp(each, axis=(0, 1)) - none
+        return np.logaddexp.reduce(each, axis=(0, 1)) - none
 
     @cached_property
     def null(self) -> np.ndarray:
@@ -143,7 +143,7 @@ class ChangePoint:
         ends = (middle, self.low[inside].min(), self.high[inside].max())
         value, low, high, scatter = self.sizes(values, row[:, 0], weight, best, rng)
         before, after, rate = zip(value, low, high, strict=True)
-        odds = float(logsumexp(each) - none[0])
+        odds = float(np.logaddexp.reduce(each, axis=None) - none[0])
         return Change(
             p=float(self.p_values(values[:, None])[0]), shape=str(self.shape[best]),
             shapes=tuple(dict.fromkeys(map(str, self.shape[inside]))),
@@ -157,14 +157,15 @@ class ChangePoint:
         """Values (3,) before, at the last point and of the rate, the ends of their intervals, and the mean scatter.
 
         Args:
-            values, row: (points,) series, and the same whitened and centred.
+            values: (points,) series.
+            row: (points,) the same, whitened and centred.
             weight: (k, candidates) posterior.
             best: the likeliest candidate, whose means are the values.
             rng: of the draws.
         """
         cloud, scatter, stated = [], [], np.zeros(3)
         draws = rng.multinomial(DRAWS, weight.ravel() / weight.sum()).reshape(weight.shape)
-        for c in np.flatnonzero(draws.sum(axis=0) + (np.arange(weight.shape[1]) == best)):
+        for c in map(int, np.flatnonzero(draws.sum(axis=0) + (np.arange(weight.shape[1]) == best))):
             own, back = self.added[c].T @ row, np.linalg.pinv(self.rows[c]) @ self.added[c]
             kept = np.repeat(self.kept, draws[:, c])
             squares = np.maximum(row @ row - kept * (own @ own), SMALLEST)
@@ -184,7 +185,7 @@ class ChangePoint:
             if np.isfinite(stated[i]) and len(known):
                 low, high = np.quantile(known, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
                 ends[:, i] = min(low, stated[i]), max(high, stated[i])
-        return stated.tolist(), *ends.tolist(), float(np.concatenate(scatter).mean())
+        return stated.tolist(), ends[0].tolist(), ends[1].tolist(), float(np.concatenate(scatter).mean())
 
     def stated(self, c: int, values: np.ndarray, b: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Value before, at the last point, and rate (n, 3), of coefficients b (n, 2) of a candidate and noise (n,)."""

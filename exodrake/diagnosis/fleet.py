@@ -5,12 +5,11 @@
 
 A case belongs to the robot that its `serial` names (case.yaml), else to one of the case's own name.
 
-A trend is the amplitude of a cause from case to case, with its change point. A case that does not name the effect counts
-with the parameter's null value if it has no gap, retuning suffices or another effect is named. Reciprocals are followed
-of a parameter whose null value is infinite, as a stiffness. A case with an unknown, partly known or ambiguous cause does
-not count. Where there are more than `MOST` cases, medians of consecutive ones are used, since a mean would turn a step
-into a slope. The scatter of the amplitudes is estimated. Their stated intervals are not used, since these hold the error
-of the law, which is alike in all cases.
+A trend is the amplitude of a cause from case to case, with its change point. A case that does not name the effect
+counts with the parameter's null value if it has no gap, retuning suffices or another effect is named. Reciprocals are
+followed of a parameter whose null value is infinite, as a stiffness. Other cases do not count. Where there are more
+than `MOST` cases, medians of consecutive ones are used, since a mean would turn a step into a slope. The scatter of the
+amplitudes is estimated. Their stated intervals are not used: they hold the error of the law, alike in all cases.
 
 Null values have no scatter, so amplitudes with some among them are not normal: a single case that names an effect would
 be a change beyond doubt if it is the last. The p-value of such a series is that of a permutation test (Fisher 1935),

@@ -12,7 +12,7 @@ single effects with amplitudes of their own in each session are compared with th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from itertools import pairwise
@@ -398,30 +398,35 @@ def stated(since: Since, fit: SessionFit, logs: Logs, named: bool) -> Since:
 
 
 def changes(
-    times: Sequence[float], head, value, x: np.ndarray, std: np.ndarray, noise: np.ndarray, count: int
-) -> Series:
+    times: Sequence[float], head: tuple[str, str, str], value: Callable[[float], float], x: np.ndarray, std: np.ndarray,
+    noise: np.ndarray, count: int,
+) -> Series:  # fmt: skip
     """A series with its change.
 
     Args:
         times: of the sessions.
         head: name, channel and unit.
         value: of a coordinate [unit].
-        x, std: (sessions,) coordinates, and their standard deviations.
+        x: (sessions,) coordinates.
+        std: (sessions,) standard deviations of these.
         noise: (sessions, sessions) covariance of the coordinates by noise alone.
         count: series that are tested.
     """
     scan = ChangePoint(np.array(times), noise)
     p = min(1.0, float(scan.p_values(x[:, None])[0]) * count)
     change = in_unit(value, scan(x, np.random.default_rng(len(x)))) if p < ALPHA else None
-    ends = np.sort([[value(v) for v in x + sign * NORMAL_90 * std] for sign in (-1.0, 1.0)], axis=0)
-    return Series(*head, tuple(map(value, x)), tuple(ends[0].tolist()), tuple(ends[1].tolist()), p, change)
+    low, high = np.sort([[value(v) for v in x + sign * NORMAL_90 * std] for sign in (-1.0, 1.0)], axis=0).tolist()
+    name, channel, unit = head
+    return Series(name, channel, unit, tuple(map(value, x)), tuple(low), tuple(high), p, change)
 
 
-def in_unit(value, change: Change) -> Change:
+def in_unit(value: Callable[[float], float], change: Change) -> Change:
     """A change of a coordinate in the unit of its values; the rate is that of the value at the last point."""
 
-    def ordered(ends: Sequence[float]) -> tuple[float, ...]:
-        return (ends[0], *sorted(ends[1:]))
+    def ordered(ends: Sequence[float]) -> tuple[float, float, float]:
+        value, *rest = ends
+        low, high = sorted(rest)
+        return value, low, high
 
     before, after = (ordered([value(v) for v in ends]) for ends in (change.before, change.after))
     slope = (value(change.after[0] + 1e-4) - value(change.after[0] - 1e-4)) / 2e-4
