@@ -13,10 +13,12 @@ from exodrake.core.confidence import ALPHA
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.change_point import RAMP, STEP, Change, ChangePoint
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import NAMED
-from exodrake.diagnosis.session_series import Series
-from exodrake.diagnosis.sessions import dated_sessions, windows
-from exodrake.diagnosis.since import Since
+from exodrake.diagnosis.since import Series, Since, by_session, dated_sessions, since_of, windows
+from exodrake.diagnosis.verdict import Decision, decide
 from exodrake.report.diagnosis_html import html_of
 from exodrake.report.since import since as since_section, words
 from exodrake.simulation import protocols
@@ -63,6 +65,12 @@ def test_a_clear_step_is_dated_to_its_gap_and_a_clear_ramp_to_its_slope():
     assert ramp.rate[0] == pytest.approx(0.5, abs=0.02) and ramp.before[0] == pytest.approx(2.0, abs=0.02)
 
 
+def answered(case, nominal) -> tuple[Since | None, Decision]:
+    """Changes and decision of a case."""
+    found = isolate(make_problem(case, nominal))
+    return since_of(found.whole, found, decide(found))
+
+
 def sessions(effect, values, seed, machine="so101"):
     """Short logs of one robot, a session a day; values: of the effect's first parameter by session, None without it."""
     nominal = exo.load_robot(machine)
@@ -79,7 +87,7 @@ def sessions(effect, values, seed, machine="so101"):
 def test_a_dead_band_that_grows_is_dated_in_every_servo():
     """Wear: 0.05 rad until the fourth day, then 0.01 rad more each day."""
     case, nominal = sessions("servo.dead_band", [0.05 + 0.01 * max(k - 3, 0) for k in range(8)], seed=3)
-    since = exo.diagnose(case, nominal).since
+    since, _ = answered(case, nominal)
     assert since.clearest.name == "servo.dead_band.half_width" and since.unit == "d"
     assert since.sessions[0] == "2026-03-01" and len(since.series) == 6
     change = since.clearest.change
@@ -91,10 +99,12 @@ def test_a_dead_band_that_grows_is_dated_in_every_servo():
 def test_an_effect_that_changed_is_named_where_no_constant_one_explains():
     """A sheath that is donned anew twice: its zero lies 0.02, then 0.05, then 0.03 rad off."""
     case, nominal = sessions("sheath.offset", [0.02] * 4 + [0.05] * 2 + [0.03] * 2, seed=1, machine="tendon_sheath")
-    found = exo.diagnose(case, nominal)
-    assert found.verdict == NAMED and [e.id for e in found.effects] == ["sheath.offset"]
-    assert found.since.effect == "sheath.offset" and found.since.chi2 < 1.5 and found.since.lead > 0.9
-    assert "for each session" in found.reasons[0]
+    since, decided = answered(case, nominal)
+    assert decided.verdict == NAMED and [p.effect for p in decided.causes] == ["sheath.offset"]
+    assert since.effect == "sheath.offset" and since.chi2 < 1.5 and since.lead > 0.9 and since.p < 1e-6
+    assert "for each session" in decided.reasons[0] and decided.causes[0].share.value > 0.9
+    truth = [0.02] * 4 + [0.05] * 2 + [0.03] * 2
+    np.testing.assert_allclose(since.series[0].values, truth, atol=5e-4)
 
 
 @pytest.mark.parametrize("number", [3, 6007])
@@ -102,9 +112,9 @@ def test_sessions_tell_the_cause_where_constant_parameters_mistake_it(number):
     """Play that grows may be hysteresis of the reading to constant parameters, a gain that drifts is nothing."""
     kind = KINDS[number // 1000]
     case, nominal, begin = sheath_case(kind, number)
-    found = exo.diagnose(case, nominal)
-    assert found.verdict == NAMED and [e.id for e in found.effects] == [kind.effect]
-    change = found.since.clearest.change
+    since, decided = answered(case, nominal)
+    assert decided.verdict == NAMED and [p.effect for p in decided.causes] == [kind.effect]
+    change = since.clearest.change
     assert change.began[1] <= begin <= change.began[2]
     width = change.after[2] - change.after[1]
     assert change.after[0] == pytest.approx(kind.value(SESSIONS - 1.0, begin), abs=width)  # twice the 90 % interval
@@ -112,13 +122,31 @@ def test_sessions_tell_the_cause_where_constant_parameters_mistake_it(number):
 
 def test_a_steady_robot_has_no_date():
     case, nominal = sessions("servo.latency", [2.0] * 6, seed=2)
-    found = exo.diagnose(case, nominal)
-    assert found.since.clearest is None and found.to_json()["since"]["changed"] is False
+    since, _ = answered(case, nominal)
+    assert since.clearest is None and since.to_json()["changed"] is False and since.p > 0.5
+    values = np.array([[s.low, s.high] for s in since.series])  # (joints, ends, sessions) of two frames of latency
+    held = int(((values[:, 0] <= 2.0) & (values[:, 1] >= 2.0)).sum())
+    assert binomtest(held, values[:, 0].size, 0.9, alternative="less").pvalue > 0.01
+
+
+def test_columns_of_each_session_give_the_least_squares_estimates():
+    """A shared and two own parameters against numpy's least squares on stacked rows."""
+    rng, sessions, n = np.random.default_rng(7), 3, 50
+    rows = rng.standard_normal((4, sessions * n))
+    blocks = [(0, s, slice(s * n, (s + 1) * n)) for s in range(sessions)]
+    free = np.full((sessions, 3), np.inf)
+    prior = [np.zeros((sessions, 3)), np.full((sessions, 3), 1e-9), -free, free]
+    model = by_session(LinearModel.of_rows(rows, blocks, [one[0] for one in prior], 1.0), [0, 2], prior)
+    design = np.zeros((sessions * n, 1 + 2 * sessions))
+    design[:, 0] = rows[1]
+    for s, (*_, place) in enumerate(blocks):
+        design[place, 1 + 2 * s : 3 + 2 * s] = rows[[0, 2], place].T
+    np.testing.assert_allclose(model.posterior().step, np.linalg.lstsq(design, -rows[3])[0], atol=1e-6)
 
 
 def test_few_sessions_are_not_dated_and_undated_cases_have_no_sessions():
     case, nominal = sessions("servo.latency", [2.0] * 3, seed=2)
-    assert "3 sessions" in exo.diagnose(case, nominal).since.note
+    assert "3 sessions" in answered(case, nominal)[0].note
     names = [item.file for item in case.logs]
     assert [s.time for s in dated_sessions(case, names)] == [0.0, 1.0, 2.0]
     bare = Case("bare", {}, tuple(CaseLog(i.log, "random", "fit", None, i.file) for i in case.logs), case.period)
@@ -144,7 +172,7 @@ def test_logs_of_two_sessions_do_not_show_the_noise_and_both_are_fitted():
     assert [case.is_copy(i) for i in logs] == [False, True, False]
 
 
-def test_one_long_log_is_dated_by_windows(tmp_path):
+def test_one_long_log_is_dated_by_windows():
     """A sheath whose zero moves by 0.03 rad after 48 of 80 s of a log."""
     nominal = exo.load_robot("tendon_sheath")
     motion = on_machine(protocols.random_motion, nominal, duration=80.0, seed=1, fastest=1.0)
@@ -152,11 +180,11 @@ def test_one_long_log_is_dated_by_windows(tmp_path):
     moved = np.where(before.time >= 48.0, after["angle_bending"], before["angle_bending"])
     log = before.with_signals({"angle_bending": moved})
     case = Case("long", {}, (CaseLog(log, "random", "fit", None, "long.csv"),), nominal.machine.frame)
-    found = exo.diagnose(case, nominal)
-    assert found.since.unit == "s" and len(found.since.sessions) == 8
-    change = found.since.clearest.change
+    since, _ = answered(case, nominal)
+    assert since.unit == "s" and len(since.sessions) == 8
+    change = since.clearest.change
     assert change.began[1] <= 48.0 <= change.began[2] and change.began[2] - change.began[1] <= 40.0
-    (text,) = words(found)[:1]
+    (text,) = words(replace(diagnosis(NAMED), since=since))[:1]
     assert " s and " in text or "about" in text
 
 
