@@ -118,7 +118,7 @@ def test_file_is_read_back_and_the_note_states_the_rates(tmp_path, monkeypatch):
     assert "of 20 healthy robots of this kind 1 was given a cause; of 20 with one effect 17 were named rightly" in note
     assert "another version" in note
     (tmp_path / "calibration.yaml").write_text(calibration_text(given).replace("k: 17", "k: -1"))
-    with pytest.raises(InputError, match="calibration.yaml"):
+    with pytest.raises(InputError, match=r"calibration\.yaml"):
         calibration_of(machine)
 
 

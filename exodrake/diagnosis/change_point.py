@@ -29,6 +29,7 @@ GRID = 4  # dates of a ramp's begin that are tried between two points
 SIZES = (1.0, 1e2, 1e4, 1e6)  # k of the prior of b, times the number of points: unit information and wider
 DRAWS = 1999  # of series without a change, and of sizes
 LARGE = 1e4  # scatter of the series without a change: the bound s >= 1 is far, so that p is the largest
+ROUNDING = 1e-6  # of the spread of a series
 SMALLEST = 1e-4  # sum of squares beneath which a series counts as exact
 
 
@@ -178,6 +179,7 @@ class ChangePoint:
             if c == best:
                 mean = float(weight[:, c] @ self.kept / weight[:, c].sum()) * own @ back.T
                 stated = self.stated(c, values, mean[None], np.zeros(1))[0]
+        stated = np.where(np.abs(stated) < ROUNDING * np.ptp(values), 0.0, stated)
         found = np.concatenate(cloud)
         ends = np.full((2, 3), np.nan)
         for i in range(3):

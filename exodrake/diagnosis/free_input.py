@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.free_input_evidence import CELL, Cells
 from exodrake.diagnosis.likelihood import SAMPLE, Likelihood
 from exodrake.diagnosis.linearise import Linearisation
-from exodrake.diagnosis.refine import Explanation
 
 LARGEST = 1.0  # relative change of a nominal parameter that stands for a fault; assumed
 WHOLE = ("",)  # channels of an input of the whole robot

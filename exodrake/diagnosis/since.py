@@ -472,8 +472,8 @@ def of_changing(
         part = Part(name, CAUSE, exactly(explained), alike)
         fitted = found.search.sets[frozenset({name})]
         decided = Decision(word, fitted, (part,), exactly(1.0 - explained), (reason,))
-    elif decided.verdict != UNKNOWN:
-        return since, decided
+    elif decided.verdict != UNKNOWN and since.unit == "d":
+        return since, decided  # windows of one log follow an effect, and leave a name to those that vary in time
     lead = 1.0 - left(best) / max(min([left(f) for f in fits[1:]] or [1.0]), 1e-9)
     since = stated(since, best, logs, decided.verdict in (NAMED, AMBIGUOUS))
     return replace(since, effect=name, lead=lead), decided
