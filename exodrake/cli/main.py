@@ -27,7 +27,7 @@ COMMANDS = {
     "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
     "experiment": ("exodrake.cli.experiment", "The motion that tells apart what a diagnosis could not."),
     "fleet": ("exodrake.cli.fleet", "Many diagnosed cases: which robots, which causes, since when."),
-    "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis and numbers of its tests."),
+    "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis."),
     "new-machine": ("exodrake.cli.new_machine", "A folder with a machine of your own, which runs at once."),
     "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
     "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
