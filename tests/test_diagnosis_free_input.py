@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.free_input import free_courses
 from exodrake.diagnosis.free_input_evidence import CELL, Cells
 from exodrake.diagnosis.likelihood import likelihood_of
@@ -17,7 +18,6 @@ from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.localise import channels_of
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.refine import Explanation
 from exodrake.simulation import protocols
 
 
