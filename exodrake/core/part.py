@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import get_args, get_type_hints
 
+from exodrake.core.free_law import FreeLaw
 from exodrake.core.signal import SCALAR
 
 
@@ -80,13 +81,15 @@ class Point:
     """A named point where effects act: the module's function of that name, whose value passes through each effect.
 
     Calls have the form `name(e, z, [channel,] value, *context)`; an effect's function gets
-    `(value, *context, *parameters, *states)`, where it names all of the context or only what it needs.
+    `(value, *context, *parameters, *states)`, where it names all of the context or only what it needs. `laws`: free
+    laws that may be missing there; None for a curve over each argument.
     """
 
     name: str
     axis: str = SCALAR
     module: ModuleType | None = None  # the module that defines it, if not the part's own
     standard: str = ""  # the point of generic effects ("signal.shown", "sliding.braked") that this one is, if any
+    laws: tuple[FreeLaw, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,6 @@ PART = Part(
     states=(State("history", TENDONS, DEPTH, "m/s"), State("applied", TENDONS, unit="m/s")),
     tasks=(Task("write", ("speed_cmd", "packet_arrival"), slots=(5, 6, 7), per_channel=True),),
     outputs=(Output("output", ("speed_applied",)),),
-    points=(Point("sent", TENDONS),),
+    points=(Point("sent", TENDONS, laws=()),),
     group="timing",
 )

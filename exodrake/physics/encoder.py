@@ -3,6 +3,7 @@
 import sys
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import free_curve
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import TENDONS
 from exodrake.physics.rounding import rounded
@@ -44,5 +45,5 @@ PART = Part(
     states=(State("reading", TENDONS, unit="m"),),
     tasks=(Task("read", ("spool_angle",), slots=(1, 2, 3), per_channel=True),),
     outputs=(Output("output", ("stroke_read",)),),
-    points=(Point("homed", TENDONS),),
+    points=(Point("homed", TENDONS, laws=(free_curve("error of the reading over stroke", "stroke", "m"),)),),
 )

@@ -8,6 +8,7 @@ What the model leaves out sits where a joint aims, how it follows, and what its 
 import sys
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import free_curve, free_memory
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR
 
@@ -80,6 +81,21 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
+FREE_LAWS = {
+    "aimed": (
+        free_curve("angle over command", "aim", "rad"),
+        free_curve("angle over command of the next joint", "ahead", "rad"),
+        free_curve("angle over command of the previous joint", "behind", "rad"),
+        free_curve("gain over setting", "setting", "rad", "aim"),
+    ),
+    "followed": free_memory("of angle over command", "moved", "rad", "settle", moves=True),
+    "shown": (
+        *free_memory("of angle over command of the next joint", "ahead", "rad", "settle", moves=True),
+        *free_memory("of angle over command of the previous joint", "behind", "rad", "settle", moves=True),
+    ),
+    "settle": (),
+}
+
 PART = Part(
     name="joint",
     module=sys.modules[__name__],
@@ -92,5 +108,5 @@ PART = Part(
     ),
     tasks=(Task("update", ("command", "origin", "setting", "ready")),),
     outputs=(Output("output", ("angle",)),),
-    points=tuple(Point(p, JOINTS) for p in ("aimed", "followed", "shown", "settle")),
+    points=tuple(Point(p, JOINTS, laws=laws) for p, laws in FREE_LAWS.items()),
 )

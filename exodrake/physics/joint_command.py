@@ -76,7 +76,7 @@ PART = Part(
     ),
     tasks=(Task("take", ("angle_ref", "angle_start"), slots=(0,)),),
     outputs=(Output("output", ("command", "origin", "setting", "ready")),),
-    points=(Point("sent", JOINTS),),
+    points=(Point("sent", JOINTS, laws=()),),
     group="timing",
 )
 SET_PART = replace(PART, tasks=(Task("take_set", ("angle_ref", "angle_start", "bend"), slots=(0,)),))

@@ -6,6 +6,7 @@ Where its clock and the controller's meet, a picture may be late: the log takes 
 import sys
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import free_curve
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR
 
@@ -61,5 +62,8 @@ PART = Part(
     states=(State("reading", JOINTS, unit="rad"), State("lateness", SCALAR, unit="s"), State("pictures", SCALAR)),
     tasks=(Task("sample", ("angle", "noise_angle"), slots=(0,)),),
     outputs=(Output("output", ("angle_read",)), Output("output_late", ("mocap_delay",))),
-    points=(Point("seen", JOINTS), Point("late", SCALAR)),
+    points=(
+        Point("seen", JOINTS, laws=(free_curve("error of the reading over angle", "angle", "rad"),)),
+        Point("late", SCALAR, laws=(free_curve("delay over time", "clock", "s"),)),
+    ),
 )

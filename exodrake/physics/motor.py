@@ -10,6 +10,7 @@ Integrated by the classical Runge-Kutta rule over one tick with command and tens
 import sys
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import FreeLaw, free_curve, free_memory
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import TENDONS
 
@@ -133,6 +134,23 @@ def start(x, z, n, e, start_stroke):
         x[6 + j] = start_stroke[j] / n.r[j]
 
 
+PLAIN = ("follow", "loop_gain", "integral_gain", "current_limit", "drag", "settle", "winding")  # take no free law
+FREE_LAWS = {
+    "command": (
+        free_curve("speed over its command", "speed", "m/s", fine=True),
+        free_curve("loss of speed over tension", "tension", "N", "-1.0"),
+        *free_memory("of speed over its command", "speed", "m/s", "follow"),
+    ),
+    "load": (
+        free_curve("load over tension", "tension", "N"),
+        free_curve("radius for the load over wire wound", "spool", "m", "tension"),
+    ),
+    "wound": (
+        FreeLaw(
+            "wire wound over spool angle", "stroke", "m", rate=("winding", "spool", "speed * (1.0 + slope)")
+        ),
+    ),
+}  # fmt: skip
 POINTS = (
     "follow",
     "command",
@@ -158,5 +176,5 @@ PART = Part(
     ),
     tasks=(Task("update", ("speed_applied", "tension_spool")),),
     outputs=(Output("output", ("stroke", "wire_speed", "spool_angle")),),
-    points=tuple(Point(p, TENDONS) for p in POINTS),
+    points=tuple(Point(p, TENDONS, laws=FREE_LAWS.get(p, () if p in PLAIN else None)) for p in POINTS),
 )

@@ -9,6 +9,7 @@ import sys
 from math import exp
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import free_curve, free_memory
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.physics.rounding import rounded
@@ -108,6 +109,18 @@ def start(x, z, n, e, start_stroke):
     x[:] = 0.0
 
 
+FREE_LAWS = {
+    "felt": (free_curve("friction at the cell over tension", "tension", "N", "-slide"),),
+    "lag": (),
+    "mixed": (),
+    "settle": (),
+    "reading": (
+        free_curve("error of the reading over tension", "tension", "N"),
+        free_curve("error of the reading over time", "clock", "s"),
+        *free_memory("of the reading", "load", "N", "settle"),
+    ),
+}
+
 PART = Part(
     name="sensor",
     module=sys.modules[__name__],
@@ -125,5 +138,5 @@ PART = Part(
         Task("read", ("cell", "noise_tension"), slots=(1, 2, 3), per_channel=True),
     ),
     outputs=(Output("output", ("cell",), reads=("tension",)), Output("output_read", ("tension_read",))),
-    points=tuple(Point(p, TENDONS) for p in ("felt", "lag", "mixed", "settle", "reading")),
+    points=tuple(Point(p, TENDONS, laws=FREE_LAWS[p]) for p in FREE_LAWS),
 )

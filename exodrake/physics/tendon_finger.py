@@ -11,6 +11,7 @@ import sys
 from math import cos, sin
 from typing import Annotated, NamedTuple
 
+from exodrake.core.free_law import free_curve, free_memory
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 from exodrake.physics import finger, tendon, wire_paths
@@ -215,6 +216,37 @@ def start(x, z, n, e, start_stroke):
         x[TAKEN + j] = start_stroke[j] = taken[j]
 
 
+GRIP = "-min(1.0, tension / 0.1)"  # friction fades as the wire goes slack (`tendon.grip`)
+AGAINST = "rate / (abs(rate) + 0.05)"  # direction of a joint, blurred over a slow turn [rad/s]: assumed
+TENDON_LAWS = {
+    "stretch": (
+        free_curve("lengthening over tension", "tension_finger", "N", "-1.0"),
+        *free_memory("of length over tension", "tension", "N", "settle"),
+    ),
+    "elastic": (
+        free_curve("tension over stretch", "stretch", "m"),
+        *free_memory("of tension", "stretched", "m", "settle"),
+    ),
+    "near_end": (),
+    "far_end": (),
+    "transmit": (
+        free_curve("friction over tension", "tension", "N", "-slide"),
+        free_curve("friction over speed", "speed", "m/s", GRIP, fine=True),
+        *free_memory("of friction over travel", "travel", "m", "settle", GRIP, moves=True),
+    ),
+    "at_cell": (),
+    "at_spool": (),
+    "settle": (),
+}
+JOINT_LAWS = (
+    free_curve("torque over bend", "bend", "rad"),
+    free_curve("torque over rate", "rate", "rad/s", fine=True),
+    free_curve("friction over bend", "bend", "rad", AGAINST),
+    free_curve("torque over time", "clock", "s"),
+    free_curve("stiffness over time", "clock", "s", "elastic"),
+    *free_memory("of torque over bend", "bend", "rad", "relax"),
+)
+
 PART = Part(
     name="finger",
     module=sys.modules[__name__],
@@ -236,14 +268,12 @@ PART = Part(
         Output("output_tension", ("tension", "tension_spool"), reads=("stroke",)),
     ),
     points=(
-        Point("router_height", JOINTS, wire_paths),
-        *(Point(name, TENDONS, wire_paths) for name in ("worn_height", "lever_height")),
-        *(
-            Point(name, TENDONS, tendon)
-            for name in ("stretch", "elastic", "near_end", "far_end", "transmit", "at_cell", "at_spool", "settle")
-        ),
-        Point("passive", JOINTS, finger),
-        Point("external", SCALAR, finger),
-        Point("relax", JOINTS, finger),
+        Point("router_height", JOINTS, wire_paths, laws=(free_curve("height", "height", "m"),)),
+        Point("worn_height", TENDONS, wire_paths, laws=(free_curve("height over tension", "tension", "N"),)),
+        Point("lever_height", TENDONS, wire_paths, laws=()),
+        *(Point(name, TENDONS, tendon, laws=laws) for name, laws in TENDON_LAWS.items()),
+        Point("passive", JOINTS, finger, laws=JOINT_LAWS),
+        Point("external", SCALAR, finger, laws=()),
+        Point("relax", JOINTS, finger, laws=()),
     ),
 )
