@@ -24,7 +24,7 @@ from exodrake.blind.make import case_and_label
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
-from exodrake.diagnosis.discovery.law_machine import laws_of
+from exodrake.diagnosis.discovery.law_code import laws_of
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.free_input import free_courses
 from exodrake.diagnosis.isolation import Isolation, isolate

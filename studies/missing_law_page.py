@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.diagnosis.discovery.compare import LEAD, lead
+from exodrake.diagnosis.discovery.discover import LEAD, lead
 from exodrake.report.number_format import closure, percent, rounds_below
 from studies.page_text import made, share
 

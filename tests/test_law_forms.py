@@ -11,11 +11,10 @@ from arm_folders import made
 import exodrake as exo
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.discovery import law_machine
+from exodrake.diagnosis.discovery import law_code
 from exodrake.diagnosis.discovery.discover import discover
-from exodrake.diagnosis.discovery.forms import law_points
-from exodrake.diagnosis.discovery.law_machine import module_text
-from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.discovery.law_code import law_points, module_text
+from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.simulation.references import protocol
 
@@ -54,7 +53,7 @@ def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_fol
     bare = replace(arm.machine, effects=())
     robot = replace(arm, machine=bare, values=arm.values[[arm.machine.index[p.name] for p in bare.parameters]])
     few = [point for point in law_points(bare) if point.key in ("arm.pushed", "reading_torque.shown")]
-    monkeypatch.setattr(law_machine, "law_points", lambda machine: few)
+    monkeypatch.setattr(law_code, "law_points", lambda machine: few)
     whole, items = protocol("random-motion", robot), []
     for k, role in enumerate(("fit", "holdout")):
         log = exo.simulate(robot, replace(whole, values=whole.values[100 * k : 100 * k + 300]), seed=k)
@@ -62,10 +61,8 @@ def test_discovery_finds_the_friction_that_an_inverse_arm_is_not_told_of(arm_fol
         log = replace(log, signals=log.signals | {"effort_axis": effort})
         items.append(CaseLog(log, role, role, None, f"{role}.csv"))
     with one_blas_thread():
-        problem, found = isolated(
-            make_problem(Case("rusty", {}, tuple(items), robot.machine.frame), robot, frozenset())
-        )
-        law = discover(problem, found)
+        problem = make_problem(Case("rusty", {}, tuple(items), robot.machine.frame), robot, frozenset())
+        law = discover(problem, isolate(problem))
     assert law.found and law.id == "arm.learned_pushed" and law.words == "force over speed"
     (curve,) = law.curves.values()
     assert curve.low[0] < -0.02 < curve.high[0] and curve.low[-1] < 0.02 < curve.high[-1]

@@ -118,7 +118,7 @@ def law_files(found: Diagnosis, folder: Path | None) -> list[Path]:
     law = found.missing_law
     if folder is None or law is None or law.robot is None:
         return []
-    from exodrake.diagnosis.discovery.write_effect import write_law
+    from exodrake.diagnosis.discovery.law_code import write_law
 
     return write_law(folder, law.id, law.text, law.robot, found.case)
 

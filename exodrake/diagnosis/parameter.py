@@ -43,6 +43,7 @@ class Parameter:
         channels: tendons or joints that it acts on.
         amplitude: whether x = 0 removes the effect from its channels.
         start: x at which a fit begins.
+        along: change of each position by x = 1 [its unit], for a coordinate that moves several together; else empty.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Parameter:
     channels: tuple[str, ...] = ()
     amplitude: bool = False
     start: float = 0.0
+    along: tuple[float, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -86,6 +88,9 @@ def apply(values: np.ndarray, parameters: Sequence[Parameter], x: np.ndarray) ->
     """Flat parameter vector (n,) with each coordinate of x (parameters,) set in it."""
     out = values.copy()
     for parameter, coordinate in zip(parameters, x, strict=True):
+        if parameter.along:
+            out[list(parameter.index)] += coordinate * np.array(parameter.along)
+            continue
         for i in parameter.index:
             out[i] = parameter.value(float(coordinate), None if parameter.effect else values[i])
     return out
