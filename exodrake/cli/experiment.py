@@ -49,7 +49,7 @@ def command(
     from exodrake.experiment.answer import in_play
     from exodrake.experiment.contest import contest_of
     from exodrake.experiment.design import design
-    from exodrake.experiment.length import check_length
+    from exodrake.experiment.motion import check_length
     from exodrake.machines.robot_file import load_robot
 
     picture, nominal = figure or out.with_suffix(".png"), load_robot(robot)

@@ -12,12 +12,10 @@ from exodrake.core.progress import StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.schema import having, listing, names, number, text
 from exodrake.data.case import read_case
-from exodrake.diagnosis import pipeline
 from exodrake.diagnosis.many import ANSWER
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE
-from exodrake.diagnosis.rival import Rival
+from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, RETUNE, Rival
 
 RIVALS = listing(having({"effects": listing(text()), "parameters": names(number())}, ("effects", "parameters")))
 MADE_FROM = having({"files": names(text()), "parameters": text()}, ("files", "parameters"))
@@ -80,7 +78,9 @@ def in_play(place: Path, robot: Robot, folder: Path | None = None, progress: Sta
             answer = None
         if answer and not difference(problem, answer):
             return read_answer(problem, answer)
-    found = pipeline.diagnose(case, robot, progress)
+    from exodrake.diagnosis.pipeline import diagnose
+
+    found = diagnose(case, robot, progress)
     return InPlay(problem, found.verdict, found.rivals)
 
 

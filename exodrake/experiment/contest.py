@@ -1,54 +1,52 @@
-"""Rival explanations, linearised on the logs of a case.
+"""Rival explanations of a case, and what a motion tells about them (T-optimality; Atkinson & Fedorov 1975).
 
-Each has a Jacobian J of its whitened residuals and the precision P of its tolerances. After the logs the covariance of
-its parameters is
+If i is true, and j is fitted to the new log and the present logs, the sum of squares left by j is
 
-    (J'J / n + P)^-1 = V V'        n: frames that count as one (`likelihood.CORRELATION`), times what is left of noise
+    T_ij = min_z  (d - J z)' W (d - J z) + z'z
+
+d: whitened difference of their logs. J: derivatives of j's log by its parameters, in units of the uncertainty V V' that
+the present logs leave (posterior of the linear model about j). W: inverse variance of a sample. It holds what i leaves
+of the present logs and the part of both predictions that no refit follows (Buzzi-Ferraris & Forzatti 1983):
+
+    1 / w = n (chi2_i + m_i^2 + m_j^2)         n: samples that count as one
+
+m_i: error of the linearisation of i on plausible robots, drawn from its posterior; mean of all columns about that time.
+Where a finger snaps over or a carriage sticks, the least difference of two robots moves a jump in time. T does not hold
+there, and such frames count little. All of it is the linear model of `diagnosis.linear`; its products add over motions.
+
+A diagnosis (`search.Search.alike`) tells j from i where j leaves `NATS` of evidence, and more of the gap than i leaves
+or than laws err by. G_i is what the effects of i take up that retuning does not; r_i is the share of it that i leaves
+of the present logs:
+
+    T*_ij = max(2 NATS, min(LAW^2, r_i) G_i)           P = Phi((sqrt T - sqrt T*) / s)
+
+s^2 is 1 for noise, and more as the error of a law differs in a new motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, permutations
 
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
-from exodrake.diagnosis.calibration import calibration_of
-from exodrake.diagnosis.comparison import contributions, power, richer_law
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.likelihood import CORRELATION, Likelihood, likelihood_of
-from exodrake.diagnosis.linearise import Linearisation, nominal_jacobian, with_effects
-from exodrake.diagnosis.parameter import Parameter, effect_parameters, nominal_parameters
-from exodrake.diagnosis.part_used import SHARE
+from exodrake.diagnosis.fit import Explanation, linear_model, minimise
+from exodrake.diagnosis.isolation import USED, affordable
+from exodrake.diagnosis.likelihood import Likelihood, View, likelihood_of
+from exodrake.diagnosis.linear import LinearModel
+from exodrake.diagnosis.linearise import nominal_jacobian, with_effects
+from exodrake.diagnosis.parameter import STEP, Parameter, apply, effect_parameters, nominal_parameters
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.diagnosis.projection import Projection, normal_matrix
-from exodrake.diagnosis.refine import Explanation, whole_jacobian
-from exodrake.diagnosis.rival import Rival
+from exodrake.diagnosis.result import Rival
+from exodrake.diagnosis.search import LAW, NATS
 
-SMALL = 1e-9  # above 0, for a division
-
-
-@dataclass(frozen=True, eq=False)
-class Laws:
-    """Errors of the laws of explanations, as the logs show them.
-
-    Attributes:
-        granted: (explanations,) G, sum of squares of what a diagnosis grants the laws of each to be wrong by: rho times
-            what effects contribute and no other parameter imitates, in frames that count as one [noise_std^2].
-        own: (explanations,) share of rho times what they contribute that no other parameter imitates.
-        error: (explanations,) a, error of the laws of each with which it leaves what it leaves, in units of rho.
-        share: q, that a true explanation takes up of what a wrong one leaves.
-        richer: (explanations, explanations) whether the first one is a richer law of the effects of the second.
-    """
-
-    granted: np.ndarray
-    own: np.ndarray
-    error: np.ndarray
-    share: float
-    richer: np.ndarray
+DRAWS = 8  # plausible robots of an explanation: assumed
+UNSURE = 0.25  # relative standard deviation of the error of a law in a new motion: assumed
+STEPS = 3  # of a refit that is carried on
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +57,21 @@ class Contest:
         problem: the case in full length.
         likelihood: its closed-loop view alone, of the part of the logs that a diagnosis uses.
         explanations: fitted; their residuals and Jacobians are those of that part.
-        spreads: (parameters, directions) V of each.
-        laws: what the logs show of their laws.
+        spreads: (parameters, parameters) V of each.
+        chi2: (explanations,) reduced chi-squares, 1 at least.
+        taken: (explanations,) G, sum of squares that the effects of each take up of the present logs beside retuning.
+        own: (explanations,) share of their contribution that this is.
+        error: (explanations,) relative error of the laws of each: that shown by what it leaves, `LAW` at most.
     """
 
     problem: Problem
     likelihood: Likelihood
     explanations: tuple[Explanation, ...]
     spreads: tuple[np.ndarray, ...]
-    laws: Laws
+    chi2: np.ndarray
+    taken: np.ndarray
+    own: np.ndarray
+    error: np.ndarray
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -78,6 +82,16 @@ class Contest:
     def robots(self) -> np.ndarray:
         """Flat parameter vectors (explanations, parameters) [SI]."""
         return np.array([e.robot for e in self.explanations])
+
+    @property
+    def bare(self) -> np.ndarray:
+        """The same without their effects."""
+        machine, rows = self.problem.robot.machine, self.robots
+        for row, e in zip(rows, self.explanations, strict=True):
+            for identity in e.effects:
+                lead = machine.effect(identity).parameters[0]
+                row[list(machine.effect_indices(identity, lead.name).values())] = lead.null
+        return rows
 
     def records(self, reference: Reference) -> np.ndarray:
         """All signals (explanations, frames, signals) [SI] of the runs of the explanations on a reference."""
@@ -90,6 +104,16 @@ class Contest:
         """
         logs = records[:, :, self.problem.signal_indices] / self.problem.noise_std
         return min(float(np.mean(np.log1p(np.mean((a - b) ** 2, axis=1)))) for a, b in combinations(logs, 2))
+
+    def trial(self, true: int, reference: np.ndarray) -> Trial:
+        """A log (frames, columns) that an explanation would leave on a reference (frames, references) [SI]."""
+        empty = Trial("experiment", "fit", reference, np.zeros((len(reference), len(self.problem.columns))))
+        return replace(empty, measured=self.problem.predict(self.robots[true][None], empty)[0])
+
+    def seen(self, *trials: Trial) -> Likelihood:
+        """The likelihood of some logs, whitened as those of the case."""
+        view: View = replace(self.likelihood.views[0], problem=replace(self.problem, fit=trials), noise=(), scale=1.0)
+        return replace(self.likelihood, views=(view,))
 
 
 def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
@@ -105,63 +129,41 @@ def contest_of(problem: Problem, rivals: Sequence[Rival]) -> Contest:
     machine, nominal = problem.robot.machine, problem.silent()
     rows = np.array([fitted_values(problem, nominal, rival) for rival in rivals])
     problem = detect(problem, rows[0])
-    likelihood = likelihood_of(problem.shortened(SHARE), rows[0])
-    likelihood = Likelihood(likelihood.views[:1])
+    likelihood = likelihood_of(problem.shortened(affordable(problem, USED)), rows[0])
+    likelihood = replace(likelihood, views=likelihood.views[:1])
     found = []
     for rival, row in zip(rivals, rows, strict=True):
         effects = [machine.effect(identity) for identity in rival.effects]
-        parameters = nominal_parameters(problem.robot)
-        count = len(parameters)
-        for effect in effects:
-            parameters += effect_parameters(machine, effect)
+        own = nominal_parameters(problem.robot)
+        parameters = (*own, *(p for effect in effects for p in effect_parameters(machine, effect)))
         x = np.array([coordinate(p, row, nominal) for p in parameters])
         values = with_effects(problem.silent(), [(machine, effect) for effect in effects])
         residual = likelihood.residual(row[None])[0]
-        e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((count, len(residual))))
-        jacobian = nominal_jacobian(likelihood, e.at_nominal, parameters[:count], x[:count], residual)
-        found.append(replace(e, jacobian=jacobian))
-    spreads = tuple(spread(likelihood, e) for e in found)
-    return Contest(problem, likelihood, tuple(found), spreads, laws_of(likelihood, found))
+        e = Explanation(rival.effects, parameters, x, values, residual, np.zeros((len(own), len(residual))))
+        found.append(e.changed(jacobian=nominal_jacobian(likelihood, e.at_nominal, own, x[: len(own)], residual)))
+    memory = min(likelihood.with_memory_of(e.residual).memory for e in found)
+    likelihood = replace(likelihood, memory=memory)
+    models = [linear_model(likelihood, e) for e in found]
+    spreads = tuple(np.linalg.cholesky(model.posterior().covariance) for model in models)
+    chi2 = np.array([model.variance[0] for model in models])
+    nothing = np.zeros(len(found))
+    contest = Contest(problem, likelihood, tuple(found), spreads, chi2, nothing, nothing, nothing)
+    changes = likelihood.residual(contest.bare) - np.array([e.residual for e in found])
+    rest = np.array([unimitated(likelihood, e, c) for e, c in zip(found, changes, strict=True)])
+    taken = rest / (memory * chi2)
+    left = np.maximum(chi2 - 1.0, 0.0) * likelihood.samples / np.maximum(rest, 1e-9)
+    error = np.minimum(np.sqrt(left), LAW)
+    return replace(contest, taken=taken, own=rest / np.maximum(np.sum(changes**2, axis=1), 1e-9), error=error)
 
 
-def laws_of(likelihood: Likelihood, found: Sequence[Explanation]) -> Laws:
-    """Errors of the laws of fitted explanations, from the logs."""
-    machine, frames = likelihood.robot.machine, effective(likelihood)
-    limits, rows = calibration_of(machine), []
-    for e in found:
-        nothing = Linearisation(e.parameters, e.x, e.residual, e.jacobian, np.zeros((0, len(e.residual))), ())
-        project = Projection(likelihood.scaled_to(e.residual), e, nothing)
-        changes = contributed(likelihood, e, e.residual)
-        own = [project.own(row, effect) for effect, rows in changes.items() for row in rows]
-        whole, size = (sum(float(power(np.asarray(rows)).sum()) for rows in some) for some in ([own], changes.values()))
-        left = max(float(power(e.residual)) - len(e.residual), 0.0) / frames + float(np.sum(e.use[: e.nominal] ** 2))
-        rows.append((max(whole, SMALL) / frames, whole / max(size, SMALL), left))
-    squares, own, left = np.array(rows).T
-    least = limits.same_meaning / limits.law_error
-    richer = np.array([[richer_law(likelihood, a, b) for b in found] for a in found])
-    return Laws(squares, own, np.clip(np.sqrt(left / squares), least, None), limits.taken, richer)
-
-
-def effective(likelihood: Likelihood) -> float:
-    """Number of frames that count as one sample (autocorrelation)."""
-    return max(CORRELATION / likelihood.robot.machine.frame, 1.0)
-
-
-def contributed(likelihood: Likelihood, e: Explanation, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """Contribution of each channel of each effect to a residual, times its rho: effect -> (channels, samples)."""
-    return granted(likelihood.views[0].problem, e, likelihood.residual, residual)
-
-
-def granted(
-    problem: Problem, e: Explanation, simulate: Callable[[np.ndarray], np.ndarray], whole: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Contribution (channels, ...) of each effect times its rho, the error that its law is granted (`Calibration.rho`).
-
-    simulate, whole: as in `contributions`, in whose unit the errors are.
-    """
-    machine = problem.robot.machine
-    limits, found = calibration_of(machine), contributions(machine, e, simulate, whole)
-    return {i: limits.rho(machine.effect(i), problem.counted) * rows for i, rows in found.items()}
+def unimitated(likelihood: Likelihood, e: Explanation, change: np.ndarray) -> float:
+    """Sum of squares of a change (samples,) of a residual that retuning does not take up."""
+    low = np.full(e.nominal, -np.inf)
+    prior = np.zeros(e.nominal), 1.0 / e.prior_std[: e.nominal] ** 2, low, -low
+    model = LinearModel.of_rows(np.vstack([e.jacobian, change]), likelihood.blocks, prior, likelihood.memory)
+    model = replace(model, variance=np.ones(len(model.variance)))
+    both = np.r_[model.posterior().step, 1.0]
+    return float(both @ model.products.sum(axis=0) @ both)
 
 
 def fitted_values(problem: Problem, nominal: np.ndarray, rival: Rival) -> np.ndarray:
@@ -182,8 +184,153 @@ def coordinate(parameter: Parameter, values: np.ndarray, nominal: np.ndarray) ->
     return replace(parameter, base=base).coordinate(float(values[parameter.index[0]]))
 
 
-def spread(likelihood: Likelihood, e: Explanation) -> np.ndarray:
-    """V (parameters, parameters) with V V' the covariance that the logs leave to the parameters."""
-    weights = likelihood.scaled_to(e.residual).weights
-    normal = normal_matrix(whole_jacobian(likelihood, e) * weights, 1.0 / e.prior_std**2)
-    return np.linalg.inv(np.linalg.cholesky(normal)).T
+def pair_model(difference: np.ndarray, columns: np.ndarray, weights: np.ndarray) -> LinearModel:
+    """The linear model of a refit: difference (samples,), derivatives (directions, samples), W (samples,)."""
+    rows, flat = np.vstack([columns, difference]) * np.sqrt(weights), np.zeros(len(columns))
+    model = LinearModel.of_rows(rows, [(0, 0, slice(None))], (flat, flat + 1.0, flat - np.inf, flat + np.inf), 1.0)
+    return replace(model, variance=np.ones(1))
+
+
+def together(a: LinearModel, b: LinearModel) -> LinearModel:
+    """The linear model of two motions."""
+    products, samples = np.concatenate([a.products, b.products]), np.concatenate([a.samples, b.samples])
+    view, log = np.concatenate([a.view, b.view]), np.concatenate([a.log, b.log])
+    return replace(a, products=products, samples=samples, view=view, log=log)
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Expected information of a motion about the rival explanations.
+
+    Attributes:
+        models: (true, rival) -> linear model of the refit.
+        taken: (explanations,) G of each, of the present logs and these.
+        contest: the explanations.
+        ended: (true, rival) -> T and coordinates (parameters,) of a refit that was carried to its end (`refitted`).
+    """
+
+    models: dict[tuple[int, int], LinearModel]
+    taken: np.ndarray
+    contest: Contest
+    ended: dict[tuple[int, int], tuple[float, np.ndarray]] = field(default_factory=dict)
+
+    def __add__(self, other: Information) -> Information:
+        models = {key: together(model, other.models[key]) for key, model in self.models.items()}
+        return Information(models, self.taken + other.taken - self.contest.taken, self.contest)
+
+    @property
+    def left(self) -> dict[tuple[int, int], float]:
+        """(true, rival) -> T, the sum of squares that the refitted rival leaves."""
+        linear = {key: model.posterior().cost for key, model in self.models.items()}
+        return {key: min(t, self.ended[key][0]) if key in self.ended else t for key, t in linear.items()}
+
+    def refit(self, true: int, rival: int) -> np.ndarray:
+        """Coordinates (parameters,) of a refitted rival."""
+        if (true, rival) in self.ended:
+            return self.ended[true, rival][1]
+        e, step = self.contest.explanations[rival], self.models[true, rival].posterior().step
+        return np.clip(e.x + self.contest.spreads[rival] @ step, *e.bounds)
+
+    def beyond(self, true: int, rival: int) -> float:
+        """Excess of sqrt T over sqrt T* in standard deviations."""
+        law = float(self.contest.error[true] * np.sqrt(self.taken[true]))
+        return float((np.sqrt(self.left[true, rival]) - max(np.sqrt(2.0 * NATS), law)) / np.hypot(1.0, UNSURE * law))
+
+    @property
+    def criterion(self) -> tuple[float, float]:
+        """Objective of the search: logarithm of the product of all probabilities, then the least `beyond`."""
+        from scipy.stats import norm
+
+        beyond = [self.beyond(*key) for key in self.models]
+        return float(np.sum(norm.logcdf(beyond))), min(beyond)
+
+    @property
+    def closest(self) -> tuple[int, int]:
+        """The (true, rival) of least `beyond`."""
+        return min(self.models, key=lambda key: self.beyond(*key))
+
+    def power(self, true: int, rival: int) -> float:
+        """Probability that a rival is told from a true explanation."""
+        from scipy.stats import norm
+
+        return float(norm.cdf(self.beyond(true, rival)))
+
+    @property
+    def probability(self) -> float:
+        """Probability that the true explanation alone is left, each as likely to be true."""
+        resolved: dict[int, float] = {}
+        for true, rival in self.models:
+            resolved[true] = min(resolved.get(true, 1.0), self.power(true, rival))
+        return float(np.mean(list(resolved.values())))
+
+
+def information(contest: Contest, reference: np.ndarray) -> Information | None:
+    """Expected information of a reference (frames, references) [SI]; None if a run does not reach its end."""
+    likelihood = contest.seen(contest.trial(0, reference))
+    rows, bare = likelihood.residual(contest.robots), likelihood.residual(contest.bare)
+    each = list(zip(contest.explanations, contest.spreads, rows, strict=True))
+    columns = [derivatives(likelihood, *one) for one in each]
+    missed = [nonlinearity(likelihood, *one, part) for one, part in zip(each, columns, strict=True)]
+    if not all(np.isfinite(part).all() for part in (rows, bare, *missed, *columns)):
+        return None
+    models = {
+        (i, j): pair_model(
+            rows[j] - rows[i], columns[j], 1.0 / (likelihood.memory * (contest.chi2[i] + missed[i] + missed[j]))
+        )
+        for i, j in permutations(range(len(rows)), 2)
+    }
+    power = contest.own * np.sum((bare - rows) ** 2, axis=1) / (likelihood.memory * contest.chi2)
+    return Information(models, contest.taken + power, contest)
+
+
+def derivatives(likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Derivatives (directions, samples) of the residual (samples,) of an explanation along `spread`'s columns."""
+    scale = np.array([p.scale for p in e.parameters])[:, None]
+    steps = STEP / np.maximum(np.abs(spread / scale).max(axis=0), 1e-12)
+    low, high = e.bounds
+    moved = e.x + (spread * steps).T
+    steps = np.where(((moved < low) | (moved > high)).any(axis=1), -steps, steps)
+    rows = [apply(e.values, e.parameters, np.clip(e.x + step * v, low, high)) for step, v in zip(steps, spread.T)]
+    return (likelihood.residual(np.array(rows)) - residual) / steps[:, None]
+
+
+def nonlinearity(
+    likelihood: Likelihood, e: Explanation, spread: np.ndarray, residual: np.ndarray, columns: np.ndarray
+) -> np.ndarray:
+    """Mean squares (samples,) of what drawn robots miss the linearisation by, over all columns and the time about."""
+    from scipy.ndimage import uniform_filter1d
+
+    draws = np.random.default_rng(0).standard_normal((DRAWS, spread.shape[1]))
+    moved = np.clip(e.x + draws @ spread.T, *e.bounds)
+    along = np.linalg.lstsq(spread, (moved - e.x).T, rcond=None)[0].T
+    rows = np.array([apply(e.values, e.parameters, x) for x in moved])
+    missed = np.mean((likelihood.residual(rows) - residual - along @ columns) ** 2, axis=0)
+    width = len(likelihood.views[0].problem.columns)
+    frames = max(round(likelihood.memory), 1)
+    return np.repeat(uniform_filter1d(missed.reshape(-1, width).mean(axis=1), frames, mode="nearest"), width)
+
+
+def refitted(contest: Contest, reference: np.ndarray) -> Information | None:
+    """Expected information of a reference (frames, references) [SI], rivals refitted to it and the present logs."""
+    found = information(contest, reference)
+    if found is None:
+        return None
+    ended = {(i, j): refit(contest, found, reference, i, j) for i, j in found.models}
+    return replace(found, ended=ended)
+
+
+def refit(
+    contest: Contest, found: Information, reference: np.ndarray, true: int, rival: int
+) -> tuple[float, np.ndarray]:
+    """T and coordinates (parameters,) of a rival fitted to the present logs and that of a true explanation."""
+    e, new = contest.explanations[rival], contest.trial(true, reference)
+    present = contest.likelihood.views[0].problem.fit
+    both = contest.seen(*present, new)
+    (view,) = both.views
+    scale = float(np.sqrt(contest.likelihood.memory * contest.chi2[true]))
+    both = replace(both, views=(replace(view, scale=scale),))
+    (start,) = e.at_each(both, [found.refit(true, rival)])
+    jacobian = nominal_jacobian(both, e.at_nominal, e.parameters[: e.nominal], e.x[: e.nominal], start.residual)
+    fit = minimise(both, start.changed(jacobian=jacobian), STEPS)
+    before = replace(contest.likelihood, views=(replace(contest.likelihood.views[0], scale=scale),))
+    return max(2.0 * (fit.cost(both) - e.cost(before)), 0.0), fit.x

@@ -20,22 +20,17 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.data.log import Log
-from exodrake.experiment.contest import Contest
-from exodrake.experiment.information import Information, information, reduced
-from exodrake.experiment.length import default_duration, frames_of
-from exodrake.experiment.motif import Motif, Window, random_motif
-from exodrake.experiment.refit import refitted
+from exodrake.experiment.contest import Contest, Information, information, refitted
+from exodrake.experiment.motion import Motif, Window, default_duration, frames_of, random_motif, stage_of
 from exodrake.experiment.safety import Safety, safety_of
-from exodrake.experiment.stage import Stage, stage_of
 from exodrake.simulation.references import protocol
 
 PIECES = 4, 2  # motifs in a sequence: short ones, then slow ones, since friction shows where reversals are slow
 RANDOM, WINDOWS, MUTATIONS = 80, 24, 12  # motifs in a search of two rivals; fewer for more
-WHOLE = 10  # random motions for two rivals that the sequences are held against: assumed
+WHOLE = 6  # random motions for two rivals that the sequences are held against: assumed
 FINAL = 2  # motions on which refits are carried to their end: assumed
 LIBRARY = 6  # one in so many of the motifs is kept, those on which the rivals as they are differ most
 SMALLER, SHRINKS = 0.8, 5  # factor by which an unsafe motion shrinks towards rest, and how often
-PILOT = 1500  # frames of a known motion on which the directions of a search are chosen: half a minute at 50 Hz
 ENOUGH = 0.5  # probability below which an experiment is not recommended: assumed
 
 
@@ -95,19 +90,11 @@ class Designer:
         self.contest, self.tried, self.pieces = contest, 0, PIECES[0]
         problem = contest.problem
         self.rng = np.random.default_rng(seed)
-        self.stage: Stage = stage_of(problem.robot, problem.fit)
+        self.stage = stage_of(problem.robot, problem.fit)
         self.whole = frames_of(duration, self.stage.frame)
-        self.known = known = known_motions(contest)
-        self.safety = safety_of(problem, contest.robots, known if problem.robot.machine.experiments else [])
-        self.pilot = information(contest, known[-1].values[:PILOT])
-        self.quick = reduced(contest, self.pilot) if self.pilot else contest
+        self.known = known_motions(contest)
+        self.safety = safety_of(problem, contest.robots, self.known if problem.robot.machine.experiments else [])
         self.fewer = 2.0 / len(contest.explanations)
-
-    def follow(self, design: Design) -> None:
-        """Let the quick search keep the directions, too, in which a refit changes a motion that was found."""
-        if found := information(self.contest, design.reference.values):
-            self.pilot = self.pilot + found if self.pilot else found
-            self.quick = reduced(self.contest, self.pilot)
 
     @property
     def frames(self) -> int:
@@ -124,56 +111,52 @@ class Designer:
         starts = range(0, max(len(shares) - self.frames + 1, 1), self.frames)
         return [Window(shares[k : k + self.frames]) for k in starts if len(shares) >= 2]
 
-    def safe(self, motif: Motif | Window) -> tuple[np.ndarray, float] | None:
-        """The course of a motif, made smaller until it is safe, and the difference of the rivals on it; or None."""
+    def safe(self, shares: np.ndarray, shrinks: int) -> tuple[np.ndarray, float, float] | None:
+        """Shares (frames, channels) made smaller until safe, by which factor, and how rivals differ there; or None."""
         self.tried += 1
-        shares, rest = motif.shares(self.frames, self.stage.rest), self.stage.rest
-        for _ in range(SHRINKS):
-            records = self.contest.records(self.stage.reference(shares))
+        rest = self.stage.rest
+        for size in SMALLER ** np.arange(shrinks):
+            course = rest + size * (shares - rest)
+            records = self.contest.records(self.stage.reference(course))
             if not self.safety.violations(self.contest.names, records):
-                return shares, self.contest.difference(records)
-            shares = rest + SMALLER * (shares - rest)
+                return course, float(size), self.contest.difference(records)
         return None
 
-    def piece(self, motif: Motif | Window, shares: np.ndarray) -> Piece | None:
-        """A motif with its course, unless a robot does not come to its end."""
-        found = information(self.quick, self.stage.reference(shares).values)
-        return Piece(motif, shares, found) if found else None
+    def piece(self, motif: Motif | Window) -> Piece | None:
+        """A motif at a safe size with its information, unless a robot does not come to its end."""
+        kept = self.safe(motif.shares(self.frames, self.stage.rest), SHRINKS)
+        found = information(self.contest, self.stage.reference(kept[0]).values) if kept else None
+        return Piece(motif, kept[0], found) if kept and found else None
 
     def library(self) -> list[Piece]:
         """Random motifs and windows of known motions on which the rivals differ most, at a size that is safe."""
-        channels = len(self.stage.low)
+        channels, rest = len(self.stage.low), self.stage.rest
         motifs = [random_motif(channels, self.rng) for _ in range(max(round(RANDOM * self.fewer), self.pieces))]
         windows = [window for reference in self.known for window in self.cut(reference)]
         order = self.rng.permutation(len(windows))[: max(round(WINDOWS * self.fewer), 3)]
-        safe = [(motif, found) for motif in (*motifs, *(windows[i] for i in order)) if (found := self.safe(motif))]
-        safe.sort(key=lambda item: -item[1][1])
-        kept = safe[: max(len(safe) // LIBRARY, self.pieces)]
-        pieces = [piece for motif, (shares, _) in kept if (piece := self.piece(motif, shares))]
-        if not pieces:
+        tried = [*motifs, *(windows[i] for i in order)]
+        safe = [(motif, kept) for motif in tried if (kept := self.safe(motif.shares(self.frames, rest), SHRINKS))]
+        safe.sort(key=lambda item: -item[1][2])
+        found = []
+        for motif, (course, _, _) in safe[: max(len(safe) // LIBRARY, self.pieces)]:
+            if told := information(self.contest, self.stage.reference(course).values):
+                found.append(Piece(motif, course, told))
+        if not found:
             raise InputError(f"{self.contest.problem.case.name}: no motion is safe on every explanation still in play")
-        return pieces
+        return found
 
-    def sequence(self, library: list[Piece]) -> list[Piece]:
-        """Pieces of largest joint information, chosen one after the other."""
-        chosen: list[Piece] = []
+    def sequence(self) -> list[Piece]:
+        """Pieces of largest joint information, chosen one after the other, then mutated one at a time."""
+        library, chosen = self.library(), []
         for _ in range(self.pieces):
             chosen.append(max(library, key=lambda piece: total([*chosen, piece]).criterion))
-        return chosen
-
-    def improved(self, chosen: list[Piece]) -> list[Piece]:
-        """The sequence after a local search that mutates one piece at a time."""
-        best, count = total(chosen).criterion, round(MUTATIONS * self.fewer)
-        for _ in range(count):
+        best = total(chosen).criterion
+        for _ in range(round(MUTATIONS * self.fewer)):
             at = int(self.rng.integers(self.pieces))
-            motif = chosen[at].motif.mutated(self.rng)
-            found = self.safe(motif)
-            piece = self.piece(motif, found[0]) if found else None
-            if piece is None:
-                continue
-            trial = [*chosen[:at], piece, *chosen[at + 1 :]]
-            if (reached := total(trial).criterion) > best:
-                chosen, best = trial, reached
+            if piece := self.piece(chosen[at].motif.mutated(self.rng)):
+                trial = [*chosen[:at], piece, *chosen[at + 1 :]]
+                if (reached := total(trial).criterion) > best:
+                    chosen, best = trial, reached
         return chosen
 
     def designed(self) -> Design:
@@ -181,22 +164,18 @@ class Designer:
         found = [design for shares in self.random() if (design := self.checked(shares))]
         random = sorted(found, key=lambda d: d.information.criterion)[len(found) // 2 :][:1]
         for self.pieces in PIECES:
-            chosen = self.improved(self.sequence(self.library()))
-            if design := self.checked(np.concatenate([piece.course for piece in chosen])):
+            if design := self.checked(np.concatenate([piece.course for piece in self.sequence()])):
                 found.append(design)
-                self.follow(design)
         if not found:
             raise InputError(f"{self.contest.problem.case.name}: no experiment is safe on every explanation in play")
         found.sort(key=lambda d: d.information.criterion, reverse=True)
-        last = [ended for design in found[:FINAL] if (ended := self.refitted(design))] or found[:1]
-        best = max(last, key=lambda d: d.information.criterion)
+        last = []
+        for made in found[:FINAL]:
+            if told := refitted(self.contest, made.reference.values):
+                last.append(replace(made, information=told))
+        best = max(last or found[:1], key=lambda d: d.information.criterion)
         promised = [min(d.information.probability, best.information.probability) for d in random]
         return replace(best, tried=self.tried, random=promised[0] if promised else 0.0)
-
-    def refitted(self, design: Design) -> Design | None:
-        """An experiment with the refits of all rivals, of all their parameters, carried to their end."""
-        found = refitted(self.contest, design.reference.values)
-        return replace(design, information=found) if found else None
 
     def random(self) -> list[np.ndarray]:
         """Random motions of the whole length, led from and to rest, in shares (frames, channels) of the span."""
@@ -207,16 +186,11 @@ class Designer:
 
     def checked(self, shares: np.ndarray) -> Design | None:
         """The experiment of shares (frames, channels), made smaller until it is safe as a whole; or None."""
-        self.tried += 1
-        size, rest = 1.0, self.stage.rest
-        for _ in range(2 * SHRINKS):
-            reference = self.stage.reference(rest + size * (shares - rest))
-            records = self.contest.records(reference)
-            safe = not self.safety.violations(self.contest.names, records)
-            if safe and (found := information(self.quick, reference.values)):
-                return Design(reference, found, size, self.safety, self.tried)
-            size *= SMALLER
-        return None
+        if (kept := self.safe(shares, 2 * SHRINKS)) is None:
+            return None
+        reference = self.stage.reference(kept[0])
+        found = information(self.contest, reference.values)
+        return Design(reference, found, kept[1], self.safety, self.tried) if found else None
 
 
 def known_motions(contest: Contest) -> list[Reference]:

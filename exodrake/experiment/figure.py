@@ -10,9 +10,8 @@ import numpy as np
 from exodrake.core.display import colour_of, display_of
 from exodrake.data.plot import STYLE, new_figure, png_of
 from exodrake.diagnosis.parameter import apply
-from exodrake.experiment.contest import Contest, granted
+from exodrake.experiment.contest import Contest
 from exodrake.experiment.design import Design
-from exodrake.experiment.terms import trial_of
 
 DRAWN = 3  # kinds of columns
 ROOM = 1.1, 2.1  # times what is largest, below and above, where the legend stands
@@ -39,17 +38,13 @@ class Difference:
 def difference_of(contest: Contest, design: Design) -> Difference:
     """The difference of the closest two explanations on an experiment."""
     problem, (true, rival) = contest.problem, design.information.closest
-    e, z = contest.explanations[rival], design.information.refit(true, rival)
-    moved = np.clip(e.x + contest.spreads[rival] @ z, *e.bounds)
-    trial = trial_of(contest, design.reference.values)
-    rows = np.array([contest.explanations[true].robot, apply(e.values, e.parameters, moved)])
-    logs = problem.predict(rows, trial)
+    e, trial = contest.explanations[rival], contest.trial(true, design.reference.values)
+    moved = apply(e.values, e.parameters, design.information.refit(true, rival))
+    logs = problem.predict(np.array([contest.robots[true], moved]), trial)
     variance = np.tile(problem.noise_std**2, (len(trial.reference), 1))
     for k in (true, rival):
-        one = contest.explanations[k]
-        (log,) = problem.predict(one.robot[None], trial)
-        for error in granted(problem, one, lambda robots: problem.predict(robots, trial), log).values():
-            variance += np.sum((contest.laws.error[k] * error) ** 2, axis=0)
+        whole, bare = problem.predict(np.array([contest.robots[k], contest.bare[k]]), trial)
+        variance += (contest.error[k] * (bare - whole)) ** 2
     return Difference(contest.names[true], contest.names[rival], logs[0] - logs[1], np.sqrt(variance))
 
 
@@ -68,7 +63,8 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         rows = figure.subplots(1 + len(shown), 1, sharex=True, squeeze=False, height_ratios=[1.35, *[1.0] * len(shown)])
         draw_reference(rows[0, 0], contest, design)
         for axes, k in zip(rows[1:, 0], shown):
-            draw_difference(axes, contest, replace_columns(difference, k), columns[k], size[k])
+            one = replace(difference, values=difference.values[:, k], band=difference.band[:, k])
+            draw_difference(axes, contest, one, columns[k], size[k])
         title = f"{difference.true} against {difference.rival} refitted"
         rows[1, 0].set_title(f"difference: {title}", fontsize=9, loc="left")
         rows[-1, 0].set_xlabel("Time [s]")
@@ -76,11 +72,6 @@ def figure_of(contest: Contest, design: Design) -> bytes:
         figure.suptitle(f"{name}: references of the experiment", fontsize=11, fontweight="bold", x=0.01, ha="left")
         figure.align_ylabels(list(rows[:, 0]))
         return png_of(figure)
-
-
-def replace_columns(difference: Difference, k: int) -> Difference:
-    """The difference of one column."""
-    return replace(difference, values=difference.values[:, k], band=difference.band[:, k])
 
 
 def draw_reference(axes: Any, contest: Contest, design: Design) -> None:

@@ -18,7 +18,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.display import in_words
 from exodrake.core.machine import Machine, signal_count
 from exodrake.diagnosis.problem import Problem, Trial
-from exodrake.experiment.stage import POSITIONS
+from exodrake.experiment.motion import POSITIONS
 
 MARGIN = 0.05  # of a range, by which it is widened at either end, for overshoot: assumed
 FASTER = 1.1  # times the fastest rate known: assumed
