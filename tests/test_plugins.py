@@ -64,7 +64,7 @@ def detect(problem, effect, values):
     lag = max(float(np.max(np.abs(t.reference[:, :2] - t.measured))) for t in problem.fit)
     name, joints = effect.parameters[0].name, problem.robot.machine.axes.joints
     found = {f"{effect.id}.{name}.{joint}": lag for joint in joints}
-    named = NamedEffect(effect.id, (), joints, {name: Interval(lag, 0.9 * lag, 1.1 * lag, "rad")}, {}, 1.0)
+    named = NamedEffect(effect.id, (), joints, {name: Interval(lag, 0.9 * lag, 1.1 * lag, "rad")}, {}, "play")
     detection = Detection(named, found, "the joints stand still after each reversal")
     return replace(problem, tried=problem.tried - {effect.id}, detected=(*problem.detected, detection))
 '''

@@ -4,22 +4,91 @@
 
 It is measured in two steps, nominal to retuned and retuned to improved. The intervals come from one bootstrap over
 blocks of time. Held-out logs serve the closure alone. Without any, each fitted log is judged by robots fitted to the
-others (`left_out`). In the band of a tremor its strength counts, not its phase (`filters.mismatch`).
+others, and so is each kind of motion: the posterior of the linear model about the fit without the blocks of these logs
+is one Gauss-Newton step from it. In the band of a tremor its strength counts, not its phase (`filters.mismatch`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from exodrake.core.confidence import CONFIDENCE
+from exodrake.core.robot import Robot
 from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.gap import Closure, Interval, SignalGap
+from exodrake.diagnosis.parameter import apply
 from exodrake.diagnosis.problem import WILD, Problem
+from exodrake.diagnosis.search import Fitted
 
 PART, LEAST = 2.0, 8  # block [s], longer than the loop's memory; blocks at least, shorter ones of short logs: assumed
 DRAWS = 400
+
+
+def robot_of(problem: Problem, values: np.ndarray, found_in: str) -> Robot:
+    """The nominal robot with what a fit changed, noise and resolutions as they were.
+
+    Args:
+        problem: the case.
+        values: (parameters,) flat vector of a noise-free fitted robot [SI].
+        found_in: name of the case.
+    """
+    nominal = problem.robot
+    changed = values != replace(problem, detected=()).silent()
+    sources = {e.name: f"fitted to {found_in}" for e, c in zip(nominal.machine.parameters, changed, strict=True) if c}
+    return replace(nominal, values=np.where(changed, values, nominal.values), sources={**nominal.sources, **sources})
+
+
+def with_values(rows: np.ndarray, given: Mapping[int, float]) -> np.ndarray:
+    """Flat vectors (..., parameters) [SI] with other values at some indices."""
+    found = rows.copy()
+    found[..., list(given)] = list(given.values())
+    return found
+
+
+def without_logs(fitted: Fitted, logs: Collection[int]) -> np.ndarray:
+    """Flat vector (parameters,) [SI] of the robot that is fitted to all logs but some."""
+    e, others = fitted.explanation, ~np.isin(fitted.model.log, list(logs))
+    return apply(e.values, e.parameters, np.clip(e.x + fitted.model.posterior(others).step, *e.bounds))
+
+
+def kinds_of_motion(problem: Problem) -> dict[str, str]:
+    """Kind of motion of each log: its protocol without the number of a run, as `sweeps` of `sweeps_2`."""
+    protocols = {item.file: item.protocol for item in problem.case.logs}
+    names = [trial.name for trial in (*problem.fit, *problem.holdout)]
+    return {n: re.sub(r"[-_ ]*\d+$", "", protocols.get(n, n)) or protocols.get(n, n) for n in names}
+
+
+def closure_of(
+    problem: Problem, retuned: Fitted, best: Fitted, rows: np.ndarray, traces: Mapping[int, float]
+) -> Closure:
+    """Closure on the judged logs, and on each kind of fitted motion by the robot that is fitted to the other kinds.
+
+    Args:
+        problem: the case.
+        retuned: fit without an effect.
+        best: fit with the effects.
+        rows: (3, parameters) nominal, retuned and improved robot [SI].
+        traces: values of the improved robot at some indices, whatever a fit gives.
+    """
+
+    def robots(logs: Collection[int]) -> np.ndarray:
+        return np.array([rows[0], without_logs(retuned, logs), with_values(without_logs(best, logs), traces)])
+
+    alone = problem.holdout or len(problem.fit) == 1
+    found = measure(problem, [rows if alone else robots([k]) for k in range(len(problem.judged))])
+    kinds, groups = kinds_of_motion(problem), dict[str, list[int]]()
+    for k, trial in enumerate(problem.fit):
+        groups.setdefault(kinds[trial.name], []).append(k)
+    motions = {}
+    for kind, logs in groups.items() if len(groups) > 1 and best.effects else ():
+        part = replace(problem, holdout=(), fit=tuple(problem.fit[k] for k in logs))
+        motions[kind] = measure(part, [robots(logs)] * len(logs)).overall
+    measured_on = tuple(dict.fromkeys(kinds[trial.name] for trial in problem.judged))
+    return replace(found, measured_on=measured_on, motions=motions)
 
 
 def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
@@ -41,13 +110,6 @@ def residuals(problem: Problem, rows: Sequence[np.ndarray]) -> list[list[np.ndar
     return [list(logs) for logs in zip(*found, strict=True)]
 
 
-def closure(before: np.ndarray, after: np.ndarray, samples: np.ndarray | None = None) -> float:
-    """Closure from mean squares in noise variances (any shape), of so many samples each; NaN where there was no gap."""
-    gap = float(np.average(before, weights=samples)) - 1.0
-    left = float(np.average(after, weights=samples)) - 1.0
-    return 1.0 - max(left, 0.0) / gap if gap > 0.0 else float("nan")
-
-
 def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Closure:
     """Gap and closure, overall and per signal.
 
@@ -58,35 +120,23 @@ def measure(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Clos
         seed: of the bootstrap.
     """
     logs = residuals(problem, rows)
-    (nominal, retuned, improved), samples, picks = resampled(problem, logs, seed)
-    signals = {c: signal(problem, i, *logs) for i, c in enumerate(problem.columns)}
+    frames = sum(map(len, logs[0]))
+    length = max(1, min(round(PART / problem.robot.machine.frame), frames // LEAST))
+    (nominal, samples), (retuned, _), (improved, _) = (blocks(one, length) for one in logs)
+    picks = np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
     return Closure(
         overall=bootstrapped(nominal, improved, samples, picks),
         retune=bootstrapped(nominal, retuned, samples, picks),
         effect=bootstrapped(retuned, improved, samples, picks),
-        signals=signals,
+        signals={c: signal(problem, i, logs) for i, c in enumerate(problem.columns)},
     )
 
 
-def overall(problem: Problem, rows: Sequence[np.ndarray], seed: int = 0) -> Interval:
-    """Closure from one robot to another; rows: for each log of `Problem.judged` (2, parameters) flat vectors [SI]."""
-    (before, after), samples, picks = resampled(problem, residuals(problem, rows), seed)
-    return bootstrapped(before, after, samples, picks)
-
-
-def resampled(
-    problem: Problem, logs: list[list[np.ndarray]], seed: int
-) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Blocks for a bootstrap.
-
-    Returns:
-        Mean squares (blocks,) of each robot's residuals, samples (blocks,) in each, and picks (draws, blocks) of them.
-    """
-    frames = sum(len(log) for log in logs[0])
-    length = max(1, min(round(PART / problem.robot.machine.frame), frames // LEAST))
-    found = [blocks(one, length) for one in logs]
-    means, samples = [mean for mean, _ in found], found[0][1]
-    return means, samples, np.random.default_rng(seed).integers(0, len(samples), (DRAWS, len(samples)))
+def closure(before: np.ndarray, after: np.ndarray, samples: np.ndarray | None = None) -> float:
+    """Closure from mean squares in noise variances (any shape), of so many samples each; NaN where there was no gap."""
+    gap = float(np.average(before, weights=samples)) - 1.0
+    left = float(np.average(after, weights=samples)) - 1.0
+    return 1.0 - max(left, 0.0) / gap if gap > 0.0 else float("nan")
 
 
 def bootstrapped(before: np.ndarray, after: np.ndarray, samples: np.ndarray, picks: np.ndarray) -> Interval:
@@ -111,14 +161,11 @@ def blocks(residuals: list[np.ndarray], length: int) -> tuple[np.ndarray, np.nda
     return np.array([np.nanmean(part**2) for part in parts]), samples
 
 
-def signal(
-    problem: Problem, i: int, before: list[np.ndarray], tuned: list[np.ndarray], after: list[np.ndarray]
-) -> SignalGap:
-    """Gap of one signal in its unit."""
-    noise_std = float(problem.noise_std[i])
-    b, t, a = (np.concatenate([r[:, i] for r in residuals]) ** 2 for residuals in (before, tuned, after))
-    b, t, a = (x[np.isfinite(b)] for x in (b, t, a))
-    rms = [noise_std * float(np.sqrt(x.mean())) for x in (b, t, a)]
-    kind = problem.kinds[i]
-    unit = next(problem.robot.machine.signal[c.signal].unit for c in problem.robot.machine.columns if c.kind == kind)
-    return SignalGap(rms[0], rms[1], rms[2], noise_std, closure(b, a), unit)
+def signal(problem: Problem, i: int, logs: list[list[np.ndarray]]) -> SignalGap:
+    """Gap of one signal in its unit, of the nominal, the retuned and the improved robot's residuals."""
+    noise_std, machine, kind = float(problem.noise_std[i]), problem.robot.machine, problem.kinds[i]
+    squares = [np.concatenate([r[:, i] for r in one]) ** 2 for one in logs]
+    squares = [s[np.isfinite(squares[0])] for s in squares]
+    before, retuned, after = (noise_std * float(np.sqrt(s.mean())) for s in squares)
+    unit = machine.signal[machine.column(kind).signal].unit
+    return SignalGap(before, retuned, after, noise_std, closure(squares[0], squares[-1]), unit)

@@ -1,33 +1,31 @@
-"""Intervals of fitted parameters, and the channels that an effect sits on.
+"""Intervals of the fitted parameters of effects, and the channels that an effect sits on.
 
-Errors of the fit follow from noise and from errors of its laws (`levels`), by the curvature at its minimum:
-
-    dx = -(J'J + P)^-1 (J' (w + a c h) + P^1/2 z)          J Jacobian, P prior precision, z white
-
-Draws of dx give the covariance of the parameters. They hold coloured noise and the model discrepancy that the residual
-shows, a typical one at least. A further error that no residual shows is added (`Effect.law_std`): a parameter of
-friction, creep or contact belongs to a law, a real robot follows another law, and the fitted value is an effective one.
+The covariance is that of the linear model about the fit, nominal parameters and other effects included (`LinearModel`).
+An error that no residual shows is added (`Effect.law_std`): a parameter of friction, creep or contact belongs to a law,
+a real robot follows another law, and the fitted value is an effective one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.core.confidence import CONFIDENCE, NORMAL_90
+from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import SHAPE_STD, Effect
 from exodrake.core.signal import SCALAR, TENDONS
 from exodrake.diagnosis.channels import affected_channels
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.search import Fitted, kind_of
 
 ROUNDING = 0.01  # relative standard deviation between two simulators of one law: integration and rounding; assumed
+UNSURE = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Estimates:
     """Fitted parameters of effects.
 
     Attributes:
@@ -45,55 +43,74 @@ class Fitted:
         """Standard deviations of x (parameters,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
-    def of(self, effect: str) -> Fitted:
+    def of(self, effect: str) -> Estimates:
         """The parameters of one effect."""
         mine = [i for i, p in enumerate(self.parameters) if p.effect == effect]
-        return Fitted(tuple(self.parameters[i] for i in mine), self.x[mine], self.covariance[np.ix_(mine, mine)])
-
-    def holds_null(self) -> bool:
-        """Whether the 90 % region of the amplitudes holds 0 (Wald); an effect without an amplitude is present."""
-        from scipy.stats import chi2
-
-        mine = [i for i, p in enumerate(self.parameters) if p.amplitude]
-        x, precision = self.x[mine], np.linalg.pinv(self.covariance[np.ix_(mine, mine)])
-        return bool(mine and x @ precision @ x <= chi2.ppf(CONFIDENCE, len(mine)))
+        return Estimates(tuple(self.parameters[i] for i in mine), self.x[mine], self.covariance[np.ix_(mine, mine)])
 
 
-def affected(fitted: Fitted) -> list[int]:
-    """Positions of the per-channel parameters of an effect whose channels count as affected."""
-    lead = next(p.name for p in fitted.parameters)
-    mine = [i for i, p in enumerate(fitted.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
-    return [mine[i] for i in affected_channels(fitted.x[mine], fitted.covariance[np.ix_(mine, mine)])] if mine else []
+def fitted_effects(best: Fitted) -> Estimates:
+    """Parameters of the effects of a fit, with the covariance of its linear model."""
+    e, model = best.explanation, replace(best.model, memory=best.memory)
+    own = slice(e.nominal, None)
+    return Estimates(e.parameters[own], e.x[own], model.posterior().covariance[own, own])
 
 
-def describe(fitted: Fitted, effect: Effect, probability: float, channels: tuple[str, ...]) -> NamedEffect:
+def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> NamedEffect:
     """An effect with its channels, parameters and intervals.
 
     Args:
-        fitted: its parameters.
+        found: its parameters.
         effect: the effect.
-        probability: of the explanation that it belongs to.
         channels: those of its axis.
     """
-    chosen, parameters, by_channel = affected(fitted), {}, {}
-    info, law = {p.name: p for p in effect.parameters}, [law_std(effect, p) for p in fitted.parameters]
-    sits = tuple(fitted.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
+    info, stated = {p.name: p for p in effect.parameters}, dict[str, Interval]()
+    by_channel: dict[str, dict[str, Interval]] = {}
+    names = [p.name.removeprefix(f"{effect.id}.") for p in found.parameters]
+    chosen = affected(found)
     if chosen:
-        first = fitted.parameters[chosen[0]]
-        name = first.name.removeprefix(f"{effect.id}.")
-        unit = info[name].unit
-        by_channel[name] = {
-            fitted.parameters[i].channels[0]: interval(fitted.parameters[i], fitted.x[i], fitted.std[i], unit, law[i])
+        first, name = found.parameters[chosen[0]], names[chosen[0]]
+        law, unit = law_std(effect, first), info[name].unit
+        own = {
+            found.parameters[i].channels[0]: interval(found.parameters[i], found.x[i], found.std[i], unit, law)
             for i in chosen
         }
-        mean, std = pooled(fitted.x[chosen], fitted.covariance[np.ix_(chosen, chosen)])
-        parameters[name] = interval(first, mean, std, unit, law[chosen[0]])
-    for i, p in enumerate(fitted.parameters):
-        name = p.name.removeprefix(f"{effect.id}.")
-        if name not in parameters and i not in chosen:
-            parameters[name] = wrapped(interval(p, fitted.x[i], fitted.std[i], info[name].unit, law[i]), effect, name)
+        mean, std = pooled(found.x[chosen], found.covariance[np.ix_(chosen, chosen)])
+        differ = max(i.low for i in own.values()) > min(i.high for i in own.values())
+        by_channel[name] = own
+        stated[name] = Interval(UNSURE, UNSURE, UNSURE, unit) if differ else interval(first, mean, std, unit, law)
+    for i, (p, name) in enumerate(zip(found.parameters, names, strict=True)):
+        if name not in stated:
+            one = interval(p, found.x[i], found.std[i], info[name].unit, law_std(effect, p))
+            turns = info[name].wrapped(one.value) - one.value  # of a periodic parameter, into its range
+            stated[name] = replace(one, value=one.value + turns, low=one.low + turns, high=one.high + turns)
+    sits = tuple(found.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)
     tendons, joints = (sits, ()) if effect.axis == TENDONS else ((), () if effect.axis == SCALAR else sits)
-    return NamedEffect(effect.id, tendons, joints, parameters, by_channel, probability)
+    return NamedEffect(effect.id, tendons, joints, stated, by_channel, kind_of(effect))
+
+
+def affected(found: Estimates) -> list[int]:
+    """Positions of the per-channel parameters of an effect whose channels count as affected."""
+    lead = found.parameters[0].name
+    mine = [i for i, p in enumerate(found.parameters) if p.name == lead and len(p.channels) == 1 and p.channels[0]]
+    return [mine[i] for i in affected_channels(found.x[mine], found.covariance[np.ix_(mine, mine)])] if mine else []
+
+
+def traces(effects: tuple[NamedEffect, ...], found: Estimates) -> dict[int, float]:
+    """Amplitudes on channels that an effect does not sit on, where the 90 % interval holds 0.
+
+    A fit gives every channel an amplitude; such a one comes from noise and the error of the law.
+
+    Returns:
+        Index in the flat parameter vector -> value without the effect.
+    """
+    left: dict[int, float] = {}
+    for named in effects:
+        own, sits = found.of(named.id), {"", *named.wires, *named.joints}
+        for p, x, std in zip(own.parameters, own.x, own.std, strict=True):
+            if p.amplitude and not sits.issuperset(p.channels) and abs(x) < NORMAL_90 * std:
+                left |= dict.fromkeys(p.index, p.value(0.0))
+    return left
 
 
 def law_std(effect: Effect, parameter: Parameter) -> float:
@@ -127,10 +144,3 @@ def interval(parameter: Parameter, x: float, std: float, unit: str, law: float =
     low, high = max(x - half, min(x, parameter.bounds[0])), min(x + half, max(x, parameter.bounds[1]))
     ends = [parameter.value(low), parameter.value(high)]
     return Interval(parameter.value(x), min(ends), max(ends), unit)
-
-
-def wrapped(found: Interval, effect: Effect, name: str) -> Interval:
-    """The interval of a periodic parameter moved by whole periods, so that its value lies in its range."""
-    info = next(p for p in effect.parameters if p.name == name)
-    turns = info.wrapped(found.value) - found.value
-    return Interval(found.value + turns, found.low + turns, found.high + turns, found.unit)

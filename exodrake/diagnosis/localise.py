@@ -1,14 +1,14 @@
 """Localisation: the block, tendons and joints of a gap, its segments and its regime.
 
-The share of a block is its Shapley value. The value of a set of blocks is the largest share of the whitened sum of
-squares that one effect in these blocks removes beyond retuning. Where no effect is named, it is the share that a free
-input of the block takes up by its evidence (`free_input`): 1 - exp(-2 gain / samples), the coefficient of determination
-of a likelihood (Nagelkerke, Biometrika 78(3), 1991).
+Where effects are named, a block has the shares of its effects in the gap. Otherwise the share of a block is its Shapley
+value. The value of a set of blocks is the largest share that a free input in these blocks takes up by its evidence
+(`free_input`): 1 - exp(-2 gain / samples), the coefficient of determination of a likelihood (Nagelkerke, Biometrika
+78(3), 1991). Where no free input raises the evidence, it is what one effect in them removes by the linear model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -25,17 +25,47 @@ from exodrake.diagnosis.segment_shares import segment_gaps, shapley, subsets, su
 AFFECTED = 0.5  # a channel with this share of the strongest one's residual power counts as affected
 
 
-def block_shares(found: Isolation) -> dict[str, float]:
-    """Shapley share of each block, largest first; fitted effects count as fitted, the others as linearised."""
-    likelihood = found.tests.likelihood
-    before = found.retuned.explanation.cost(likelihood)
-    cost = {p.probes[0].effect: p.cost for p in found.screened}
-    base = max(cost.values(), default=before)
-    gain = {effect: 1.0 - c / max(base, 1e-12) for effect, c in cost.items()}
-    for tested in found.tested[0] if found.tested else ():
-        e = tested.explanation
-        gain[e.effects[0]] = 1.0 - e.cost(likelihood) / max(before, 1e-12)
-    return shares_of(gain)
+def localise(problem: Problem, found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
+    """Block, channels, segments and regime of a gap, from the fitted logs; the latter two follow the retuned robot.
+
+    Args:
+        problem: problem in closed loop.
+        found: what the isolation tried.
+        verdict: its word.
+        effects: effects that are named.
+    """
+    if verdict in (NO_GAP, RETUNE):
+        return Where(block="none")
+    e = found.retuned.explanation
+    outputs = {segment.output for segment in suspects(problem.robot.machine)}
+    separable = len(outputs) > 1 and outputs <= set(problem.kinds)
+    segments, replay = segment_gaps(problem, e.robot, problem.fit[0]) if separable else ({}, {})
+    left = by_trial(problem.residual(e.robot[None], problem.fit)[0], problem.fit)
+    residuals = {trial.name: log for trial, log in zip(problem.fit, left, strict=True)}
+    if effects:
+        shares = sum_by_block((x.id, x.share.value) for x in effects)
+        block = effects[0].id.split(".")[0]
+        tendons, joints = (tuple(dict.fromkeys(c for x in effects for c in getattr(x, a))) for a in ("wires", "joints"))
+    elif inputs := free_courses(found.likelihood, found.lin, e):
+        shares = shares_of({course.name: course.share for course in inputs})
+        block = next(iter(shares))
+        tendons, joints = (channels_of(problem, inputs, block, axis) for axis in (TENDONS, JOINTS))
+    else:
+        likelihood = found.likelihood.scaled_to(e.residual)
+        cost = max(e.cost(likelihood), 1e-12)
+        shares = shares_of({p.probe.effect: p.gain / cost for p in found.search.screened(e, found.lin)})
+        block = next(iter(shares), None) or max(segments, key=lambda s: segments[s], default="unknown")
+        tendons, joints = (affected(problem, residuals, axis) for axis in (TENDONS, JOINTS))
+    return Where(block, tendons, joints, shares, segments, replay, regime(problem, residuals))
+
+
+def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Share of each block, largest first: the sum of its effects' ones, of those that have one."""
+    found: dict[str, float] = {}
+    for effect, share in shares:
+        block = effect.split(".")[0]
+        found[block] = found.get(block, 0.0) + (max(share, 0.0) if np.isfinite(share) else 0.0)
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
 def shares_of(gain: Mapping[str, float]) -> dict[str, float]:
@@ -50,35 +80,6 @@ def shares_of(gain: Mapping[str, float]) -> dict[str, float]:
     return dict(sorted(shapley(removed).items(), key=lambda item: -item[1]))
 
 
-def localise(problem: Problem, found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels, segments and regime of a gap, from the fitted logs; the latter two follow the retuned robot.
-
-    Args:
-        problem: problem in closed loop.
-        found: what the isolation tried.
-        verdict: its word.
-        effects: effects that are named.
-    """
-    if verdict in (NO_GAP, RETUNE):
-        return Where(block="none")
-    values = found.retuned.explanation.robot
-    segments, replay = segment_gaps(problem, values, problem.fit[0]) if separable(problem) else ({}, {})
-    left = by_trial(problem.residual(values[None], problem.fit)[0], problem.fit)
-    residuals = {trial.name: log for trial, log in zip(problem.fit, left, strict=True)}
-    if effects:
-        shares, block = block_shares(found), effects[0].id.split(".")[0]
-        tendons, joints = (tuple(dict.fromkeys(c for e in effects for c in getattr(e, a))) for a in ("wires", "joints"))
-    elif inputs := free_courses(found.likelihood, found.beside_retuned, found.retuned.explanation):
-        shares = shares_of({course.name: course.share for course in inputs})
-        block = next(iter(shares))
-        tendons, joints = (channels_of(problem, inputs, block, axis) for axis in (TENDONS, JOINTS))
-    else:
-        shares = block_shares(found)
-        block = next(iter(shares), None) or max(segments, key=lambda s: segments[s], default="unknown")
-        tendons, joints = (affected(problem, residuals, axis) for axis in (TENDONS, JOINTS))
-    return Where(block, tendons, joints, shares, segments, replay, regime(problem, residuals))
-
-
 def channels_of(problem: Problem, inputs: Sequence[Course], block: str, axis: str) -> tuple[str, ...]:
     """Channels of an axis on which the best free input of a block acts; none if it acts on another axis."""
     best = next((course for course in inputs if course.block == block and course.channels != WHOLE), None)
@@ -86,12 +87,6 @@ def channels_of(problem: Problem, inputs: Sequence[Course], block: str, axis: st
         return ()
     covariance = np.diag(best.size**2 / (2.0 * best.count))
     return tuple(best.channels[i] for i in affected_channels(best.size, covariance))
-
-
-def separable(problem: Problem) -> bool:
-    """Whether measured signals cut the machine into several segments, all of whose outputs the case has."""
-    outputs = {segment.output for segment in suspects(problem.robot.machine)}
-    return len(outputs) > 1 and outputs <= set(problem.kinds)
 
 
 def affected(problem: Problem, residuals: dict[str, np.ndarray], axis: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Pipeline of a diagnosis: retune, detect, isolate, decide, localise, measure the closure."""
+"""Pipeline of a diagnosis: isolate, decide, measure the closure, localise."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.argument import argument
+from exodrake.core.display import in_words
 from exodrake.core.errors import printable, shortened
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
@@ -18,30 +19,36 @@ from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import suspicions
-from exodrake.diagnosis.closure import measure
-from exodrake.diagnosis.comparison import removed
-from exodrake.diagnosis.detect import detect
+from exodrake.diagnosis.closure import closure_of, robot_of, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.fits import CONVERGED
-from exodrake.diagnosis.improved import judged, robot_of, traces_of, without_traces
-from exodrake.diagnosis.intervals import describe
-from exodrake.diagnosis.isolate import Isolator
-from exodrake.diagnosis.isolation import Isolation, Tested
-from exodrake.diagnosis.level_table import level_table
+from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.intervals import describe, fitted_effects, traces
+from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
 from exodrake.diagnosis.localise import localise
-from exodrake.diagnosis.motions import with_motions
-from exodrake.diagnosis.moved import retuned
-from exodrake.diagnosis.part_used import SHARE, affordable, notes_on_length, overlooks
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
-from exodrake.diagnosis.prune import pruned
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, UNKNOWN, Candidate, Diagnosis, NamedEffect
-from exodrake.diagnosis.retune import retune
-from exodrake.diagnosis.rivals import rivals_of
+from exodrake.diagnosis.recorded import with_recorded_ranges
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    NAMED,
+    NO_GAP,
+    RETUNE,
+    UNKNOWN,
+    Candidate,
+    Diagnosis,
+    EffectRival,
+    NamedEffect,
+    Remainder,
+    Retune,
+)
+from exodrake.diagnosis.rivals import alike, moved, rivals_of
+from exodrake.diagnosis.search import Fitted
 from exodrake.diagnosis.since import since_of
-from exodrake.diagnosis.verdict import Decision, decide, probabilities
+from exodrake.diagnosis.verdict import Decision, Part, decide, share_of
 from exodrake.machines.robot_file import robot_or_default
+
+NONE = float("nan")
 
 
 def diagnose(
@@ -72,15 +79,14 @@ def diagnose(
     case = case if isinstance(case, Case) else read_case(case, required_of(robot.machine), robot.machine.frame)
     progress(Stage.CHECK, "")
     with one_blas_thread():
-        problem, found = isolated(make_problem(case, robot, tried), progress)
-        decision = decide(problem, found)
-        made = answer(problem, found, decision, started, progress)
+        found = isolate(make_problem(case, with_recorded_ranges(robot, case), tried), progress)
+        made = answer(found.whole, found, decided(found), started, progress)
         if not discovers(made.verdict):
             return made
         answered(made)
         try:
-            law = discover(problem, found, progress, where=made.where.block if made.verdict == UNKNOWN else "")
-            made = with_law(problem, made, law)
+            where = made.where.block if made.verdict == UNKNOWN else ""
+            made = with_law(found.whole, made, discover(found.whole, found, progress, where=where))
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
@@ -98,78 +104,47 @@ def with_law(problem: Problem, made: Diagnosis, law: MissingLaw) -> Diagnosis:
     return replace(made, where=where, missing_law=law)
 
 
-def isolated(
-    problem: Problem,
-    progress: StageProgress = no_progress,
-    share: float = SHARE,
-    seen: np.ndarray | None = None,
-) -> tuple[Problem, Isolation]:
-    """The problem with what detectors found, and the isolation.
-
-    Args:
-        problem: the case.
-        progress: called with the stage and what it works on.
-        share: part of each fitted log that is used; all of it if the rest shows a gap where this part shows none, as
-            far as that is affordable.
-        seen: (parameters,) robot [SI] in whose residuals detectors look; the retuned one by default, and then the best
-            one if they find more in what that leaves.
-    """
-    progress(Stage.RETUNE, "")
-    share = min(share, affordable(problem))
-    start, simulated = retune(problem.shortened(share))
-    whole = detect(problem, start.robot if seen is None else seen)
-    short, certain = whole.shortened(share), certainly_found(whole)
-    if certain:
-        start, again = retune(short, start)
-        simulated["retune"] += again["retune"]
-    most = problem.robot.machine.max_effects - certain
-    found = pruned(Isolator(short, start, simulated, progress).isolate(max(most, 0)))
-    if share < affordable(problem) and found.left and overlooks(whole, found.left[0]):
-        return added(found, *isolated(problem, progress, 1.0, seen))
-    best = found.best.explanation
-    may_hide = seen is None and not certain and found.likelihood.mean_log(best.residual) > CONVERGED
-    if may_hide and certainly_found(detect(problem, best.robot)):
-        return added(found, *isolated(problem, progress, share, best.robot))
-    return whole, found
-
-
-def certainly_found(problem: Problem) -> int:
-    """Number of effects that detectors found, whatever a fit finds."""
-    return sum(d.certain for d in problem.detected)
-
-
-def added(before: Isolation, problem: Problem, found: Isolation) -> tuple[Problem, Isolation]:
-    """A problem and its isolation, the simulated time of an isolation before it added."""
-    for stage, time_before in before.likelihood.simulated.items():
-        found.likelihood.simulated[stage] += time_before
-    return problem, found
+def decided(found: Isolation) -> Decision:
+    """The verdict of an isolation; where nothing else is left, certain detections are the causes."""
+    decision, reasons = decide(found), tuple(d.reason for d in found.whole.detected if d.certain)
+    word = NAMED if reasons and decision.verdict in (NO_GAP, RETUNE) else decision.verdict
+    return replace(decision, verdict=word, reasons=(*reasons, *decision.reasons))
 
 
 def effects_of(problem: Problem, found: Isolation, decision: Decision) -> tuple[NamedEffect, ...]:
-    """The effects that a decision names, with channels and intervals; detected ones last."""
-    machine, best = problem.robot.machine, decision.best
-    certain = tuple(d.effect for d in problem.detected if d.certain)
-    if decision.verdict not in (NAMED, AMBIGUOUS):
-        return ()
-    if decision.fitted is None:
-        return certain
-    whole, probability = decision.fitted, probabilities(found).get(best.explanation.name, 1.0)
-    counted = {d.effect.id: replace(d.effect, probability=probability) for d in problem.detected}
-    named = [machine.effect(effect) for effect in best.explanation.effects]
-    stated = {e.id: describe(whole.of(e.id), e, probability, machine.axes.of(e.axis)) for e in named}
-    return (*(stated | {i: e for i, e in counted.items() if i in stated}).values(), *certain)
+    """The effects of the best set with channels, intervals, shares and rivals; certain detections last."""
+    machine, fitted = problem.robot.machine, fitted_effects(decision.best)
+    counted = {d.effect.id: d.effect for d in problem.detected if not d.certain}
+    stated = []
+    for part in decision.parts:
+        effect = machine.effect(part.effect)
+        named = counted.get(part.effect) or describe(fitted.of(part.effect), effect, machine.axes.of(effect.axis))
+        rivals = tuple(rival_of(found, decision.best, part, i) for i in part.rivals)
+        stated.append(replace(named, role=part.role, share=part.share, rivals=rivals))
+    certain = [d.effect for d in problem.detected if d.certain]
+    alone = len(certain) == 1 and not stated  # nothing is known of the share of one among several
+    return (*stated, *(e if alone else replace(e, share=Interval(NONE, NONE, NONE)) for e in certain))
+
+
+def rival_of(found: Isolation, best: Fitted, part: Part, other: str) -> EffectRival:
+    """An effect in the place of one of the best set, with the share of the gap that it would take up."""
+    rest, sets = best.effects - {part.effect}, found.search.sets
+    if rest in sets and rest | {other} in sets:
+        left, mine = (found.search.left_by_log(sets[key]) for key in (rest, rest | {other}))
+        return EffectRival(other, share_of(left - mine))
+    return EffectRival(other, Interval(part.rivals[other], NONE, NONE))
 
 
 def candidates_of(found: Isolation) -> tuple[Candidate, ...]:
-    """All explanations that were fitted, largest sets first, best first."""
+    """All sets of effects that were fitted, the most likely first."""
+    search, none = found.search, found.search.evidence(found.retuned)
 
-    def candidate(t: Tested) -> Candidate:
-        score = removed(found.retuned.chi2, t.chi2)
-        closed, prediction = (*t.chi2.tolist(), float("nan"))[:2]
-        levels, left = t.levels, t in found.left
-        return Candidate(t.explanation.name, score, closed, prediction, levels.fit, levels.complete, left)
+    def candidate(fitted: Fitted) -> Candidate:
+        closed, prediction = (*fitted.chi2.tolist(), NONE)[:2]
+        share, evidence = 1.0 - search.left(fitted), search.evidence(fitted) - none
+        return Candidate(fitted.explanation.name, share, closed, prediction, evidence)
 
-    return tuple(candidate(t) for size in reversed(found.tested) for t in size)
+    return tuple(sorted((candidate(f) for key, f in search.sets.items() if key), key=lambda c: -c.evidence))
 
 
 def baselines_of(found: Isolation) -> dict[str, str]:
@@ -177,53 +152,59 @@ def baselines_of(found: Isolation) -> dict[str, str]:
 
     The smallest residual, and raw BIC with every sample counted as independent.
     """
-    singles = found.tested[0] if found.tested else ()
-    if not singles:
-        return {"replay": "retune", "bic": "retune"}
+    few = [f for key, f in found.search.sets.items() if len(key) < 2]
+    singles, samples = [f for f in few if f.effects] or few, found.likelihood.views[0].samples
 
-    def bic(t: Tested) -> float:
-        samples = found.likelihood.views[0].samples
-        return samples * float(t.chi2[0]) + (len(t.explanation.x) - t.explanation.nominal) * np.log(samples)
+    def bic(f: Fitted) -> float:
+        return samples * float(f.chi2[0]) + (len(f.explanation.x) - f.explanation.nominal) * np.log(samples)
 
-    smallest = min(singles, key=lambda t: t.chi2[0])
-    return {"replay": smallest.explanation.name, "bic": min((found.retuned, *singles), key=bic).explanation.name}
+    chosen = {"replay": min(singles, key=lambda f: f.chi2[0]), "bic": min(few, key=bic)}
+    return {method: f.explanation.name for method, f in chosen.items()}
 
 
-def answer(problem: Problem, found: Isolation, decided: Decision, started: float, progress: StageProgress) -> Diagnosis:
-    """The diagnosis, with everything measured that it states."""
-    since, decision = since_of(problem, found, decided)
-    found = found if decision is decided else replace(found, left=decision.left)
-    case, best = problem.case, decision.best
+def answer(problem: Problem, found: Isolation, first: Decision, started: float, progress: StageProgress) -> Diagnosis:
+    """The diagnosis, with everything measured that it states.
+
+    Args:
+        problem: the case, with what detectors found.
+        found: its isolation.
+        first: its verdict, without a look at changes over time.
+        started: moment at which the diagnosis began [s].
+        progress: called with the stage.
+    """
+    since, decision = since_of(problem, found, first)
+    case, best, word = problem.case, decision.best, decision.verdict
     progress(Stage.CLOSURE, "")
-    nominal = replace(problem, detected=()).silent()
     effects = effects_of(problem, found, decision)
-    traces = traces_of(effects, decision.fitted)
-    improved = without_traces(best.explanation.robot, traces)
+    gone = traces(effects[: len(decision.parts)], fitted_effects(best))
+    improved = with_values(best.explanation.robot, gone)
+    nominal = replace(problem, detected=()).silent()
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
-    closure = measure(problem, judged(problem, found, best, traces, np.array(list(rows.values()))))
-    closure = with_motions(closure, problem, found, best, traces)
-    moves = retuned(found)
+    closure = closure_of(problem, found.retuned, best, np.array(list(rows.values())), gone)
+    effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
+    others = alike(found)
     progress(Stage.LOCALISE, "")
-    class_ids = dict.fromkeys(i for t in decision.left for i in t.explanation.effects)
+    rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
     made = Diagnosis(
         case=case.name,
-        verdict=decision.verdict,
-        where=localise(problem, found, decision.verdict, effects),
+        verdict=word,
+        where=localise(problem, found, word, effects),
         effects=effects,
-        equivalents=tuple(class_ids) if decision.verdict == AMBIGUOUS else (),
+        equivalents=next(((p.effect, *p.rivals) for p in decision.causes if word == AMBIGUOUS and p.rivals), ()),
+        # noise_std: RMS beyond noise in closed loop
+        remainder=Remainder(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))),
         closure=closure,
-        rivals=rivals_of(problem, found, decision, tuple(moves.alike)),
+        rivals=rivals_of(problem, found, decision, [p for _, p in others.values()]),
         candidates=candidates_of(found),
         baselines=baselines_of(found),
         reasons=decision.reasons,
-        notes=notes_of(problem, best),
+        notes=notes_of(problem, found, best),
         run_time=time.perf_counter() - started,
         robots={name: robot_of(problem, values, case.name) for name, values in rows.items()},
         evidence=evidence_of(found, best),
         # to a millisecond: fits side by side add their times in any order
         simulated={stage: round(spent, 3) for stage, spent in found.likelihood.simulated.items()},
-        retune=moves,
-        tests=level_table(best, found.tests.calibration),
+        retune=Retune(moved(found), {i: share for i, (share, _) in others.items()}),
         since=since,
         provenance=provenance_of(problem),
         problem=problem,
@@ -241,15 +222,31 @@ def notes_on_confirmation(made: Diagnosis) -> tuple[str, ...]:
     return (f"held-out motion does not confirm the verdict: in {logs} the named effects may leave the error as it is",)
 
 
-def notes_of(problem: Problem, best: Tested) -> tuple[str, ...]:
-    """Remarks beside the verdict: on the logs, on the part that was used, on the calibration."""
-    case, machine = problem.case, problem.robot.machine
-    found = suspicions(case, problem.robot)
-    return (*case.notes, *found, *notes_on_length(problem, best), *calibration_notes(machine))
+def notes_of(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...]:
+    """Remarks beside the verdict: on the logs and their noise, on the part that was used, on the calibration."""
+    used, machine = problem.robot, problem.robot.machine
+    noise = [
+        f"the logs show noise of {in_words(used[name], unit)}, the robot file says {in_words(said, unit)} ({name})"
+        for name, said in problem.noisier.items()
+        for unit in [machine.parameters[machine.index[name]].unit]
+    ]
+    checked = (*problem.case.notes, *suspicions(problem.case, problem.stated))
+    return (*checked, *noise, *notes_on_length(found, best), *calibration_notes(machine))
 
 
-def evidence_of(found: Isolation, best: Tested) -> dict[str, float]:
+def notes_on_length(found: Isolation, best: Fitted) -> tuple[str, ...]:
+    """Notes on logs that are too long to be used as far as others are, a sentence each."""
+    if affordable(found.whole) == 1.0:
+        return ()
+    used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, found.whole))
+    note, robot = f"the logs are long: the first {used / whole:.0%} of each was fitted", best.explanation.robot
+    hidden = not best.effects and negligible(found.problem, robot) and not found.negligible(robot)
+    return (note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""),)
+
+
+def evidence_of(found: Isolation, best: Fitted) -> dict[str, float]:
     """Reduced chi-squares on the fitted logs, in closed loop and as prediction error."""
-    robots = {"nominal": found.nominal, "retuned": found.retuned, "best": best}
-    closed = {name: float(t.chi2[0]) for name, t in robots.items()}
-    return closed | {f"prediction_error_{name}": float(t.chi2[1]) for name, t in robots.items() if len(t.chi2) > 1}
+    nominal = found.likelihood.chi2(found.nominal.residual)
+    robots = {"nominal": nominal, "retuned": found.retuned.chi2, "best": best.chi2}
+    closed = {name: float(chi2[0]) for name, chi2 in robots.items()}
+    return closed | {f"prediction_error_{name}": float(chi2[1]) for name, chi2 in robots.items() if len(chi2) > 1}

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -17,6 +17,8 @@ from exodrake.core.robot import Robot
 from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
 from exodrake.diagnosis.checks import check_case
+from exodrake.diagnosis.checks.compare import compare
+from exodrake.diagnosis.checks.noise import logged_noise
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
@@ -29,7 +31,7 @@ class Problem:
     """Trials of a case, the columns that are compared, and their noise standard deviations.
 
     Attributes:
-        robot: the nominal robot with the case's overrides.
+        robot: the nominal robot with the case's overrides, and the noise that the logs show where that is larger.
         columns: (c,) names.
         noise_std: (c,) noise standard deviations [unit of the column].
         fit, holdout: trials; repeats of a fitted trial serve the noise only.
@@ -37,6 +39,7 @@ class Problem:
         notched: bands [Hz] that are filtered out of all residuals.
         tried: ids of the effects that the diagnosis tries.
         detected: effects that detectors found.
+        noisier: noise parameters that the logs showed to be larger -> value in the robot file [SI].
     """
 
     robot: Robot
@@ -48,6 +51,12 @@ class Problem:
     notched: Bands = ()
     tried: frozenset[str] = frozenset()
     detected: tuple[Detection, ...] = ()
+    noisier: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def stated(self) -> Robot:
+        """The nominal robot with the noise of its file."""
+        return self.robot.with_parameters(self.noisier)
 
     @property
     def judged(self) -> tuple[Trial, ...]:
@@ -231,7 +240,8 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     """The regression of a case.
 
     Args:
-        case: logs; repeats of a trial in its session count for the noise only.
+        case: logs; repeats of a trial in its session count for the noise only. Without repeats, sensors are as noisy as
+            the robot file says or as the logs show, whichever is more.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
@@ -240,9 +250,12 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
+    noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
+    noisier = {name: robot[name] for name in noise}
+    robot = robot.with_parameters(noise, source="the logs") if noise else robot
     columns = columns_of(case, robot.machine)
     fit = [trial_of(item, columns, robot.machine) for item in case.fit_logs if not case.is_copy(item)]
     held = [trial_of(item, columns, robot.machine) for item in case.holdout_logs]
     problem = Problem(robot, columns, noise_std(case, robot, columns), tuple(fit), tuple(held), case)
     tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried) if tried is None else tried
-    return replace(problem, tried=tried)
+    return replace(problem, tried=tried, noisier=noisier)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from exodrake.core.display import in_words
@@ -15,8 +17,9 @@ CLEAR = 2.0  # ratio of standard deviations with p < 1e-3 from 25 independent sa
 EXACT = 1e-9  # of a signal's range: smaller steps are rounding of the computer
 ABOVE = 1.1  # ratio to the nominal fast noise in every channel of a sensor; healthy robots lie between 0.94 and 1.04
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
+NOISIER = "vibration, or noisier sensors"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
-GAIN = 70.0  # of differences of that order on white noise: the sum of squared binomial coefficients
+HIGHER = 8  # differences that leave little of a loop that hunts, too: 0.14 of a period of 4 frames (assumed)
 
 
 def noise_as_large_as_motion(comparison: Comparison) -> list[str]:
@@ -80,10 +83,30 @@ def noise_word(comparison: Comparison, parameter: str, columns: list[str]) -> st
     simulated = [[noise_of(c) / least_noise(c) for c in channels] for channels in heard]
     counted = [[noise_of(c) / max(least_noise(c), repeats) for c in channels] for channels in heard]
     if min(map(min, counted)) > ABOVE:
-        return "vibration, or noisier sensors"
+        return NOISIER
     if max(map(np.median, simulated)) < 1.0 / ABOVE and min(map(np.median, counted)) < 1.0 / CLEAR:
         return "smoothed logs, or quieter sensors"
     return ""
+
+
+def logged_noise(comparison: Comparison) -> dict[str, float]:
+    """Noise parameters of sensors that are noisier in the logs than the robot file says -> noise that they show [SI].
+
+    It is white: differences of two orders agree that there is more of it, in every channel of every log.
+    """
+    found = {}
+    for parameter, columns in noise_parameters(comparison.machine).items():
+        shown = [c for c in columns if c in comparison.columns]
+        if noise_word(comparison, parameter, shown) != NOISIER:
+            continue
+        pairs = []
+        for channel in (c for column in shown for c in audible(comparison.of(column))):
+            white = min(fast_noise(channel.measured / unit_factor(channel), order) for order in (ORDER, HIGHER))
+            pairs.append((white, least_noise(channel)))
+        if min(white / least for white, least in pairs) > ABOVE:
+            more = float(np.median([white**2 - least**2 for white, least in pairs]))
+            found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + more))
+    return found
 
 
 def general(parameter: str) -> str:
@@ -159,9 +182,12 @@ def carries_noise(channel: Channel) -> bool:
     return bool(fast_noise(channel.nominal) > smallest and np.median(np.abs(np.diff(channel.measured))) > 0.0)
 
 
-def fast_noise(values: np.ndarray) -> float:
-    """Standard deviation of white noise in a signal (n,) that moves slowly, by fourth differences; 0 if rounding."""
-    found = robust_std(np.diff(values, ORDER)) / np.sqrt(GAIN)
+def fast_noise(values: np.ndarray, order: int = ORDER) -> float:
+    """Standard deviation of white noise in a signal (n,) that moves slowly, by differences; 0 if rounding.
+
+    Differences of order k raise white noise by the sum of squared binomial coefficients, (2k over k).
+    """
+    found = robust_std(np.diff(values, order)) / np.sqrt(comb(2 * order, order))
     return 0.0 if found <= np.finfo(float).eps * np.nanmax(np.abs(values), initial=0.0) else found
 
 

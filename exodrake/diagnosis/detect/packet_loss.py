@@ -22,6 +22,7 @@ from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.noise import sensor_noise_std
 from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem, Trial
@@ -77,7 +78,7 @@ def detect(problem: Problem, effect: Effect, values: np.ndarray) -> Problem:
     counted = loss_probability(found)
     problem = replace(problem, holdout=tuple(map(decoded, problem.holdout)))
     lead = effect.parameters[0]
-    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, 1.0)
+    named = NamedEffect(effect.id, (), (), {lead.name: Interval(*counted, lead.unit)}, {}, kind_of(effect))
     detection = Detection(named, {}, f"{lost} commands look lost, one by one")
     return replace(problem, detected=(*problem.detected, detection))
 

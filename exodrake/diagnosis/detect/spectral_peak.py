@@ -25,6 +25,7 @@ from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.parameter import apply, effect_parameters
 from exodrake.diagnosis.result import NamedEffect
+from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.problem import Problem
@@ -218,7 +219,7 @@ def detection_of(problem: Problem, effect: Effect, values: np.ndarray, peak: Pea
     frequency = Interval(peak.frequency, peak.frequency - half, peak.frequency + half, "Hz")
     mean = torque(float(np.mean([item.value for item in torques.values()])))
     stated = {effect.parameters[0].name: mean, effect.parameters[1].name: frequency}
-    named = NamedEffect(effect.id, (), tuple(torques), stated, {effect.parameters[0].name: torques}, 1.0)
+    named = NamedEffect(effect.id, (), tuple(torques), stated, {effect.parameters[0].name: torques}, kind_of(effect))
     where = f"a spectral peak at {peak.frequency:.1f} Hz is {peak.prominence:.0f} times its surroundings in every log"
     return Detection(named, found, f"{where}; its phase wanders, so that there only strength is compared")
 
