@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linearise import Linearisation, Probe
 from exodrake.diagnosis.parameter import Parameter
 from exodrake.diagnosis.problem import Trial
-from exodrake.diagnosis.refine import Explanation
 
 FRAME = 0.02  # s
 WIDE = (-1e6, 1e6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -41,9 +42,7 @@ def alike(found: Isolation) -> dict[str, tuple[float, Predicted]]:
     return {effect: one for effect, one in shares.items() if one[0] > ALIKE}
 
 
-def rivals_of(
-    problem: Problem, found: Isolation, decision: Decision, others: dict[str, Predicted]
-) -> tuple[Rival, ...]:
+def rivals_of(problem: Problem, found: Isolation, decision: Decision, others: Iterable[Predicted]) -> tuple[Rival, ...]:
     """The explanations still in play after a decision, the best set first; none where one is left.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from studies.gate.linear import LinearModel
+from exodrake.diagnosis.linear import LinearModel
 
 WIDE = np.full(4, 1e6)
 
@@ -98,3 +98,35 @@ def test_bounds_hold():
     small = np.full(4, 0.1)
     found = model_of(jacobian, residual, np.full(4, 1e-6), bounds=(-small, small)).posterior()
     assert np.all(np.abs(found.step) <= 0.1) and np.any(np.abs(x) > 0.1)
+
+
+def test_posterior_of_some_blocks_is_that_of_their_samples_alone():
+    jacobian, residual, _ = example(7)
+    precision = np.array([0.5, 1.0, 2.0, 4.0])
+    found = model_of(jacobian, residual, precision)
+    some = model_of(jacobian[:, 50:150], residual[50:150], precision, blocks=2)
+    kept, wanted = found.posterior(np.isin(found.log, [1, 2])), some.posterior()
+    assert kept.step == pytest.approx(wanted.step, rel=1e-9)
+    assert kept.covariance == pytest.approx(wanted.covariance, rel=1e-9)
+    assert kept.cost == pytest.approx(wanted.cost, rel=1e-9) and kept.volume == pytest.approx(wanted.volume)
+
+
+def test_prior_mean_draws_an_undetermined_parameter():
+    """A parameter that acts on no sample is expected where its prior has it, as uncertain as that says."""
+    jacobian, residual, _ = example(8)
+    found = model_of(np.vstack([jacobian[:1], np.zeros(200)]), residual, np.array([1.0, 4.0]))
+    moved = replace(found, mean=np.array([0.0, 0.7])).posterior()
+    assert moved.step[1] == pytest.approx(0.7) and moved.covariance[1, 1] == pytest.approx(0.25)
+
+
+def test_views_are_weighted_by_what_they_leave():
+    """Two views of one parameter: weighted least squares with each view's own variance."""
+    rng = np.random.default_rng(9)
+    jacobian, noise = rng.standard_normal(400), rng.standard_normal(400) * np.repeat([2.0, 5.0], 200)
+    rows = np.vstack([jacobian, noise - 0.3 * jacobian])
+    places = [(0, 0, slice(0, 200)), (1, 0, slice(200, 400))]
+    prior = [np.array([x]) for x in (0.0, 1e-9, -1e6, 1e6)]
+    model = LinearModel.of_rows(rows, places, prior, 1.0)
+    weights = 1.0 / np.repeat([np.mean(rows[1, :200] ** 2), np.mean(rows[1, 200:] ** 2)], 200)
+    wanted = -np.sum(weights * rows[0] * rows[1]) / np.sum(weights * rows[0] ** 2)
+    assert model.posterior().step == pytest.approx([wanted], rel=1e-6)

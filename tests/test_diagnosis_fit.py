@@ -1,4 +1,4 @@
-"""Refinement: bounded least squares and the fit, against scipy and injected parameters."""
+"""The fit: bounded least squares and Levenberg-Marquardt, against scipy and injected parameters."""
 
 from dataclasses import replace
 
@@ -8,11 +8,10 @@ from diagnosis_cases import INJECTED, friction_problem
 from formula_case import amplitude, explanation, likelihood_of, nominal
 from scipy.optimize import least_squares, lsq_linear
 
+from exodrake.diagnosis.fit import Explanation, bounded, minimise, whole_jacobian
 from exodrake.diagnosis.likelihood import output_error
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
-from exodrake.diagnosis.refine import Explanation, bounded, minimise, whole_jacobian
-from exodrake.diagnosis.stuck import searched
 
 
 def test_bounded_minimum_is_that_of_scipy():
@@ -125,31 +124,6 @@ def test_minimiser_survives_a_direction_that_others_imitate_but_for_rounding(imi
     normal = np.array([[4e5, 0.2], [0.2, imitated]])
     found, _ = bounded(normal, np.array([-2e5, 1e-5]), np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     assert found[0] == pytest.approx(0.5, abs=1e-3) and np.isfinite(found).all() and np.abs(found[1]) <= 1.0
-
-
-def test_a_pattern_search_goes_on_where_slopes_mislead():
-    """A cost that falls to 1.5 in ripples: a fit ends in the ripple where it begins."""
-    signal = np.random.default_rng(5).standard_normal(400)
-    likelihood = likelihood_of(lambda row: (row[0] - 1.5 + 0.03 * np.sin(200.0 * row[0])) * signal + 0.1 * signal[::-1])
-    start = explanation(likelihood, (amplitude("a", 0),), np.array([0.8]), np.zeros((0, 400)), ("a",))
-    assert searched(likelihood, start).x[0] == pytest.approx(1.5, abs=0.04)
-
-
-def test_a_fit_is_rough_where_derivatives_promise_what_no_step_gives():
-    """Down along the derivative at the start, up everywhere beside a narrow notch; and a straight line."""
-
-    def notched(row):
-        beyond = row[0] - 1.0
-        return np.full(400, 1.0 - 2.0 * beyond if 0.0 < beyond < 0.02 else 1.0 + abs(beyond))
-
-    def straight(row):
-        return (row[0] - 0.5) * np.linspace(1.0, 2.0, 400) + np.cos(np.arange(400))
-
-    rough, smooth = likelihood_of(notched), likelihood_of(straight)
-    start = explanation(rough, (amplitude("a", 0),), np.array([1.0]), np.zeros((0, 400)), ("a",))
-    assert minimise(rough, start, 5, 1e-6).rough
-    start = explanation(smooth, (amplitude("a", 0),), np.array([1.0]), np.zeros((0, 400)), ("a",))
-    assert not minimise(smooth, start, 5, 1e-6).rough
 
 
 def test_the_jacobian_agrees_with_the_last_of_several_failed_steps():
