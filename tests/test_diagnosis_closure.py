@@ -1,11 +1,21 @@
-"""Closure: closed forms, the identity of its two steps, and intervals."""
+"""Closure: closed forms, the identity of its two steps, intervals, and robots fitted to the other logs."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from diagnosis_cases import friction_diagnosis
+from diagnosis_cases import friction_case, friction_diagnosis
+from formula_case import explanation, likelihood_of, nominal
 
+import exodrake as exo
 from exodrake.core.confidence import CONFIDENCE
-from exodrake.diagnosis.closure import blocks, bootstrapped, closure
+from exodrake.diagnosis.closure import blocks, bootstrapped, closure, kinds_of_motion, without_logs
+from exodrake.diagnosis.fit import linear_model
+from exodrake.diagnosis.search import Fitted
+
+FRAMES, PRIOR = (120, 80, 200), 0.5
 
 
 @pytest.mark.parametrize(
@@ -63,3 +73,51 @@ def test_missing_samples_do_not_count_as_perfect_ones(missing):
     lost = rng.random((20_000, 2)) < missing
     (before, samples), (after, _) = (blocks([np.where(lost, np.nan, log[0])], 100) for log in logs)
     assert closure(before, after, samples) == pytest.approx(0.75, abs=0.02)
+
+
+def test_robot_without_a_log_is_that_fitted_to_the_others():
+    """For a linear model the one Gauss-Newton step is the whole fit."""
+    rng = np.random.default_rng(3)
+    jacobian, offset = rng.standard_normal((4, sum(FRAMES))), rng.standard_normal(sum(FRAMES))
+    likelihood = likelihood_of(lambda row: offset + row[:4] @ jacobian, FRAMES)
+    fit = -np.linalg.solve(jacobian @ jacobian.T + np.eye(4) / PRIOR**2, jacobian @ offset)
+    e = explanation(likelihood, nominal(4, PRIOR), fit, jacobian)
+    model = linear_model(likelihood.scaled_to(e.residual), e)
+    fitted, weight = Fitted(e, model, likelihood.chi2(e.residual), 1.0), 1.0 / float(model.variance[0])
+    starts = np.cumsum((0, *FRAMES))
+    for k in range(3):
+        kept = np.ones(sum(FRAMES), dtype=bool)
+        kept[starts[k] : starts[k + 1]] = False
+        normal = weight * jacobian[:, kept] @ jacobian[:, kept].T + np.eye(4) / PRIOR**2
+        expected = -np.linalg.solve(normal, weight * jacobian[:, kept] @ offset[kept])
+        assert without_logs(fitted, [k])[:4] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("protocol", "kind"), [("sweeps_2", "sweeps"), ("chirp", "chirp"), ("random-10", "random"), ("12", "12")]
+)
+def test_runs_of_a_motion_are_one_kind(protocol, kind):
+    case = SimpleNamespace(logs=[SimpleNamespace(file="a.csv", protocol=protocol)])
+    problem = SimpleNamespace(case=case, fit=(SimpleNamespace(name="a.csv"),), holdout=())
+    assert kinds_of_motion(problem) == {"a.csv": kind}
+
+
+def test_closure_names_its_motion_and_that_of_each_kind_left_out():
+    closure = friction_diagnosis().closure
+    assert closure.measured_on == ("random",) and set(closure.motions) == {"sweeps", "holds"}
+    for found in closure.motions.values():
+        assert found.low <= found.value <= found.high and found.value > 0.8
+    answer = json.loads(json.dumps(friction_diagnosis().to_json()))["closure"]
+    assert answer["measured_on"] == ["random"]
+    assert answer["motions"]["sweeps"]["value"] == closure.motions["sweeps"].value
+
+
+def test_closure_on_a_kind_left_out_is_that_of_a_fit_without_it():
+    """The one Gauss-Newton step away from the joint fit comes to the closure of a diagnosis that never saw the log."""
+    case = friction_case()
+    logs = [replace(item, role="holdout" if item.protocol == "holds" else "fit") for item in case.logs]
+    never_seen = exo.diagnose(replace(case, logs=tuple(item for item in logs if item.protocol != "random")))
+    assert never_seen.closure.motions == {}  # one kind of motion says nothing of another
+    assert friction_diagnosis().closure.motions["holds"].value == pytest.approx(
+        never_seen.closure.overall.value, abs=0.03
+    )

@@ -1,14 +1,27 @@
-"""Intervals: coverage of a linear fit, affected channels, units and ranges."""
+"""Intervals: those of a linear fit in closed form, coverage, affected channels, traces, units and ranges."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from formula_case import amplitude, explanation, likelihood_of, nominal
+from scipy.optimize import least_squares
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import ANY_SHAPE, LAW_STD, SHAPE_STD
-from exodrake.diagnosis.intervals import ROUNDING, Fitted, affected, describe, interval, pooled
+from exodrake.diagnosis.fit import linear_model
+from exodrake.diagnosis.intervals import (
+    ROUNDING,
+    Estimates,
+    affected,
+    describe,
+    fitted_effects,
+    interval,
+    pooled,
+    traces,
+)
 from exodrake.diagnosis.parameter import effect_parameters
+from exodrake.diagnosis.search import Fitted
 from exodrake.machines.robot_file import load_robot
 
 
@@ -19,7 +32,7 @@ def machine():
 
 def fitted(machine, effect, x, std):
     parameters = effect_parameters(machine, machine.effect(effect))
-    return Fitted(parameters, np.array(x, dtype=float), np.diag(np.square(np.broadcast_to(std, len(parameters)))))
+    return Estimates(parameters, np.array(x, dtype=float), np.diag(np.square(np.broadcast_to(std, len(parameters)))))
 
 
 def test_intervals_of_normal_estimates_cover_as_often_as_they_say(machine):
@@ -35,18 +48,46 @@ def test_strong_channel_is_affected_and_leakage_is_not(machine):
     assert affected(fitted(machine, "mocap.gain", [0.0, 0.002, 0.001], 1.0)) == [1]  # at least the strongest
 
 
-def test_effect_within_its_error_may_be_absent(machine):
-    assert fitted(machine, "mocap.gain", [0.01, -0.01, 0.0], 0.02).holds_null()
-    assert not fitted(machine, "mocap.gain", [0.01, -0.1, 0.0], 0.02).holds_null()
-
-
 def test_answer_names_the_channels_and_pools_them(machine):
     effect = machine.effect("mocap.gain")
-    found = describe(fitted(machine, "mocap.gain", [0.1, 0.12, 0.0], 1e-3), effect, 0.9, machine.axes.joints)
-    assert found.joints == ("MCP", "PIP") and found.wires == () and found.probability == 0.9
+    found = describe(fitted(machine, "mocap.gain", [0.1, 0.12, 0.0], 0.01), effect, machine.axes.joints)
+    assert found.joints == ("MCP", "PIP") and found.wires == () and found.kind == "gain"
     assert found.parameters["gain"].value == pytest.approx(0.11)
-    assert found.parameters["gain"].low < 0.1 and found.parameters["gain"].high > 0.12  # channels disagree
     assert set(found.channels["gain"]) == {"MCP", "PIP"}
+
+
+def test_channels_that_clearly_differ_have_no_common_value(machine):
+    effect = machine.effect("mocap.gain")
+    found = describe(fitted(machine, "mocap.gain", [0.1, 0.12, 0.0], 1e-3), effect, machine.axes.joints)
+    assert np.isnan(found.parameters["gain"].value) and found.parameters["gain"].unit == "-"
+    assert {c: round(i.value, 6) for c, i in found.channels["gain"].items()} == {"MCP": 0.1, "PIP": 0.12}
+
+
+def test_a_small_amplitude_where_an_effect_does_not_sit_is_a_trace_if_its_interval_holds_0(machine):
+    effect = machine.effect("mocap.gain")
+    at = list(machine.effect_indices("mocap.gain", "gain").values())
+    for small, left in ((0.001, {at[2]: 0.0}), (0.005, {})):
+        found = fitted(machine, "mocap.gain", [0.1, 0.1, small], 0.002)
+        named = describe(found, effect, machine.axes.joints)
+        assert named.joints == ("MCP", "PIP") and traces((named,), found) == left
+
+
+def test_covariance_of_effects_that_meet_is_that_of_all_fitted_parameters_together():
+    """Two effects and a nominal parameter with alike columns: scipy's curvature, times samples that count as one."""
+    rng, memory, prior = np.random.default_rng(4), 3.0, 0.5
+    common = rng.standard_normal(400)
+    columns = common + 0.5 * rng.standard_normal((3, 400))
+    noise = rng.standard_normal(400)
+    likelihood = likelihood_of(lambda row: row @ columns + noise)
+    parameters = (*nominal(1, prior), amplitude("a", 1), amplitude("b", 2))
+    wanted = least_squares(lambda x: np.r_[x @ columns + noise, memory**0.5 * x[0] / prior], np.zeros(3))
+    e = explanation(likelihood, parameters, wanted.x, columns[:1], ("a", "b"))
+    model = linear_model(likelihood.scaled_to(e.residual), e)
+    found = fitted_effects(Fitted(e, model, model.variance, memory))
+    normal = columns @ columns.T / (memory * model.variance[0]) + np.diag([prior**-2, 12.0 / 200**2, 12.0 / 200**2])
+    assert found.covariance == pytest.approx(np.linalg.inv(normal)[1:, 1:], rel=1e-3)
+    alone = fitted_effects(Fitted(e, model, model.variance, memory)).of("a")
+    assert alone.std[0] == pytest.approx(found.std[0]) and [p.effect for p in alone.parameters] == ["a"]
 
 
 def test_pooled_value_of_independent_channels_has_the_error_of_a_mean():
@@ -78,7 +119,7 @@ def test_pitch_is_reported_near_palm_down_or_palm_up(machine):
     for stated, value in ((-0.2, -0.2), (3.3, 3.3 - 2 * np.pi), (3.0, 3.0)):
         x = [p.start for p in parameters]
         x[at] = parameters[at].coordinate(value)
-        found = describe(fitted(machine, effect.id, x, 0.01), effect, 1.0, machine.axes.joints).parameters["pitch"]
+        found = describe(fitted(machine, effect.id, x, 0.01), effect, machine.axes.joints).parameters["pitch"]
         assert found.value == pytest.approx(stated) and found.low < stated < found.high
 
 
@@ -114,7 +155,7 @@ def test_parameter_without_noise_is_as_uncertain_as_its_meaning(machine, effect,
     parameters = effect_parameters(machine, machine.effect(effect))
     at = next(p for p in parameters if p.name == f"{effect}.{parameter}")
     x = [0.5 if at.transform == "log" else 0.1 if at.amplitude else at.start] * len(parameters)
-    found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), 1.0, machine.axes.tendons)
+    found = describe(fitted(machine, effect, x, 1e-9), machine.effect(effect), machine.axes.tendons)
     stated = found.parameters[parameter]
     log = at.transform == "log"
     width = np.log(stated.high / stated.low) if log else (stated.high - stated.low) / stated.value

@@ -1,7 +1,6 @@
 """Localisation: Shapley shares of segments, affected channels, conditions of a regime."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import segment_shares
-from exodrake.diagnosis.localise import affected, block_shares
+from exodrake.diagnosis.localise import affected, shares_of, sum_by_block
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.regime import conditions, explained, motion, since_reversal
 from exodrake.simulation import protocols
@@ -37,16 +36,19 @@ def test_shapley_of_an_additive_game_is_the_additive_part():
 def test_block_shares_are_those_of_the_airport_game():
     """Littlechild and Owen (1973): the value of a coalition is that of its largest member."""
     gains = {"finger": 0.9, "motor": 0.6, "tendon": 0.3, "sensor": 0.3}
-    costs = {"finger.a": 10.0, "finger.b": 60.0, "motor.a": 40.0, "tendon.a": 70.0, "sensor.a": 70.0, "bus.a": 100.0}
-    screened = tuple(SimpleNamespace(probes=(SimpleNamespace(effect=e),), cost=cost) for e, cost in costs.items())
-    retuned = SimpleNamespace(explanation=SimpleNamespace(cost=lambda likelihood: 100.0))
-    isolation = SimpleNamespace(tests=SimpleNamespace(likelihood=None), tested=(), screened=screened, retuned=retuned)
-    found, steps = block_shares(isolation), np.diff([0.0, 0.3, 0.3, 0.6, 0.9])
+    alone = {"finger.a": 0.9, "finger.b": 0.4, "motor.a": 0.6, "tendon.a": 0.3, "sensor.a": 0.3, "bus.a": 0.0}
+    found, steps = shares_of(alone), np.diff([0.0, 0.3, 0.3, 0.6, 0.9])
     wanted = np.cumsum(steps / [4, 3, 2, 1])  # the k-th smallest pays its part of each step up to its own
     order = sorted(gains, key=gains.get)
     assert [found[block] for block in order] == pytest.approx(wanted / 0.9, abs=1e-12)
     assert found["bus"] == pytest.approx(0.0) and sum(found.values()) == pytest.approx(1.0)
     assert next(iter(found)) == "finger"
+
+
+def test_shares_of_named_effects_add_up_by_block():
+    """An effect of unknown share, found by a detector among others, has none."""
+    found = sum_by_block([("sensor.a", 0.2), ("tendon.a", 0.6), ("tendon.b", 0.1), ("finger.a", float("nan"))])
+    assert found == pytest.approx({"tendon": 0.7, "sensor": 0.2, "finger": 0.0}) and next(iter(found)) == "tendon"
 
 
 def test_replay_of_nothing_fixed_is_the_prediction(robot):

@@ -13,27 +13,33 @@ import exodrake as exo
 from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.isolate import Isolator
+from exodrake.diagnosis import isolation, pipeline
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
-from exodrake.diagnosis.part_used import SHARE
-from exodrake.diagnosis.pipeline import isolated
+from exodrake.diagnosis.pipeline import notes_on_length
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.result import NAMED, NO_GAP, RETUNE
-from exodrake.diagnosis.retune import retune
-from exodrake.diagnosis.verdict import decide
+from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
 
 AFFORDABLE = 750  # robots simulated in both views: 72,000 s of a blind case, of which 48 s are used
 
 
 def test_injected_friction_is_named_with_its_coefficient():
     found = friction_diagnosis()
-    assert found.verdict == NAMED and [effect.id for effect in found.effects] == ["tendon.capstan_friction"]
-    coefficient = found.effects[0].parameters["mu_phi"]
+    (friction,) = (effect for effect in found.effects if effect.role == CAUSE)
+    assert found.verdict == NAMED and friction.id == "tendon.capstan_friction"
+    assert friction.kind == "load-dependent friction"
+    coefficient = friction.parameters["mu_phi"]
     assert coefficient.low < 0.3 < coefficient.high and coefficient.value == pytest.approx(0.3, rel=0.05)
-    assert found.effects[0].wires == ("AF", "MF", "AE") and found.where.block == "tendon"
+    assert friction.wires == ("AF", "MF", "AE") and found.where.block == "tendon"
     assert next(iter(found.where.shares)) == "tendon"
-    assert found.candidates[0].id == "tendon.capstan_friction" and found.candidates[0].left
+    assert found.remainder.value < 0.1 and found.remainder.low <= found.remainder.value <= found.remainder.high
+
+
+def test_candidates_are_the_most_likely_first_and_baselines_are_among_them():
+    found = friction_diagnosis()
+    evidence = [c.evidence for c in found.candidates]
+    assert evidence == sorted(evidence, reverse=True) and "tendon.capstan_friction" in found.candidates[0].id
+    singles = {c.id: c.chi2 for c in found.candidates if " + " not in c.id}
+    assert found.baselines["replay"] == min(singles, key=singles.get) and found.baselines["bic"] in singles
 
 
 def test_improved_robot_is_the_injected_one():
@@ -57,13 +63,13 @@ def test_nominal_parameters_come_back_from_where_retuning_led():
     With the Jacobian of the retuned robot alone the fit ended on the way back, and left 3.6 of the held-out noise.
     """
     found = one_wire()
-    assert found.verdict == NAMED and [effect.id for effect in found.effects] == ["tendon.capstan_friction"]
+    assert found.verdict == NAMED and found.effects[0].id == "tendon.capstan_friction"
     assert found.closure.rms["retuned"] > 20.0 and found.closure.rms["after"] < 1.2
 
 
 def test_improved_robot_has_no_traces_of_an_effect_where_it_is_not_named():
     found = one_wire()
-    (friction,) = found.effects
+    friction = found.effects[0]
     assert friction.wires == ("AF",)
     robot = found.robots["improved"]
     coefficients = {tendon: robot[f"tendon.capstan_friction.mu_phi.{tendon}"] for tendon in ("AF", "MF", "AE")}
@@ -74,6 +80,7 @@ def test_healthy_robot_raises_no_alarm():
     """It meets an end stop in its held-out log only, which no retuning could know."""
     found = healthy_diagnosis()
     assert found.verdict in (NO_GAP, RETUNE) and not found.effects and found.where.block == "none"
+    assert np.isnan(found.remainder.value) and found.remainder.noise_std < 0.5
 
 
 def test_nominal_robot_has_no_gap():
@@ -116,20 +123,29 @@ def test_answer_has_the_keys_that_programs_of_others_read(found):
     assert {"block", "wires", "joints", "shares"} <= set(answer["where"])
     assert {"overall", "retune", "effect", "signals"} <= set(answer["closure"])
     assert {"before", "after", "floor", "closure"} <= set(next(iter(answer["closure"]["signals"].values())))
-    assert all({"id", "score"} <= set(row) for row in answer["candidates"])
-    assert all({"id", "wires", "joints", "parameters", "probability"} <= set(row) for row in answer["effects"])
+    assert all({"id", "share"} <= set(row) for row in answer["candidates"])
+    assert {"value", "low", "high", "noise_std"} == set(answer["remainder"])
+    assert all({"id", "kind", "role", "share", "rivals", "wires", "joints"} <= set(row) for row in answer["effects"])
 
 
-@pytest.mark.parametrize(("found", "shares"), [(friction_diagnosis, (SHARE,)), (healthy_diagnosis, (SHARE, 1.0))])
-def test_simulated_time_is_affordable_and_adds_up(found, shares):
-    """The runs with noise count: written in closed loop, then followed in closed loop and as prediction error.
+def test_simulated_time_is_affordable_and_adds_up():
+    """The runs with noise count: written in closed loop, then followed in closed loop and as prediction error."""
+    found = friction_diagnosis()
+    used = duration(found.problem.shortened(isolation.affordable(found.problem, isolation.USED)))
+    assert found.simulated_time == pytest.approx(sum(found.simulated.values()))
+    assert 0.0 < found.simulated_time <= 2.0 * AFFORDABLE * used
+    assert found.simulated["noise"] == pytest.approx(3.0 * NOISE_RUNS * used, rel=1e-3)
 
-    A part of the healthy robot's logs shows no gap and the rest does, so that all of them are used in a second pass.
-    """
-    simulated, used = found().simulated, sum(duration(found().problem.shortened(share)) for share in shares)
-    assert found().simulated_time == pytest.approx(sum(simulated.values()))
-    assert 0.0 < found().simulated_time <= 2.0 * AFFORDABLE * used
-    assert simulated["noise"] == pytest.approx(3.0 * NOISE_RUNS * used)
+
+def test_isolation_uses_no_more_than_is_affordable_and_the_answer_says_so(monkeypatch):
+    problem = make_problem(friction_case(), exo.load_robot(), frozenset({"tendon.capstan_friction"}))
+    size = sum(trial.measured.size for trial in problem.fit)
+    monkeypatch.setattr(isolation, "affordable", lambda problem, most=0.3 * size: min(1.0, 0.3))
+    monkeypatch.setattr(pipeline, "affordable", isolation.affordable)
+    found = isolation.isolate(problem)
+    assert found.likelihood.views[0].samples == pytest.approx(0.3 * size, rel=0.01)
+    assert found.best.effects == {"tendon.capstan_friction"}
+    assert notes_on_length(found, found.best) == ("the logs are long: the first 30% of each was fitted",)
 
 
 def test_effect_beside_a_tremor_is_named_with_it():
@@ -137,40 +153,16 @@ def test_effect_beside_a_tremor_is_named_with_it():
     found = exo.diagnose(case_of(trembling.splice("mocap.gain", {"gain": 0.15}, channels=["PIP"]), 3))
     named = {effect.id: effect.joints for effect in found.effects}
     assert found.verdict == NAMED and named == {"finger.tremor": ("MCP",), "mocap.gain": ("PIP",)}
+    assert all(effect.role == CAUSE for effect in found.effects)
 
 
-def test_tremor_behind_a_slow_velocity_loop_is_found_in_what_the_loop_leaves():
-    """In what the retuned robot leaves no spectral peak stands out."""
-    slow = exo.load_robot().splice("motor.slow_velocity_loop", {"factor": 0.15}, channels=["AF"])
-    robot = slow.splice("finger.tremor", {"torque": 8e-4, "frequency": 5.9}, channels=["PIP"])
-    tried = frozenset(["finger.tremor", "motor.slow_velocity_loop"])
-    problem = make_problem(case_of(robot, 3), exo.load_robot(), tried)
-    assert not detect(problem, retune(problem.shortened(SHARE))[0].robot).detected
-    problem, found = isolated(problem)
-    assert [d.effect.joints for d in problem.detected] == [("PIP",)]
-    assert decide(problem, found).best.explanation.effects == ("motor.slow_velocity_loop",)
-
-
-@pytest.mark.parametrize("fitted", [False, True])
-def test_effect_without_promise_at_the_retuned_robot_is_found_from_the_nominal_one(monkeypatch, fitted):
-    """Retuning goes to the ends of its tolerances for half a stiffness, and from there the truth may not be seen.
-
-    It is not fitted there, or its fit ends at its null value, since nominal parameters imitate it.
-    """
-    found_from_retuned = Isolator.singles
-
-    def without_the_truth(self, found, screened):
-        def null(e):
-            retuned = found.retuned.explanation.x
-            return e.at(found.likelihood, np.r_[retuned, np.zeros(len(e.x) - len(retuned))])
-
-        singles = found_from_retuned(self, found, screened)
-        others = [e for e in singles if "finger.stiffness" not in e.effects]
-        return others + [null(e) for e in singles if fitted and "finger.stiffness" in e.effects]
-
-    monkeypatch.setattr(Isolator, "singles", without_the_truth)
-    answer = exo.diagnose(case_of(robot_with("finger.stiffness", 1, factor={"PIP": 0.5}), 1, frames=600))
-    assert answer.verdict == NAMED and [effect.id for effect in answer.effects] == ["finger.stiffness"]
+def test_tremor_alone_is_named():
+    """A certain detection is a cause, though nothing is left for a fit."""
+    trembling = exo.load_robot().splice("finger.tremor", {"torque": 4e-3, "frequency": 7.3}, channels=["MCP"])
+    found = exo.diagnose(case_of(trembling, 3), tried=frozenset({"finger.tremor", "mocap.gain"}))
+    (tremor,) = found.effects
+    assert found.verdict == NAMED and tremor.id == "finger.tremor" and tremor.joints == ("MCP",)
+    assert tremor.role == CAUSE and found.where.block == "finger" and "spectral peak" in found.reasons[0]
 
 
 def test_progress_goes_through_the_stages_in_order():

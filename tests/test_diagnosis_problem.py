@@ -39,6 +39,54 @@ def test_noise_from_repeats_and_from_the_robot_file_agree_for_white_signals(robo
     assert found["tension_AF"] == pytest.approx(sensor_noise_std(robot)["tension"], rel=0.2)
 
 
+def alone(robot, seed=5):
+    """A case without repeats: random motion of 16 s and steps."""
+    motions = (
+        protocols.random_motion(load_robot(), seed=seed).values[:800],
+        protocols.steps(load_robot()).values[:800],
+    )
+    references = [Reference(values, "motion") for values in motions]
+    items = [
+        CaseLog(simulate(robot, reference, seed=k), f"m{k}", "fit", None, f"{k}.csv")
+        for k, reference in enumerate(references)
+    ]
+    return Case("alone", {}, tuple(items))
+
+
+@pytest.mark.parametrize("parameter", ["mocap.sigma_q", "sensor.sigma_F"])
+@pytest.mark.parametrize("factor", [1.5, 3.0, 10.0])
+def test_noise_of_a_sensor_is_what_the_logs_show_where_the_robot_file_says_less(robot, parameter, factor):
+    wanted = factor * robot[parameter]
+    case = alone(robot.with_parameters({parameter: wanted}))
+    problem = make_problem(case, robot)
+    assert problem.noisier == {parameter: robot[parameter]} and problem.stated[parameter] == robot[parameter]
+    assert problem.robot[parameter] == pytest.approx(wanted, rel=0.1)
+    left = problem.residual(problem.silent()[None], problem.fit)[0].reshape(-1, len(problem.columns))
+    kind = {"mocap.sigma_q": "angle", "sensor.sigma_F": "tension"}[parameter]
+    own = [k == kind for k in problem.kinds]
+    assert np.mean(left[:, own] ** 2) == pytest.approx(1.0, abs=0.25)
+
+
+def test_noise_is_never_lowered_and_repeats_speak_for_themselves(robot, case):
+    quiet = robot.with_parameters({"mocap.sigma_q": 0.3 * robot["mocap.sigma_q"]})
+    assert make_problem(alone(quiet), robot).noisier == {} == make_problem(case, quiet).noisier
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameters"),
+    [
+        ("sensor.pulley_friction", {"mu": 0.07}),  # its loop hunts
+        ("sensor.pulley_friction", {"mu": 0.04}),
+        ("finger.tremor", {"torque": 4e-3, "frequency": 11.0}),
+        ("tendon.stribeck_friction", {}),
+        ("timing.jitter", {}),
+        ("motor.dead_zone", {}),
+    ],
+)
+def test_what_makes_a_robot_shake_is_no_noise_of_its_sensors(robot, effect, parameters):
+    assert make_problem(alone(robot.splice(effect, parameters)), robot).noisier == {}
+
+
 @pytest.mark.parametrize("step", [0.01, 0.5, 1.0])
 def test_robust_standard_deviation_of_rounded_values_forgets_rare_ones(step):
     """Rounding adds step^2 / 12 (Sheppard 1898); one value in a hundred is far away."""

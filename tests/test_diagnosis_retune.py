@@ -4,17 +4,16 @@ from collections import defaultdict
 
 from exodrake.blind.case_mix import MIXES, CasePlan
 from exodrake.blind.make import case_and_label
+from exodrake.diagnosis.isolation import retune
 from exodrake.diagnosis.likelihood import likelihood_of
-from exodrake.diagnosis.part_used import SHARE
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.retune import retune
 from exodrake.machines.robot_file import load_robot
 
 
 def test_a_robot_whose_finger_snaps_over_is_retuned_to_its_noise():
     """Fitted in closed loop alone it ended in another minimum, with reduced chi-squares of 16.3 and 3.6."""
     case, _ = case_and_label(CasePlan("case", (400123, 84), "healthy", (), False, MIXES["healthy"]))
-    problem = make_problem(case, load_robot()).shortened(2.0 * SHARE)
+    problem = make_problem(case, load_robot()).shortened(0.7)
     found, _ = retune(problem)
     likelihood = likelihood_of(problem, found.robot, defaultdict(float))
     closed, prediction = likelihood.chi2(found.at(likelihood, found.x).residual)

@@ -41,8 +41,18 @@ def moment(value: Any, where: str) -> datetime:
 
 REAL = optional(number())  # null: not a number
 INTERVAL = having({"value": REAL, "low": REAL, "high": REAL, "unit": line()}, ("unit",))
+SHARE = having({"value": REAL})
 EFFECT = having(
-    {"id": line(), "parameters": names(INTERVAL), "channels": names(names(INTERVAL))}, ("id", "parameters", "channels")
+    {
+        "id": line(),
+        "kind": optional(line()),
+        "role": optional(line()),
+        "share": optional(SHARE),
+        "rivals": optional(listing(having({"id": line(), "share": SHARE}, ("id",)))),
+        "parameters": names(INTERVAL),
+        "channels": names(names(INTERVAL)),
+    },
+    ("id", "parameters", "channels"),
 )
 SCHEMA = having(
     {
@@ -53,6 +63,7 @@ SCHEMA = having(
         "where": having({"block": line()}, ("block",)),
         "effects": listing(EFFECT),
         "equivalents": listing(line()),
+        "remainder": optional(having({"value": REAL, "noise_std": REAL})),
         "confirmed": optional(flag),
         "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
         "reasons": optional(listing(line())),

@@ -81,7 +81,7 @@ def describe(found: Estimates, effect: Effect, channels: tuple[str, ...]) -> Nam
         stated[name] = Interval(UNSURE, UNSURE, UNSURE, unit) if differ else interval(first, mean, std, unit, law)
     for i, (p, name) in enumerate(zip(found.parameters, names, strict=True)):
         if name not in stated:
-            one = interval(p, found.x[i], found.std[i], info[name].unit, law_std(effect, p))
+            one = interval(p, float(found.x[i]), float(found.std[i]), info[name].unit, law_std(effect, p))
             turns = info[name].wrapped(one.value) - one.value  # of a periodic parameter, into its range
             stated[name] = replace(one, value=one.value + turns, low=one.low + turns, high=one.high + turns)
     sits = tuple(found.parameters[i].channels[0] for i in chosen) or tuple(c for c in channels if c)

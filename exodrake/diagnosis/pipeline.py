@@ -182,7 +182,7 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     rows = {"nominal": nominal, "retuned": found.retuned.explanation.robot, "improved": improved}
     closure = closure_of(problem, found.retuned, best, np.array(list(rows.values())), gone)
     effects = () if word in (NO_GAP, RETUNE, UNKNOWN) else effects
-    others = alike(found)
+    others = alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
     rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
     made = Diagnosis(
@@ -225,11 +225,8 @@ def notes_on_confirmation(made: Diagnosis) -> tuple[str, ...]:
 def notes_of(problem: Problem, found: Isolation, best: Fitted) -> tuple[str, ...]:
     """Remarks beside the verdict: on the logs and their noise, on the part that was used, on the calibration."""
     used, machine = problem.robot, problem.robot.machine
-    noise = [
-        f"the logs show noise of {in_words(used[name], unit)}, the robot file says {in_words(said, unit)} ({name})"
-        for name, said in problem.noisier.items()
-        for unit in [machine.parameters[machine.index[name]].unit]
-    ]
+    units = {name: machine.parameters[machine.index[name]].unit for name in problem.noisier}
+    noise = [f"the noise of the logs counts: {n} of {in_words(used[n], unit)}" for n, unit in units.items()]
     checked = (*problem.case.notes, *suspicions(problem.case, problem.stated))
     return (*checked, *noise, *notes_on_length(found, best), *calibration_notes(machine))
 

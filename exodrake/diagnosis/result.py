@@ -122,7 +122,7 @@ class Retune:
 
     Attributes:
         moved: parameters that moved by more than a standard deviation of their tolerance, largest change first.
-        alike: effect -> share of what retuning explains that it explains alone.
+        alike: for RETUNE, effect -> share of what retuning explains that it explains alone.
     """
 
     moved: tuple[Moved, ...] = ()

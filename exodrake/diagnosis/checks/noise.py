@@ -19,7 +19,8 @@ ABOVE = 1.1  # ratio to the nominal fast noise in every channel of a sensor; hea
 ORDER = 4  # differences that leave noise of what moves slowly (assumed)
 NOISIER = "vibration, or noisier sensors"
 LEAST_MOTION = 5.0  # motion over noise below which a signal says little: assumed
-HIGHER = 8  # differences that leave little of a loop that hunts, too: 0.14 of a period of 4 frames (assumed)
+ORDERS = (8, 16)  # differences that leave little of a loop that hunts: 0.14 and 0.01 of a period of 4 frames
+WHITE = 1.2  # ratio of what differences of these orders say of noise that is white (assumed: half of a hunting loop's)
 
 
 def noise_as_large_as_motion(comparison: Comparison) -> list[str]:
@@ -92,20 +93,18 @@ def noise_word(comparison: Comparison, parameter: str, columns: list[str]) -> st
 def logged_noise(comparison: Comparison) -> dict[str, float]:
     """Noise parameters of sensors that are noisier in the logs than the robot file says -> noise that they show [SI].
 
-    It is white: differences of two orders agree that there is more of it, in every channel of every log.
+    It is white, so that differences of two orders say the same of it, and it is in every channel of every log.
     """
     found = {}
     for parameter, columns in noise_parameters(comparison.machine).items():
         shown = [c for c in columns if c in comparison.columns]
         if noise_word(comparison, parameter, shown) != NOISIER:
             continue
-        pairs = []
-        for channel in (c for column in shown for c in audible(comparison.of(column))):
-            white = min(fast_noise(channel.measured / unit_factor(channel), order) for order in (ORDER, HIGHER))
-            pairs.append((white, least_noise(channel)))
-        if min(white / least for white, least in pairs) > ABOVE:
-            more = float(np.median([white**2 - least**2 for white, least in pairs]))
-            found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + more))
+        heard = [channel for column in shown for channel in audible(comparison.of(column))]
+        high, higher = (np.array([fast_noise(c.measured / unit_factor(c), k) for c in heard]) for k in ORDERS)
+        noise, least = np.minimum(high, higher), np.array([least_noise(c) for c in heard])
+        if (noise > ABOVE * least).all() and np.median(high / higher) < WHITE:
+            found[parameter] = float(np.sqrt(comparison.robot[parameter] ** 2 + np.median(noise**2 - least**2)))
     return found
 
 
