@@ -8,8 +8,9 @@ from diagnosis_cases import INJECTED, friction_problem
 from formula_case import amplitude, explanation, likelihood_of, nominal
 from scipy.optimize import least_squares, lsq_linear
 
-from exodrake.diagnosis.fit import Explanation, bounded, minimise, whole_jacobian
+from exodrake.diagnosis.fit import Explanation, minimise, whole_jacobian
 from exodrake.diagnosis.likelihood import output_error
+from exodrake.diagnosis.linear import bounded
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
 

@@ -14,12 +14,13 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.progress import Stage
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis import isolation, pipeline
+from exodrake.diagnosis.answer import check_answer
 from exodrake.diagnosis.likelihood import NOISE_RUNS, duration
 from exodrake.diagnosis.pipeline import notes_on_length
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.result import CAUSE, NAMED, NO_GAP, RETUNE
 
-AFFORDABLE = 750  # robots simulated in both views: 72,000 s of a blind case, of which 48 s are used
+AFFORDABLE = 1_400  # robots simulated in both views
 
 
 def test_injected_friction_is_named_with_its_coefficient():
@@ -87,6 +88,15 @@ def test_nominal_robot_has_no_gap():
     assert exo.diagnose(case_of(exo.load_robot(), 5, frames=450)).verdict == NO_GAP
 
 
+def test_a_sensor_that_is_noisier_than_its_file_says_is_no_gap_but_a_note():
+    robot = exo.load_robot()
+    noisy = robot.with_parameters({"mocap.sigma_q": 3.0 * robot["mocap.sigma_q"]})
+    found = exo.diagnose(case_of(noisy, 6), robot)
+    assert found.verdict in (NO_GAP, RETUNE) and not found.effects
+    assert any("noise of the logs counts: mocap.sigma_q" in note for note in found.notes)
+    assert found.robots["improved"]["mocap.sigma_q"] == pytest.approx(noisy["mocap.sigma_q"], rel=0.05)
+
+
 def test_held_out_logs_decide_the_closure_and_its_word_alone():
     """Noise in place of every measured column of the held-out log: nothing else of the answer changes."""
     rng = np.random.default_rng(0)
@@ -112,6 +122,7 @@ def test_held_out_logs_decide_the_closure_and_its_word_alone():
 def test_answer_is_strict_json(found):
     text = json.dumps(found().to_json(), allow_nan=False)
     assert json.loads(text) == found().to_json() and json.loads(text)["verdict"] == found().verdict
+    assert check_answer(json.loads(text), "answer")["remainder"] == json.loads(text)["remainder"]
 
 
 @pytest.mark.parametrize("found", [friction_diagnosis, healthy_diagnosis])

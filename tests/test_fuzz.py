@@ -41,7 +41,7 @@ def undrawn(monkeypatch):
 
     monkeypatch.setattr(command, "files_of", lambda *_: {})
     monkeypatch.setattr(viewer, "recording_html", lambda *_, **__: "")
-    monkeypatch.setattr(pipeline, "isolated", stop)
+    monkeypatch.setattr(pipeline, "isolate", stop)
 
 
 @bounded(8)

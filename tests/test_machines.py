@@ -11,6 +11,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import make_problem
+from exodrake.diagnosis.result import CAUSE
 from exodrake.effects import friction, servo, signal
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation.simulate import record, simulate
@@ -70,7 +71,7 @@ def test_injected_effects_are_named_and_their_numbers_found(name):
         injected = injected.splice(identity, parameters, sorted(channels))
     found = diagnose(case_of(injected, name, range(4) if name == "tendon_sheath" else range(TWO_MOTIONS)), robot)
     assert found.verdict == "NAMED", found.reasons
-    assert {e.id for e in found.effects} == set(INJECTED[name])
+    assert {e.id for e in found.effects if e.role == CAUSE} == set(INJECTED[name])
     improved = found.robots["improved"]
     for identity, parameters in INJECTED[name].items():
         for number, value in parameters.items():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from exodrake.diagnosis.refine import bounded
 
 from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
@@ -13,7 +14,6 @@ from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
-from exodrake.diagnosis.refine import bounded
 from exodrake.machines.robot_file import load_robot
 from exodrake.preflight.check import preflight
 from exodrake.preflight.directions import SEEN, least_left

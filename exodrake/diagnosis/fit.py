@@ -288,29 +288,6 @@ def corrected(here: Explanation, trial: Explanation, expected: np.ndarray) -> np
     return here.jacobian + np.outer(weight / size, trial.residual - expected).astype(np.float32)
 
 
-<<<<<<< HEAD
-=======
-def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, float]:
-    """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
-    from scipy.optimize import lsq_linear
-
-    own = np.maximum(np.diag(normal), 1e-12)
-    least = np.where(own[:, None] > own, normal**2 / own[:, None], 0.0)  # less than this is rounding
-    size = np.sqrt(np.maximum(own, least.max(axis=0, initial=0.0)))
-    unit = normal / np.outer(size, size)
-    np.fill_diagonal(unit, 1.0)
-    values, vectors = np.linalg.eigh(unit)
-    factor = np.sqrt(np.maximum(values, 1e-8 * max(1.0, values[-1])))[:, None] * vectors.T
-    scaled = factor.T @ factor
-    target = np.linalg.solve(factor.T, -slope / size)
-    found = np.linalg.solve(factor, target)
-    ends = low * size, np.maximum(high * size, low * size + 1e-9)
-    if np.any((found < ends[0]) | (found > ends[1])):
-        found = lsq_linear(factor, target, ends, method="bvls").x
-    return found / size, float(0.5 * found @ scaled @ found + (slope / size) @ found)
-
-
->>>>>>> 53d7b4d (tests: the fit, the screening and the linear model of the new core)
 def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[Explanation, list[np.ndarray]]:
     """An explanation with one more effect, and the coordinates at which its fit may begin.
 

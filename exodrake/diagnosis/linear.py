@@ -170,8 +170,14 @@ def bounded(normal: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.nda
     """Minimiser (n,) of f's + f'Nf / 2 within bounds, and the minimum (active set; Stark & Parker 1995)."""
     from scipy.optimize import lsq_linear
 
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    if not len(slope):
+        return slope, 0.0
+    own = np.maximum(np.diag(normal), 1e-12)
+    least = np.where(own[:, None] > own, normal**2 / own[:, None], 0.0)  # less than this is rounding
+    size = np.sqrt(np.maximum(own, least.max(axis=0, initial=0.0)))
+    unit = normal / np.outer(size, size)
+    np.fill_diagonal(unit, 1.0)
+    values, vectors = np.linalg.eigh(unit)
     factor = np.sqrt(np.maximum(values, 1e-8 * max(1.0, values[-1])))[:, None] * vectors.T
     scaled = factor.T @ factor
     target = np.linalg.solve(factor.T, -slope / size)

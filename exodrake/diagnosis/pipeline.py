@@ -237,7 +237,7 @@ def notes_on_length(found: Isolation, best: Fitted) -> tuple[str, ...]:
         return ()
     used, whole = (sum(len(trial.reference) for trial in p.fit) for p in (found.problem, found.whole))
     note, robot = f"the logs are long: the first {used / whole:.0%} of each was fitted", best.explanation.robot
-    hidden = not best.effects and negligible(found.problem, robot) and not found.negligible(robot)
+    hidden = not best.effects and negligible(found.problem, robot, found.likelihood) and not found.negligible(robot)
     return (note + ("; the rest shows a gap that this part does not: diagnose that alone" if hidden else ""),)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exodrake.core.robot import Robot
-from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.closure import robot_of
+from exodrake.diagnosis.fit import Explanation, minimise
 from exodrake.diagnosis.likelihood import Likelihood, output_error
 from exodrake.diagnosis.linearise import linearise, nominal_jacobian, with_effects
 from exodrake.diagnosis.parameter import apply, effect_parameters, nominal_parameters
