@@ -138,6 +138,20 @@ def test_gain_that_depends_on_place_is_linear_in_it():
     assert law.closure.value > 0.9
 
 
+def test_law_that_is_withheld_from_the_library_is_found_with_its_point_and_form():
+    """Joints that stiffen with their bend, on the finger exoskeleton; nothing of the library may explain it."""
+    robot = exo.load_robot()
+    stiff, items = robot.splice("finger.hardening"), []
+    for k, role in enumerate(("fit", "holdout")):
+        log = exo.simulate(stiff, f"random-motion:seed={k},duration=12", seed=k)
+        items.append(CaseLog(log, role, role, None, f"{role}.csv"))
+    with one_blas_thread():
+        problem = make_problem(Case("stiff", {}, tuple(items), robot.machine.frame), robot, frozenset())
+        law = discover(problem, isolate(problem))
+    assert (law.id, law.words) == ("finger.learned_passive", "torque over bend")
+    assert law.closure.low > 0.5
+
+
 def test_law_is_sought_in_the_parts_that_are_named_alone():
     with one_blas_thread():
         here = discover(*isolated(saturating_spring), blocks=("carriage",))

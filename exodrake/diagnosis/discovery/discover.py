@@ -37,7 +37,7 @@ from exodrake.diagnosis.verdict import LARGE, MOST
 
 SCALES = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # of a law in units of its plausible size
 MODES, PASSES = 3, 2  # of a law with which it is screened; over the channels in search of their scales
-STARTED, PER_POINT = 14, 2  # laws that are simulated as predicted, and at most at one point
+STARTED, PER_POINT = 14, 4  # laws that are simulated as predicted, and at most at one point
 FITTED, OTHERS = 3, 1  # laws that are fitted, inside a block and outside it
 SHARES = (1.0, 0.5, 0.2, 0.05)  # of a predicted law, tried where its fit begins
 ROUNDS = 4  # new Jacobians of the best law's other parameters, on whole logs
