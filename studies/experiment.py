@@ -49,11 +49,10 @@ def measured(
         duration: length of the experiment [s].
         motions: those wanted.
     """
-    from exodrake.experiment.length import default_duration
-
     from exodrake.diagnosis.problem import make_problem
     from exodrake.diagnosis.result import Rival
     from exodrake.experiment.contest import contest_of
+    from exodrake.experiment.motion import default_duration
     from exodrake.machines.robot_file import load_robot
 
     robot = load_robot()
@@ -83,8 +82,7 @@ def motion_of(motion: str, contest: Contest, duration: float) -> tuple[np.ndarra
     """A motion (frames, references) [SI], designed or random, and what it promises."""
     from time import process_time
 
-    from exodrake.experiment.information import information
-
+    from exodrake.experiment.contest import information
     from exodrake.experiment.design import design
     from exodrake.simulation.references import protocol
 
