@@ -12,6 +12,7 @@ from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference
 from exodrake.data.case import Case, CaseLog, write_case
 from exodrake.data.log import Log
+from exodrake.diagnosis.fit import bounded
 from exodrake.diagnosis.likelihood import CORRELATION
 from exodrake.diagnosis.linearise import PROBE
 from exodrake.machines.robot_file import load_robot

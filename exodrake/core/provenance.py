@@ -16,13 +16,8 @@ if TYPE_CHECKING:
 PACKAGE = Path(__file__).parent.parent
 ANSWERING = ("core", "data", "physics", "effects", "machines", "compiled", "simulation", "diagnosis")
 DIGITS = 12  # hexadecimal ones of a SHA-256
-ASIDE = (
-    "diagnosis/healthy.py",
-    "diagnosis/calibra",
-    "data/plot.py",
-    "core/display.py",
-    "core/templates.py",
-)  # no bearing on an answer
+# without bearing on an answer
+ASIDE = ("diagnosis/healthy.py", "diagnosis/calibra", "data/plot.py", "core/display.py", "core/templates.py")
 
 
 def configuration() -> dict[str, str]:

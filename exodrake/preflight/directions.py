@@ -2,7 +2,7 @@
 
 An effect of typical size changes the logs by a direction d, in noise standard deviations and with the nominal
 parameters free within their tolerances. It is seen where |d| exceeds `SEEN`. Another effect can be taken for it where
-its own directions D, scaled within their ranges, leave less than the noise or the error of a law (`calibration`) does:
+its own directions D, scaled within their ranges, leave less than the noise or the error rho of a law does (`LAW`):
 
     left = min_f | d - D f |          taken for it: left < max(SEEN, rho |d|)
 
@@ -12,17 +12,19 @@ As in a diagnosis, samples within the correlation time of a model's error count 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from exodrake.core.effect import EffectParameter
 from exodrake.core.machine import Machine
-from exodrake.diagnosis.calibration import calibration_of
+from exodrake.diagnosis.fit import bounded
 from exodrake.diagnosis.likelihood import CORRELATION
+from exodrake.diagnosis.linear import LinearModel
 from exodrake.diagnosis.linearise import Linearisation, Probe
 from exodrake.diagnosis.parameter import Parameter
-from exodrake.diagnosis.refine import bounded
+from exodrake.diagnosis.search import LAW
 
 SEEN = 4.0  # standard deviations; that of one test among a hundred effects and channels at 0.3 % (normal law)
 STRETCH = (0.0, 1.5)  # by which a direction that was simulated at one size only may be scaled: assumed
@@ -80,43 +82,48 @@ class TypicalRow:
         return self.parameter.value(self.x)
 
 
-def products(lin: Linearisation, machine: Machine, samples: np.ndarray, times: float = 1.0) -> np.ndarray:
-    """Products (nominal + directions, the same) of the derivatives and directions over some samples (samples,).
+def model_of(lin: Linearisation, machine: Machine, samples: Sequence[np.ndarray], times: float = 1.0) -> LinearModel:
+    """The linear model of nominal parameters and, last, directions, about logs of the nominal robot.
 
     Args:
         lin: derivatives and directions.
         machine: whose frame says how many samples count as one.
-        samples: mask of those that count.
+        samples: masks (samples,) of the blocks.
         times: how often a log of this kind is there.
     """
-    rows = np.concatenate([lin.jacobian[:, samples].astype(np.float32), lin.directions[:, samples]])
-    return (rows @ rows.T).astype(float) * times / max(CORRELATION / machine.frame, 1.0)
+    rows = np.concatenate([lin.jacobian, lin.directions, np.zeros((1, lin.directions.shape[1]))], dtype=np.float32)
+    ends = np.cumsum([0, *(mask.sum() for mask in samples)])
+    blocks = [(0, 0, slice(int(a), int(b))) for a, b in pairwise(ends)]
+    width, free = len(lin.directions), np.full(len(rows) - 1, np.inf)
+    precision = np.r_[[p.prior_std**-2.0 for p in lin.nominal], np.zeros(width)]
+    memory = max(CORRELATION / machine.frame, 1.0) / times
+    order = np.concatenate([np.flatnonzero(mask) for mask in samples])
+    return LinearModel.of_rows(rows[:, order], blocks, (np.zeros(len(free)), precision, -free, free), memory)
 
 
-def directions(lin: Linearisation, machine: Machine, found: np.ndarray, every: bool = True) -> tuple[Direction, ...]:
+def directions(
+    lin: Linearisation, machine: Machine, model: LinearModel, blocks: np.ndarray, every: bool = True
+) -> tuple[Direction, ...]:
     """All effects of typical size on each channel.
 
     Args:
         lin: derivatives and directions.
         machine: with its effects.
-        found: their `products` over the samples that count.
+        model: their linear model.
+        blocks: mask of the blocks that count.
         every: whether all effects that could be taken for one are sought; else the first.
     """
-    count = len(lin.nominal)
-    cross, gram = found[:count, count:], found[count:, count:]
-    if count:
-        precision = np.array([p.prior_std for p in lin.nominal]) ** -2.0
-        gram = gram - cross.T @ np.linalg.solve(found[:count, :count] + np.diag(precision), cross)
+    some = replace(model, products=model.products * blocks[:, None, None])
+    gram = some.eliminated(len(lin.nominal)).normal
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    errors, shown = calibration_of(machine), []
+    shown = []
     least = np.array([least_left(gram, probe.rows) for probe in lin.probes])
     for effect in dict.fromkeys(p.effect for p in lin.probes):
         info = machine.effect(effect)
-        error = errors.same_meaning if info.same_meaning else errors.law_error
         others = np.array([p.effect != effect for p in lin.probes])
         for typical in typical_rows([p for p in lin.probes if p.effect == effect]):
             row, lead = typical.row, info.parameters[0]
-            seen, most = float(size[row]), max(SEEN, error * float(size[row]))
+            seen, most = float(size[row]), max(SEEN, LAW * float(size[row]))
             near = np.flatnonzero(others & (least[:, row] < most)) if seen >= SEEN else []
             rivals = [lin.probes[k] for k in sorted(near, key=lambda k: least[k, row])]
             taken = mistaken_for(gram, row, rivals, most, every)

@@ -14,7 +14,7 @@ from exodrake.diagnosis.likelihood import duration, output_error
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import make_problem
-from exodrake.preflight.directions import SEEN, Direction, directions, products
+from exodrake.preflight.directions import SEEN, Direction, directions, model_of
 from exodrake.preflight.planned import EXTRA, mask_of, planned
 
 
@@ -91,15 +91,16 @@ def identifiability(
     lin = linearise(output_error(problem), values, np.zeros(len(nominal)), nominal, effects)
     progress("telling the effects apart")
     times, kinds = duration(whole) / duration(problem), np.array(problem.kinds)
-    by_kind = {k: products(lin, machine, mask_of(problem, kinds == k), times) for k in dict.fromkeys(problem.kinds)}
-    own = [kind for kind in by_kind if not kind.startswith(EXTRA)]
+    known = list(dict.fromkeys(problem.kinds))
+    model = model_of(lin, machine, [mask_of(problem, kinds == k) for k in known], times)
+    own = [kind for kind in known if not kind.startswith(EXTRA)]
 
     def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
-        return Identifiability(directions(lin, machine, np.sum([by_kind[k] for k in some], axis=0), every))
+        return Identifiability(directions(lin, machine, model, np.isin(known, some), every))
 
     found = with_kinds(own, every=True)
     sensors = []
-    for kind in (kind for kind in by_kind if kind.startswith(EXTRA)):
+    for kind in (kind for kind in known if kind.startswith(EXTRA)):
         better, signal = with_kinds([*own, kind]), machine.signal[machine.column(kind).signal]
         noise = float(problem.noise_std[kinds == kind].max())
         sensors.append(Sensor(signal.name, signal.unit, noise, len(better.hidden), len(better.mistaken)))
