@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from exodrake.diagnosis.refine import bounded
 
 from exodrake.cli.main import cli
 from exodrake.compiled.inputs import Reference

@@ -17,7 +17,7 @@ from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 25_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
-SAMPLING = 2.0  # standard errors of a mean square that a gap must exceed, too
+SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
 ROUNDS, LEAST_GAIN = (
     3,
     0.1,

@@ -108,6 +108,7 @@ class Search:
         lin: directions of all effects beside the retuned robot.
         sets: fitted sets by their effects.
         expanded: sets beside which further effects were tried.
+        barred: laws for which a plainer one of their kind stands.
         progress: called with the stage and what it works on.
     """
 
@@ -116,6 +117,7 @@ class Search:
     lin: Linearisation
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
     expanded: set[frozenset[str]] = field(default_factory=set)
+    barred: set[str] = field(default_factory=set)
     progress: StageProgress = no_progress
 
     @property
@@ -153,18 +155,28 @@ class Search:
             best: the other one.
             gain: share of the gap that the effect takes up whose place is asked about.
         """
-        if at_bounds(other.explanation):
+        if not self.usable(other):
             return False
         left, memory = self.left(best), min(best.memory, other.memory)
         as_likely = self.evidence(best, memory) - self.evidence(other, memory) < NATS
         return as_likely or self.left(other) - left <= min(LAW**2 * gain, left)
 
-    def plainer_law(self, other: Fitted, effect: str, best: Fitted, place: str, gain: float) -> bool:
-        """Whether an effect in the place of another is a law of its kind with fewer parameters, within a law's error."""
+    def bar_richer_laws(self) -> None:
+        """Bar laws with more parameters than another of their kind that leaves as much, within the error of a law."""
         known = {e.id: e for e in self.effects}
-        same = known[effect].block == known[place].block and kind_of(known[effect]) == kind_of(known[place])
-        fewer = len(other.explanation.x) < len(best.explanation.x)
-        return same and fewer and self.left(other) - self.left(best) <= LAW**2 * gain
+        for key, rich in self.sets.items():
+            for effect in [i for i in key if i in known and self.usable(rich)]:
+                smaller = self.sets.get(key - {effect})
+                gain = self.left(smaller) - self.left(rich) if smaller else 0.0
+                for other, plain in self.in_place_of(rich, effect).items():
+                    same = known[effect].block == known[other].block and kind_of(known[effect]) == kind_of(known[other])
+                    fewer = len(plain.explanation.x) < len(rich.explanation.x) and self.usable(plain)
+                    if same and fewer and self.left(plain) - self.left(rich) <= LAW**2 * gain:
+                        self.barred.add(effect)
+
+    def usable(self, fitted: Fitted) -> bool:
+        """Whether a set may be the answer: none of its amplitudes ended at a bound, none of its laws is barred."""
+        return not at_bounds(fitted.explanation) and not fitted.effects & self.barred
 
     def in_place_of(self, best: Fitted, effect: str) -> dict[str, Fitted]:
         """Fitted sets in which another effect stands for one of a set."""
@@ -173,31 +185,18 @@ class Search:
         return {next(iter(k - rest)): f for k, f in others.items()}
 
     def rivals_of(self, best: Fitted, effect: str, gain: float) -> dict[str, Fitted]:
-        """Effects in the place of one that leave as much, but for laws of its kind that only have more parameters."""
-        places = self.in_place_of(best, effect)
-        return {
-            i: f
-            for i, f in places.items()
-            if self.alike(f, best, gain) and not self.plainer_law(best, effect, f, i, gain)
-        }
+        """Effects in the place of one that leave as much."""
+        return {i: f for i, f in self.in_place_of(best, effect).items() if self.alike(f, best, gain)}
 
     def plainer(self, best: Fitted) -> Fitted:
-        """The set with plainer effects in the place of others, where they explain as much.
-
-        A cause is plainer than an error of a sensor's memory, and a law than another one of its kind with more
-        parameters.
-        """
+        """The set with causes in the place of errors of a sensor's memory, where they explain as much."""
         known = {e.id: e for e in self.effects}
-        for effect in [i for i in best.explanation.effects if i in known]:
+        for effect in [i for i in best.explanation.effects if i in known and is_memory(known[i])]:
             smaller = self.sets.get(best.effects - {effect})
             gain = self.left(smaller) - self.left(best) if smaller else 1.0
-            found = {}
-            for i, f in self.in_place_of(best, effect).items():
-                cause = is_memory(known[effect]) and not is_memory(known[i]) and self.alike(f, best, gain)
-                if not at_bounds(f.explanation) and (cause or self.plainer_law(f, i, best, effect, gain)):
-                    found[i] = f
+            found = [f for i, f in self.rivals_of(best, effect, gain).items() if not is_memory(known[i])]
             if found:
-                best = max(found.values(), key=self.evidence)
+                best = max(found, key=self.evidence)
         return best
 
     @property
@@ -206,7 +205,7 @@ class Search:
         found = self.sets[frozenset()]
         for size in range(1, 1 + max(map(len, self.sets))):
             for key, fitted in self.sets.items():
-                if len(key) == size and not at_bounds(fitted.explanation) and self.beats(fitted, found):
+                if len(key) == size and self.usable(fitted) and self.beats(fitted, found):
                     found = fitted
         return found
 
@@ -250,7 +249,7 @@ class Search:
             new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
             lin = renewed(lin, new)
         kinds = {(x.block, kind_of(x)) for x in self.effects if x.id in key and kind_of(x) in ONE}
-        barred = {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
+        barred = self.barred | {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
         predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
@@ -273,6 +272,7 @@ class Search:
     def run(self, most: int) -> Fitted:
         """The best set of at most so many effects."""
         self.expand(frozenset(), SINGLES)
+        self.bar_richer_laws()
         for _ in range(2 * most + 4):
             best = self.best
             self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
@@ -284,6 +284,7 @@ class Search:
                 continue
             if len(best.effects) < most and best.excess > 0.0:
                 self.expand(best.effects)
+                self.bar_richer_laws()
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):

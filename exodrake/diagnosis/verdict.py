@@ -100,17 +100,28 @@ def decide(found: Isolation) -> Decision:
 
 
 def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
-    """Effects of a set, causes first, the largest first."""
-    left = search.left_by_log(best)
+    """Effects of a set, causes first, the largest first.
+
+    What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
+    two that stand in for each other neither is lost.
+    """
+    none, left = search.left_by_log(search.none), search.left_by_log(best)
     gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
-    parts = []
+    roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
         large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
+        roles[effect] = CAUSE if large else REFINEMENT
+    alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
+    weight = {i: np.maximum((alone[i] + gains[i]) / 2.0, 1e-9) for i in gains if roles[i] == CAUSE}
+    together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
+    parts = []
+    for effect, gain in gains.items():
+        share = together * weight[effect] / sum(weight.values()) if effect in weight else gain
         mine = float(gain[0])
-        places = search.rivals_of(best, effect, mine)
-        rivals = {i: mine + float(left[0]) - search.left(f) for i, f in places.items()}
-        parts.append(Part(effect, CAUSE if large else REFINEMENT, share_of(gain), rivals))
+        rivals = search.rivals_of(best, effect, mine)
+        lost = {i: float(share[0]) + float(left[0]) - search.left(f) for i, f in rivals.items()}
+        parts.append(Part(effect, roles[effect], share_of(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
