@@ -16,7 +16,7 @@ from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
-from exodrake.diagnosis.checks import check_case
+from exodrake.diagnosis.checks import check_case, without_short_logs
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.noise import logged_noise
 from exodrake.diagnosis.detection import Detection
@@ -241,14 +241,15 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
 
     Args:
         case: logs; repeats of a trial in its session count for the noise only. Without repeats, sensors are as noisy as
-            the robot file says or as the logs show, whichever is more.
+            the robot file says or as the logs show, whichever is more. Logs that are too short are left out.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
     Raises:
-        InputError: where `check_case` has one.
+        InputError: where `check_case` has one, and where all fitted logs are too short.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
+    case = without_short_logs(case, robot.machine)
     check_case(case, robot.machine)
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}

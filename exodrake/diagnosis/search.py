@@ -295,6 +295,12 @@ class Search:
         self.reduce(best.effects)
         return best
 
+    def predicted(self, fitted: Fitted) -> float:
+        """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""
+        model = fitted.model
+        found, samples = model.leave_out(model.log), sample_count(model)
+        return float(np.mean(np.log(np.maximum(np.sum(found * samples, axis=0) / samples.sum(axis=0), 1.0))))
+
 
 def squares_by_log(model: LinearModel) -> np.ndarray:
     """Sums of squares of the residual (logs, views)."""

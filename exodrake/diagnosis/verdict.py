@@ -19,10 +19,8 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import LAW, Fitted, Search
 
-EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
-
-
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
+EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def decide(found: Isolation) -> Decision:
     if found.negligible(found.nominal.robot):
         return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
     tuned = found.negligible(none.explanation.robot)
-    parts = parts_of(search, best)
+    best, parts = predicting(search, best)
     causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
     explained = 1.0 - float(left[0])
     if tuned and (len(causes) != 1 or causes[0].rivals or explained < EXPLAINED):
@@ -97,6 +95,20 @@ def decide(found: Isolation) -> Decision:
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
     return Decision(word, best, parts, share_of(left), (sentence(word),))
+
+
+def predicting(search: Search, best: Fitted) -> tuple[Fitted, tuple[Part, ...]]:
+    """A set without refinements by which the logs predict each other no better, and its effects."""
+    parts = parts_of(search, best)
+    while best.model.log.max() > 0:
+        small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
+        better = min(small, key=search.predicted, default=best)
+        if better is best or not better.effects or search.predicted(better) > search.predicted(best):
+            break
+        best = better
+        search.reduce(best.effects)
+        parts = parts_of(search, best)
+    return best, parts
 
 
 def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
