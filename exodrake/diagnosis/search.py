@@ -234,15 +234,18 @@ class Search:
         """Each further effect beside an explanation by its best probe, the most promising first."""
         return screen(self.likelihood.scaled_to(e.residual), e, lin)
 
-    def expand(self, key: frozenset[str], fitted: int = FITTED) -> None:
-        """Fit the most promising effects beside a set, which had new directions there."""
+    def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
+        """Fit the most promising effects beside a set, which had new directions there.
+
+        Beside the best set all effects have where it leaves much: one may act only where this set has brought it.
+        """
         if key in self.expanded:
             return
         self.expanded.add(key)
         e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
         if key:
-            far = self.sets[key].excess > 1.0  # noise variances: an effect may act only where this set has brought it
+            far = self.sets[key].excess > 1.0 and not exchange  # noise variances
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
@@ -288,7 +291,7 @@ class Search:
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):
-                self.expand(best.effects - {effect})
+                self.expand(best.effects - {effect}, exchange=True)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)

@@ -125,7 +125,7 @@ def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
         large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
         roles[effect] = CAUSE if large else REFINEMENT
     alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
-    weight = {i: np.maximum((alone[i] + gains[i]) / 2.0, 1e-9) for i in gains if roles[i] == CAUSE}
+    weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
     parts = []
     for effect, gain in gains.items():
