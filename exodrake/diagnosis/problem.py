@@ -249,8 +249,8 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
         InputError: where `check_case` has one, and where all fitted logs are too short.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
-    case = without_short_logs(case, robot.machine)
     check_case(case, robot.machine)
+    case = without_short_logs(case, robot.machine)
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot

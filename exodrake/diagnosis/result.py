@@ -87,7 +87,9 @@ class Remainder:
     """What the answer leaves unexplained.
 
     Attributes:
-        value, low, high: share of the gap beyond retuning, with its 90 % interval; NaN without a gap.
+        value: share of the gap beyond retuning; NaN without a gap.
+        low: lower end of its 90 % interval.
+        high: upper end of it.
         noise_std: the same beyond noise, RMS over all channels [noise standard deviations].
     """
 

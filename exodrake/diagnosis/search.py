@@ -36,7 +36,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
 SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
-LAW = 0.2  # relative error of a law: that of another simulator or of a machine differs by as much
+LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
