@@ -137,24 +137,6 @@ def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
 
 
-def disagreement(best: Fitted, effect: str) -> float:
-    """By how much logs contradict each other about the size of an effect [standard deviations]; 0 of a single log.
-
-    Each log alone against the others: both posteriors of the amplitudes are linear about the fit, and the size of a
-    law differs by `LAW` from motion to motion.
-    """
-    e, model, found = best.explanation, best.model, 0.0
-    mine = [i for i, p in enumerate(e.parameters) if p.effect == effect and p.amplitude]
-    for log in range(model.log.max() + 1) if model.log.max() and mine else ():
-        here = model.log == log
-        a, b = model.posterior(here), model.posterior(~here)
-        covariance = (a.covariance + b.covariance)[np.ix_(mine, mine)]
-        covariance += np.diag((LAW * e.x[mine]) ** 2)
-        apart = (a.step - b.step)[mine]
-        found = max(found, float(np.sqrt(apart @ np.linalg.solve(covariance, apart) / len(mine))))
-    return found
-
-
 def sentence(word: str) -> str:
     """Reason for a verdict."""
     return {
