@@ -94,6 +94,23 @@ def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInpu
     return found
 
 
+def feed_places(machine: Machine) -> dict[str, slice]:
+    """Columns of each segment's output among the feeds."""
+    found, at = {}, 0
+    for segment in machine.segments:
+        width = machine.column_width(segment.output)
+        found[segment.name], at = slice(at, at + width), at + width
+    return found
+
+
+def reading_places(machine: Machine) -> dict[str, slice]:
+    """Columns of each compared kind among the readings."""
+    found, at = {}, 0
+    for kind in machine.compared:
+        found[kind], at = slice(at, at + machine.column_width(kind)), at + machine.column_width(kind)
+    return found
+
+
 def prepared(robot: Robot, quantisation: bool = True) -> np.ndarray:
     """Parameter values (parameters,) [SI] of a run, with the resolutions at 0 if unquantised."""
     values = robot.values.copy()

@@ -16,7 +16,7 @@ from math import factorial
 import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows
-from exodrake.compiled.replay import Replay
+from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine
 from exodrake.core.segment import Segment
 from exodrake.diagnosis.filters import filled_columns

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
-from exodrake.compiled.replay import Replay
-from exodrake.compiled.replay_code import reading_places
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reading_places, reference_width
+from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, signal_count
 from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
