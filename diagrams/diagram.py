@@ -24,8 +24,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import channels_of
 from exodrake.core.robot import Robot

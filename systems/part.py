@@ -12,11 +12,10 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from exodrake.compiled.compose import equations
 from exodrake.compiled.schedule import start_vectors
-from exodrake.core.draws import drawn_deviation
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part
-from exodrake.core.robot import Robot
+from exodrake.core.robot import Robot, drawn_deviation
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.systems.parameter import NamedParameter, named_parameter
 

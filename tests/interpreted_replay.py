@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.schedule import outer_reads
-from exodrake.core.wiring import feedthrough_order
+from exodrake.core.machine import feedthrough_order
 from exodrake.physics import routers
 
 SOFT, READ = 1e-3, 0.005  # N/m: tendons so soft that a stroke is a force; s: middle of the bus reads

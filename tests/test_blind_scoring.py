@@ -16,8 +16,8 @@ from exodrake.blind.parameter_intervals import interval_score, intervals_of, sca
 from exodrake.blind.score import score
 from exodrake.blind.score_table import as_json, as_markdown, as_tables
 from exodrake.blind.shares import Paired, Share, paired
+from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import InputError
-from exodrake.core.proportions import binomial_interval
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):

@@ -16,7 +16,7 @@ from exodrake.blind.protocols import clock
 from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
 from exodrake.blind.simulator import assemble
 from exodrake.core.errors import InputError
-from exodrake.machines.write_robot import write_robot
+from exodrake.machines.robot_file import write_robot
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command
 from studies.transfer.control_task import by_cost, cost, motion, own_gains, predicted

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from exodrake.blind.measures import Quantity
 from exodrake.blind.score import Group, Score
 from exodrake.blind.shares import Paired, Share
-from exodrake.core.markdown import markdown_table
-from exodrake.core.plural import plural
+from exodrake.core.text import markdown_table, plural
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -6,7 +6,7 @@ import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 
-from exodrake.core.proportions import binomial_interval
+from exodrake.core.confidence import binomial_interval
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,10 @@ import inspect
 import sys
 from types import ModuleType, SimpleNamespace
 
-from exodrake.compiled.cache import load_text
+from exodrake.compiled.cache import load_text, once
 from exodrake.compiled.schedule import generate_equations, generate_frame
 from exodrake.compiled.splice import compose_point, generate_effects
 from exodrake.core.machine import Machine
-from exodrake.core.once import once
 from exodrake.core.part import Part, module_name, part_modules, prefix
 from exodrake.core.signal import SCALAR
 

@@ -10,8 +10,8 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
 from exodrake.core.signal import NORMAL, Signal
+from exodrake.core.text import short_repr
 
 
 @short_repr

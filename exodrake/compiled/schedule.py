@@ -11,10 +11,9 @@ from collections.abc import Container
 from inspect import signature
 
 from exodrake.compiled.inputs import feed_places, reading_places
-from exodrake.core.machine import Machine
+from exodrake.core.machine import Machine, feedthrough_order
 from exodrake.core.part import Output, Part, prefix
 from exodrake.core.segment import Imposed, Segment
-from exodrake.core.wiring import feedthrough_order
 
 IMPOSED = "feed, rate, fixed, readings, targets, gains"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.display import in_words
 from exodrake.core.parameter import Tolerance, expanded
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.core.units import UNITS, conversion, to_si
 
 if TYPE_CHECKING:

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.units import to_si
 from exodrake.data.log import Log
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.diagnosis.gap import Closure, Interval, Where
-from exodrake.machines.write_robot import robot_text
+from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw

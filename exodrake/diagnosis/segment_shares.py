@@ -1,6 +1,6 @@
 """Localisation by replay: Shapley shares of the segments between measured signals in the gap.
 
-Each segment is fed with measured inputs (`compiled.replay`), so that it does not inherit an error from upstream. Parts
+Each segment is fed with measured inputs (`compiled.run`), so that it does not inherit an error from upstream. Parts
 between two measured signals form one segment. A segment is *fixed* by putting its measured output in place of the
 simulated one. Its Shapley share is its mean part in the fall of the gap over all orders of fixing, exact over all
 subsets.

@@ -20,7 +20,7 @@ from scipy.linalg import solve_triangular
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.core.threads import thread_limit
 from exodrake.estimator.dataset import Sweeps
 from exodrake.estimator.kernels import parts

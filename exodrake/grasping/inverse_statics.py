@@ -18,7 +18,7 @@ import numpy as np
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, posture
 from exodrake.physics.tendon_finger import Parameters
-from exodrake.simulation.tensions import smooth
+from exodrake.simulation.protocols import smooth
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]

@@ -13,7 +13,7 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.grasping.hand import Hand, Mode, check_size, mode_of
 from exodrake.grasping.inverse_kinematics import Candidates, bounds, candidates, joints
 from exodrake.grasping.inverse_statics import holdable, project, ramped, reachable

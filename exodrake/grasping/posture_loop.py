@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from exodrake.core.argument import argument
+from exodrake.core.errors import argument
 from exodrake.core.robot import Robot
 from exodrake.grasping.inverse_statics import stiffness
 from exodrake.grasping.plan import Plan

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.data.case import Case, read_case
 from exodrake.diagnosis.calibration import calibration_notes
 from exodrake.diagnosis.checks import check_case, suspicions_of

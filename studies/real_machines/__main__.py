@@ -27,8 +27,8 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
 
     matplotlib.use("Agg")
     from exodrake.core.files import write_text
-    from exodrake.core.markdown import markdown_table
-    from exodrake.machines.write_robot import write_robot
+    from exodrake.core.text import markdown_table
+    from exodrake.machines.robot_file import write_robot
     from studies.real_machines.exam import exam
     from studies.real_machines.page import page, verdict
     from studies.real_machines.recordings import available
