@@ -32,8 +32,7 @@ from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS
 from exodrake.systems.machine_part import MachinePart
 from exodrake.systems.noise import Noise
-from exodrake.systems.parameter import NamedParameter
-from exodrake.systems.part import PartSystem
+from exodrake.systems.part import NamedParameter, PartSystem
 from exodrake.systems.playback import Playback
 from exodrake.systems.robot_draw import RobotDraw, random_source
 

@@ -8,7 +8,7 @@ import pytest
 
 import exodrake as exo
 from exodrake.diagrams.meshcat import STOPS, Motion, Thing, animated, beside, colours, frames_of, recording_html
-from exodrake.diagrams.meshcat.shapes import along, skeleton, span
+from exodrake.diagrams.meshcat.scene import along, skeleton, span
 
 ROBOT = exo.load_robot()
 

@@ -24,8 +24,7 @@ from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Shape, Skeleton
 from exodrake.core.templates import render
 from exodrake.data.log import Log
-from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing
-from exodrake.diagrams.meshcat.shapes import skeleton
+from exodrake.diagrams.meshcat.scene import GHOST, GHOSTLY, Arm, Finger, Thing, skeleton
 
 TEMPLATES = Path(__file__).parent / "templates"
 # load as a share of the highest -> sRGB; slack is grey

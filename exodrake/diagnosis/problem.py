@@ -23,7 +23,7 @@ from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.trial import Trial
-from exodrake.simulation.delayed_samples import delayed
+from exodrake.simulation.simulate import delayed
 
 
 @dataclass(frozen=True, eq=False)

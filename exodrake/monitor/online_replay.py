@@ -16,7 +16,7 @@ from exodrake.core.machine import Machine, signal_count
 from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
 from exodrake.diagnosis.segment_shares import ORDER, WINDOW
-from exodrake.simulation.delayed_samples import cubic
+from exodrake.simulation.simulate import cubic
 
 LOOP = "loop"
 
