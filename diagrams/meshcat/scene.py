@@ -238,7 +238,9 @@ class Finger:
 
     def turn(self, root: str, time: float, angle: np.ndarray) -> None:
         """Adds a frame at a time [s] with these angles (joints,) [rad]."""
-        turn_joints(self.meshcat, self.bones, root, time, angle)
+        for i in range(len(self.bones.joints)):
+            place = pose([self.bones.lengths[i - 1] if i else 0.0, 0.0, 0.0], turn(angle[i]))
+            self.meshcat.SetTransform(segment_path(self.bones, i + 1, root), place, time)
 
     def frame(self, time: float, angle: np.ndarray, colour: np.ndarray) -> None:
         """Adds a frame at a time [s]: angles (joints,) [rad], and linear RGB (tendons, 3) of the tendons."""
@@ -279,13 +281,6 @@ def draw_tendons(meshcat: Any, bones: Skeleton, angle: np.ndarray) -> None:
         meshcat.SetTransform(path, pose(middle, rotation))
         if not fixed:
             meshcat.SetProperty(path, "scale", [1.0, 1.0, length])
-
-
-def turn_joints(meshcat: Any, bones: Skeleton, root: str, time: float, angle: np.ndarray) -> None:
-    """Adds a frame at a time [s] in which the joints have these angles (joints,) [rad]."""
-    for i in range(len(bones.joints)):
-        start = [bones.lengths[i - 1] if i else 0.0, 0.0, 0.0]
-        meshcat.SetTransform(segment_path(bones, i + 1, root), pose(start, turn(angle[i])), time)
 
 
 def move_tendons(meshcat: Any, bones: Skeleton, time: float, angle: np.ndarray, colour: np.ndarray) -> None:

@@ -110,11 +110,8 @@ def generate_run(machine: Machine) -> str:
     private = dict.fromkeys((i.part, i.signal) for _, i in impositions(machine) if i.part)
     body = [*views(machine), "imposing = readings.shape[0] > 0 or targets.shape[0] > 0 or fixed.any()"]
     body += [f"{part}_reads_{name} = np.zeros_like(w_{name}) if imposing else w_{name}" for part, name in private]
-    body += [
-        "if not imposing:",
-        *("    " + line for line in outputs(machine)),
-        f"for frame in range({given[0]}.shape[0]):",
-    ]
+    body += ["if not imposing:", *("    " + line for line in outputs(machine))]
+    body += [f"for frame in range({given[0]}.shape[0]):"]
     inner = [f"w_{name}[:] = {name}_rows[frame]" for name in machine.inputs]
     inner += [f"for slot in range({machine.slots}):"]
     inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine, private))]
@@ -124,10 +121,8 @@ def generate_run(machine: Machine) -> str:
     inner += ["    " + line for line in impose_all(machine)]
     inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
     inner += ["record[frame, :] = w", *correct_state(machine)]
-    head, own = (
-        "@njit(cache=True, nogil=True)\ndef ",
-        f"(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow",
-    )
+    head = "@njit(cache=True, nogil=True)\ndef "
+    own = f"(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
     run = ["none = np.zeros((0, 0))", f"frames{own}, none, none, np.zeros(0, dtype=np.bool_), none, none, none)"]
     frames = f"{head}frames{own}, {IMPOSED}):\n" + indent(body + ["    " + line for line in inner])
     return f"{frames}\n\n\n{head}run{own}):\n{indent(run)}"

@@ -259,7 +259,7 @@ def robot_text(robot: Robot, notes: str = "") -> str:
     unit = {} if (name := reference_unit(robot.machine)) == "-" else {"unit": name}
     content = {
         "machine" if own else "base": robot.machine.name,
-        "tolerances": [tolerance_entry(t) for t in robot.machine.tolerances] if own else [],
+        "tolerances": [{**vars(t), "parameters": list(t.parameters)} for t in robot.machine.tolerances] if own else [],
         "parameters": parameters_of(robot, None if own else base),
         "effects": effects,
         "parts": list(robot.machine.variant_names),
@@ -280,8 +280,3 @@ def parameters_of(robot: Robot, base: Robot | None) -> dict[str, dict[str, Any]]
             found[p.name] = {"value": float(v), "unit": p.unit, "source": robot.sources.get(p.name, "")}
             found[p.name] |= {"range": [float(end) for end in span]} if ranged and span else {}
     return found
-
-
-def tolerance_entry(tolerance: Tolerance) -> dict[str, Any]:
-    """An entry of the `tolerances` list of a robot file."""
-    return {**vars(tolerance), "parameters": list(tolerance.parameters)}

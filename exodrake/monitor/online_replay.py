@@ -226,7 +226,8 @@ class OnlineReplay:
         machine = self.machine = robot.machine
         self.channels, self.references = channels(machine), reference_width(machine)
         self.columns = len(compared_columns(machine))
-        self.fed = fed_columns(machine)
+        places = reading_places(machine)
+        self.fed = [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]
         self.loop = Replay(machine, silent(robot))
         self.segments = {k: SegmentReplay(robot, s) for k, s in replayed_segments(machine).items()}
         self.hold_reference, self.hold, self.smooth = Hold(self.references), Hold(self.columns), Smoother(machine.frame)
@@ -271,9 +272,3 @@ class OnlineReplay:
             for needed in replay.segment.inputs:
                 found[:, places[kind]] &= both[:, places[needed]].all(axis=1)[:, None]
         return found
-
-
-def fed_columns(machine: Machine) -> list[int]:
-    """Compared columns in the order of the feeds."""
-    places = reading_places(machine)
-    return [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]

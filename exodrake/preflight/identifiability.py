@@ -95,7 +95,8 @@ def identifiability(
     progress("telling the effects apart")
     times, kinds = duration(whole) / duration(problem), np.array(problem.kinds)
     known = list(dict.fromkeys(problem.kinds))
-    model = model_of(lin, machine, [mask_of(problem, kinds == k) for k in known], times)
+    samples = [np.concatenate([np.tile(kinds == k, len(trial.measured)) for trial in problem.fit]) for k in known]
+    model = model_of(lin, machine, samples, times)
     own = [kind for kind in known if not kind.startswith(EXTRA)]
 
     def with_kinds(some: Sequence[str], every: bool = False) -> Identifiability:
@@ -162,8 +163,3 @@ def planned(problem: Problem) -> Problem:
         noise_std=np.concatenate([problem.noise_std, stated])[keep],
         fit=tuple(replace(t, measured=t.measured[:, keep]) for t in trials),
     )
-
-
-def mask_of(problem: Problem, columns: np.ndarray) -> np.ndarray:
-    """Samples (samples,) of some columns (columns,)."""
-    return np.concatenate([np.tile(columns, len(trial.measured)) for trial in problem.fit])
