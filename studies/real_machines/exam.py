@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.core.markdown import markdown_table
 from exodrake.core.robot import Robot
+from exodrake.core.text import markdown_table
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
+from exodrake.machines.library import reader
 from exodrake.machines.recording_tools import halves
-from exodrake.machines.recordings import reader
 from exodrake.machines.robot_file import load_robot
 
 LATENCY, LAG, SPEED = "delay", "lag", "speed limit"

@@ -20,7 +20,9 @@ def page(results: list[Result], marks: list[Mark], texts: Texts) -> str:
         texts: of `texts.yaml`: set -> its title, published results and a remark; `page` -> head and last section.
     """
     agree, better = (sum(rows) for rows in ([m.agrees for m in marks], [m.no_worse for m in marks if m.errors]))
-    counts = f"{agree} of {len(marks)} answers agree; {better} of {sum(bool(m.errors) for m in marks)} predict no worse."
+    counts = (
+        f"{agree} of {len(marks)} answers agree; {better} of {sum(bool(m.errors) for m in marks)} predict no worse."
+    )
     parts = [texts["page"]["head"], counts + "\n", table(marks) + "\n", texts["page"]["sets"]]
     for result in results:
         text = texts[result.name]
