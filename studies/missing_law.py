@@ -3,7 +3,7 @@
     python -m studies.missing_law --out docs/missing_law.md [--cases NAME,...] [--healthy N] [--seed N] [--real FOLDER]
 
 No effect of the library may explain anything, so that each effect of the reference simulator is a law that nobody
-knows; free inputs act at the points of all effects but the injected one. Scored: is the right part named, how much of
+knows. Scored: is the right part named, how much of
 the gap the learned law closes on a held-out motion of another kind, and whether anything is discovered in healthy
 robots. What was measured is kept beside --out, so that a run goes on where it ended.
 """
@@ -26,10 +26,8 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.law_code import laws_of
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.free_input import free_courses
-from exodrake.diagnosis.isolation import Isolation, isolate
-from exodrake.diagnosis.linearise import linearise
-from exodrake.diagnosis.problem import Problem, make_problem
+from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.report import number_format as n
 from studies.missing_law_page import Row, page, restored
@@ -70,44 +68,28 @@ class Found:
 
     Attributes:
         law: the missing law.
-        where: block that free inputs name; empty for a robot that is kept without an effect.
         seconds: processor time.
         right, wrong: largest shares that laws in the right parts and elsewhere remove.
     """
 
     law: MissingLaw
-    where: str
     seconds: float
     right: float = float("nan")
     wrong: float = float("nan")
 
 
-def discovered(
-    case: Case, robot_name: str, tried: frozenset[str] | None, injected: str = "", blocks: tuple[str, ...] = ()
-) -> Found:
+def discovered(case: Case, robot_name: str, tried: frozenset[str] | None, blocks: tuple[str, ...] = ()) -> Found:
     """What is found in a case with an effect injected in some blocks."""
     with one_blas_thread():
         started = time.process_time()
         found = isolate(make_problem(case, load_robot(robot_name), tried))
         problem = found.whole
-        where = block_of_inputs(problem, found, injected)
-        law = discover(problem, found, where=where)
+        law = discover(problem, found)
         seconds = time.process_time() - started
         every = {point.block for point in laws_of(problem.robot.machine)}
         parts = (every.intersection(blocks), every.difference(blocks))
         shares = [most(law, part) or most(discover(problem, found, blocks=part), part) for part in parts if blocks]
-    return Found(law, where, seconds, *shares)
-
-
-def block_of_inputs(problem: Problem, found: Isolation, injected: str) -> str:
-    """Block of the free input that the logs are likeliest with, at any effect of the library but the injected one."""
-    e = found.retuned.explanation
-    if found.negligible(e.robot):
-        return ""
-    effects = [effect for effect in problem.robot.machine.effects if effect.id != injected]
-    lin = linearise(found.likelihood, e.values, e.x, e.parameters, effects, e.jacobian, e.residual)
-    courses = free_courses(found.likelihood, lin, e)
-    return courses[0].block if courses else ""
+    return Found(law, seconds, *shares)
 
 
 def most(law: MissingLaw, blocks: Collection[str]) -> float:
@@ -123,7 +105,7 @@ def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, found: Fou
     runner = "" if law.runner_up is None else law.runner_up.id
     return Row(
         name, kind, blocks, gap, law.found, law.block, f"{law.id}: {law.words}", law.channels, law.share, closure,
-        runner, law.lead, formula, law.reason, found.seconds, found.right, found.wrong, found.where,
+        runner, law.lead, formula, law.reason, found.seconds, found.right, found.wrong,
     )  # fmt: skip
 
 
@@ -136,7 +118,7 @@ def measured(name: str, seed: int, real: Path | None) -> Row:
         found = discovered(reader(name)(real / REAL[name]), name, None)
         return row_of(name, "real", (), float("nan"), found)
     case, blocks, gap = blind_case(name, seed)
-    found = discovered(replace(case, name=name), "exo_index", frozenset(), name, blocks)
+    found = discovered(replace(case, name=name), "exo_index", frozenset(), blocks)
     kind = "healthy" if name.startswith(HEALTHY) else "outside" if name.startswith("outside") else "library"
     return row_of(name, kind, blocks, gap, found)
 

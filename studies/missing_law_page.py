@@ -16,13 +16,12 @@ ERROR = 0.1  # share of robots in which a law in a wrong part may count as disti
 PAGE = """# The missing law
 
 Robots of the [blind check](howto/blind.md)'s reference simulator, with all parameters drawn anew and one effect each,
-are diagnosed with **no effect in the library**: no injected law is known to it. Free inputs of unknown course act at
-the points of all effects but the injected one and name a block; one free law is searched over every point of every
-part; both make one answer ([how](explain/missing_law.md)). Logs are half as long as usual, held-out ones
+are diagnosed with **no effect in the library**: no injected law is known to it. One free law is searched over every
+point of every part ([how](explain/missing_law.md)). Logs are half as long as usual, held-out ones
 of another motion than the fitted ones. A slack tendon and a wrong zero of an encoder count as right in encoder,
 motor or tendon, which meet at the spool. The runner-up is the best law in another block. It is distinguished where the
 law takes up more of what it leaves above noise than a law in a wrong part takes up of what the best one in the right
-part leaves, in {held:.0%} of these robots; by the same limit laws overrule the block of the free inputs. Where the
+part leaves, in {held:.0%} of these robots. Where the
 search has not come upon either, it is fitted for this study alone. "Fitted" is the share of what retuning leaves that
 the law removes, what nominal parameters use of their tolerances included.
 
@@ -36,12 +35,10 @@ Wanted were a right part for 80 % or more, 80 % closed or more in the median, an
 robots. What falls short, and why:
 
 - Where the robot without an effect leaves no more than it may, the gap lies within the tolerances of the nominal
-  parameters, and no law is missing: a miss all the same. Where they imitate the effect at the price of their
-  tolerances, free inputs are misled, as they show what the retuned robot leaves; the block is that of the best law
-  beside the nominal robot then.
-- Friction that depends on posture looks like friction of the tendons to both evidences, since three tendons and three
-  joints span the same forces on the finger. A finger that is pushed sideways has its block from the free inputs, and
-  no law of one variable removes a tenth of it. A cell that sticks and a wire that snags are events: the block is right,
+  parameters, and no law is missing: a miss all the same.
+- Friction that depends on posture looks like friction of the tendons, since three tendons and three
+  joints span the same forces on the finger. Of a finger that is pushed sideways
+  no law of one variable removes a tenth. A cell that sticks and a wire that snags are events: the block is right,
   and the law removes little.
 - Hysteresis, which stands for a dead zone or for a finger that snaps over, may make held-out motions worse: the data
   under a curve are those of the fitted motions. Nothing refuses a law by its held-out closure; the answer states it.
@@ -88,7 +85,6 @@ class Row:
     seconds: float
     right_share: float
     wrong_share: float
-    where: str
 
     @property
     def right(self) -> bool:
@@ -115,9 +111,7 @@ def restored(stored: dict[str, Any]) -> Row:
 def table(rows: list[Row]) -> str:
     """A table of cases in Markdown."""
     head = (
-        "| injected | gap | free inputs | law found | channels | fitted | held out | runner-up distinguished |\n"
-        + 8 * "|---"
-        + "|\n"
+        "| injected | gap | law found | channels | fitted | held out | runner-up distinguished |\n" + 7 * "|---" + "|\n"
     )
     lines = []
     for r in rows:
@@ -125,8 +119,7 @@ def table(rows: list[Row]) -> str:
         law = f"{'' if r.right or not r.blocks else '**wrong part** '}`{r.law.split(':')[0]}`{r.law.partition(':')[2]}"
         apart = f"{'yes' if r.apart else 'no'}, `{r.runner_up}`" if r.runner_up else "none fitted"
         found = f"{law} | {', '.join(r.channels)} | {percent(r.share)} | {closure(r.closure)} | {apart}"
-        where = r.where and f"{'' if r.where in r.blocks else '**wrong** '}{r.where}"
-        lines.append(f"| `{r.name}` | {gap} | {where} | {found if r.found else r.reason + ' | | | | '} |")
+        lines.append(f"| `{r.name}` | {gap} | {found if r.found else r.reason + ' | | | | '} |")
     formulas = [f"- `{r.name}`: {r.formula}" for r in rows if r.formula]
     return head + "\n".join(lines) + ("\n\nPlain formulas, SI:\n\n" + "\n".join(formulas) if formulas else "")
 
@@ -142,11 +135,10 @@ def summary(rows: list[Row]) -> str:
         if own:
             closed = float(np.median([r.closure if r.found else 0.0 for r in own]))
             right = share(sum(r.found and r.right for r in own), len(own))
-            inputs = share(sum(r.where in r.blocks for r in own), len(own))
             gap = "the gap that retuning leaves"
             held = f"{gap} {closure(closed)}" if rounds_below(closed) else f"the law closes {closure(closed)} of {gap}"
             lines.append(
-                f"- {title}: right part {right}, by free inputs alone {inputs}; {held} on held-out motions of another "
+                f"- {title}: right part {right}; {held} on held-out motions of another "
                 f"kind (median; nothing found counts as 0)."
             )
     lines += distinction([r for r in rows if r.kind in ("library", "outside")])

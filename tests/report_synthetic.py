@@ -38,7 +38,7 @@ SHARES = {"tendon": 0.83, "finger": 0.11, "sensor": 0.04, "motor": 0.015, "encod
 REGIME = {"direction of motion": 0.61, "load": 0.22, "time since reversal": 0.12, "frequency below 1 Hz": 0.7}
 IDS = ("tendon.capstan_friction", "tendon.coulomb_friction", "finger.hysteresis", "finger.stiffness + sensor.gain")
 
-LEFT = {PARTLY: Remainder(0.38, 0.32, 0.45, 3.1), UNKNOWN: Remainder(0.59, 0.5, 0.7, 5.2)}
+LEFT = {PARTLY: Remainder(0.38, 0.32, 0.45, 3.1, "finger", {"speed": 0.4}), UNKNOWN: Remainder(0.59, 0.5, 0.7, 5.2)}
 
 
 def noise_and_sizes():
@@ -137,9 +137,7 @@ def diagnosis(verdict=NAMED):
     """A diagnosis of each verdict."""
     robot = load_robot()
     found, healthy = verdict not in (NO_GAP, RETUNE), verdict == NO_GAP
-    where = Where(
-        "tendon", ("AF", "MF"), (), SHARES, {"motor": 0.03, "tendon": 0.9, "finger": 0.07}, {"tendon": 9.1}, REGIME
-    )
+    where = Where("tendon", ("AF", "MF"), (), SHARES, REGIME)
     retuned = (
         robot
         if healthy

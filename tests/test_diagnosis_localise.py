@@ -1,15 +1,17 @@
-"""Localisation: Shapley shares of segments, affected channels, conditions of a regime."""
+"""Localisation: blocks of effects that are not tried, affected channels, conditions of a regime."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from effects_motion import motion_of
 
 import exodrake as exo
 from exodrake.compiled.inputs import Reference
+from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis import segment_shares
-from exodrake.diagnosis.localise import affected, shares_of, sum_by_block
+from exodrake.diagnosis.isolation import isolate
+from exodrake.diagnosis.localise import affected, remaining, sum_by_block
 from exodrake.diagnosis.problem import make_problem
 from exodrake.diagnosis.regime import conditions, explained, motion, since_reversal
 from exodrake.simulation import protocols
@@ -27,64 +29,51 @@ def problem_of(robot, injected, frames=400):
     return make_problem(Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),)), robot)
 
 
-def test_shapley_of_an_additive_game_is_the_additive_part():
-    accepted = {"motor": 5.0, "tendon": 3.0, "finger": 2.0}
-    power = {s: 10.0 - sum(accepted[x] for x in s) for s in segment_shares.subsets(accepted)}
-    assert segment_shares.shapley(power) == pytest.approx({"motor": 0.5, "tendon": 0.3, "finger": 0.2})
-
-
-def test_block_shares_are_those_of_the_airport_game():
-    """Littlechild and Owen (1973): the value of a coalition is that of its largest member."""
-    gains = {"finger": 0.9, "motor": 0.6, "tendon": 0.3, "sensor": 0.3}
-    alone = {"finger.a": 0.9, "finger.b": 0.4, "motor.a": 0.6, "tendon.a": 0.3, "sensor.a": 0.3, "bus.a": 0.0}
-    found, steps = shares_of(alone), np.diff([0.0, 0.3, 0.3, 0.6, 0.9])
-    wanted = np.cumsum(steps / [4, 3, 2, 1])  # the k-th smallest pays its part of each step up to its own
-    order = sorted(gains, key=gains.get)
-    assert [found[block] for block in order] == pytest.approx(wanted / 0.9, abs=1e-12)
-    assert found["bus"] == pytest.approx(0.0) and sum(found.values()) == pytest.approx(1.0)
-    assert next(iter(found)) == "finger"
-
-
 def test_shares_of_named_effects_add_up_by_block():
     """An effect of unknown share, found by a detector among others, has none."""
     found = sum_by_block([("sensor.a", 0.2), ("tendon.a", 0.6), ("tendon.b", 0.1), ("finger.a", float("nan"))])
     assert found == pytest.approx({"tendon": 0.7, "sensor": 0.2, "finger": 0.0}) and next(iter(found)) == "tendon"
 
 
-def test_replay_of_nothing_fixed_is_the_prediction(robot):
-    problem = problem_of(robot, robot)
-    trial = problem.fit[0]
-    whole = problem.predict(problem.silent()[None], replace(trial, latent={}))[0]
-    np.testing.assert_array_equal(segment_shares.replayed(problem, problem.silent(), trial, ()), whole)
+def place_without(robot, injected, reference):
+    """The place of a gap whose effect is not tried."""
+    log = exo.simulate(robot.splice(injected), reference, seed=4)
+    tried = frozenset(e.id for e in robot.machine.effects if not e.not_tried and e.id != injected)
+    case = Case("steps", {}, (CaseLog(log, "steps", "fit", None, "steps.csv"),))
+    with one_blas_thread():
+        found = isolate(make_problem(case, robot, tried))
+    return remaining(found, found.retuned)
 
 
 @pytest.mark.parametrize(
-    "identity, parameters, segment",
-    [("sensor.gain", {"gain": 0.1}, "tendon"), ("finger.stiffness", {"factor": 1.5}, "finger")],
+    "injected, block",
+    [
+        ("tendon.capstan_friction", "tendon"),
+        ("sensor.hysteresis", "sensor"),
+        ("motor.slow_velocity_loop", "motor"),
+        ("motor.dead_zone", "motor"),  # which no other effect imitates: the strokes have the largest prediction error
+    ],
 )
-def test_segment_of_an_injected_effect_has_the_largest_share_and_replay_gap(robot, identity, parameters, segment):
-    problem = problem_of(robot, robot.splice(identity, parameters))
-    shares, gaps = segment_shares.segment_gaps(problem, problem.silent(), problem.fit[0])
-    assert max(gaps, key=lambda s: gaps[s]) == max(shares, key=lambda s: shares[s]) == segment
-    assert sum(shares.values()) == pytest.approx(1.0) and set(shares) == {"motor", "tendon", "finger"}
+def test_effect_that_is_not_tried_is_found_in_its_block(robot, injected, block):
+    place = place_without(robot, injected, Reference(protocols.steps(robot, dwell=1.0).values[:500], "steps"))
+    assert place.block == block and (place.wires, place.joints) == (robot.machine.axes.tendons, ())
 
 
-def test_missing_samples_leave_the_gap_of_a_segment_as_it_is(robot):
-    """Two in three samples of the angles are lost, as of a slow camera; the finger is fed with none of them."""
-    problem = problem_of(robot, robot.splice("finger.stiffness", {"factor": 1.5}))
-    trial, rows = problem.fit[0], np.arange(len(problem.fit[0].measured))
-    lost = np.outer(rows % 3 > 0, [kind == "angle" for kind in problem.kinds])
-    seen = replace(trial, measured=np.where(lost, np.nan, trial.measured))
-    (_, whole), (_, found) = (segment_shares.segment_gaps(problem, problem.silent(), one) for one in (trial, seen))
-    assert found["finger"] == pytest.approx(whole["finger"], rel=0.02)
-    healthy = segment_shares.own_trial(problem, problem.silent(), seen)
-    np.testing.assert_array_equal(np.isnan(healthy.measured), lost)
+@pytest.mark.parametrize(
+    "injected, block",
+    [("servo.dead_band", "servo"), ("servo.lag", "servo"), ("servo.hysteresis", "servo"), ("reading.drift", "reading")],
+)
+def test_effect_of_a_servo_that_is_not_tried_is_found_in_its_block(injected, block):
+    so101 = exo.load_robot("so101")
+    place = place_without(so101, injected, Reference(motion_of("so101"), "motion"))
+    assert place.block == block and place.joints == so101.machine.axes.joints and place.regime
 
 
-def test_machine_without_tendons_has_no_affected_tendon(robot):
-    so101 = replace(problem_of(robot, robot, 100), robot=exo.load_robot("so101"), columns=("angle_Pitch",))
-    assert affected(so101, {"log": np.ones((5, 1))}, "tendons") == ()
-    assert affected(so101, {"log": np.ones((5, 1))}, "joints") == ("Pitch",)
+def test_channels_of_a_machine_are_those_with_most_of_the_residual():
+    residual = np.array([[3.0, 1.2, 1.0]])
+    columns = ("tension_AF", "stroke_MF", "angle_PIP")
+    assert affected(residual, columns, ("AF", "MF", "AE")) == ("AF",)
+    assert affected(residual, columns, ("PIP",)) == ("PIP",) and affected(residual, columns, ()) == ()
 
 
 def test_condition_that_makes_the_residual_explains_it_and_another_does_not():

@@ -179,25 +179,10 @@ def fit_in(block):
     return SimpleNamespace(block=block, is_memory=block == "sensor")
 
 
-@pytest.mark.parametrize(
-    "shares, where, first",
-    [
-        ((0.8, 0.7), "", "tendon"),  # no free input: the better evidence
-        ((0.8, 0.7), "finger", "finger"),  # takes up a third of what the finger's law leaves: not distinguished
-        ((0.9, 0.7), "finger", "tendon"),  # two thirds: it rejects the finger
-        ((0.3, -9.0), "finger", "finger"),
-        ((0.6, -9.0), "bus", "tendon"),  # in the bus no law acts
-    ],
-)
-def test_law_in_the_block_of_free_inputs_stands_first_unless_another_rejects_it(shares, where, first):
-    fits = [fit_in("tendon"), fit_in("finger")]
-    assert fits[ranked(fits, shares, where)[0]].block == first
-
-
 @pytest.mark.parametrize("share, first", [(0.7, "tendon"), (0.5, "sensor")])
 def test_memory_of_a_reading_stands_behind_a_law_that_removes_nearly_as_much(share, first):
     fits = [fit_in("sensor"), fit_in("tendon")]
-    assert fits[ranked(fits, (0.8, share), "")[0]].block == first
+    assert fits[ranked(fits, (0.8, share))[0]].block == first
 
 
 @pytest.mark.parametrize("robots", [9, 24, 60])

@@ -100,7 +100,7 @@ def test_headline_names_cause_place_share_and_what_remains():
     cause = "oad-dependent friction (tendon.capstan_friction) at tendons AF and MF explains"
     assert said[NAMED] == f"L{cause} 91 % of the gap; 6 % remains."
     most = "most on tension_AF (1.1 noise standard deviations)"
-    assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains, {most}."
+    assert said[PARTLY] == f"L{cause} 62 % of the gap; 38 % remains in the finger, mostly with speed, {most}."
     assert said[AMBIGUOUS] == (
         "The logs cannot tell capstan friction (tendon.capstan_friction) from coulomb friction "
         "(tendon.coulomb_friction) at tendons AF and MF, which explains 91 % of the gap; 6 % remains."

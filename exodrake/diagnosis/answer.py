@@ -63,7 +63,7 @@ SCHEMA = having(
         "where": having({"block": line()}, ("block",)),
         "effects": listing(EFFECT),
         "equivalents": listing(line()),
-        "remainder": optional(having({"value": REAL, "noise_std": REAL})),
+        "remainder": optional(having({"value": REAL, "noise_std": REAL, "block": optional(line())})),
         "confirmed": optional(flag),
         "closure": having({"overall": having({"value": REAL}), "rms": optional(names(REAL))}, ("overall",)),
         "reasons": optional(listing(line())),

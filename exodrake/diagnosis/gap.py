@@ -35,9 +35,7 @@ class Where:
         block: block of the robot; `none` without a gap or where retuning suffices.
         wires: tendons that the gap affects.
         joints: joints that the gap affects.
-        shares: block -> Shapley share of the gap.
-        segments: segment -> exact Shapley share of the gap by replay.
-        replay: segment -> replay gap [noise standard deviations].
+        shares: block -> share of the gap that its effects take up; without named effects, the best one alone.
         regime: condition -> share of the residual's variance that it explains.
     """
 
@@ -45,8 +43,6 @@ class Where:
     wires: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     shares: dict[str, float] = field(default_factory=dict)
-    segments: dict[str, float] = field(default_factory=dict)
-    replay: dict[str, float] = field(default_factory=dict)
     regime: dict[str, float] = field(default_factory=dict)
 
 

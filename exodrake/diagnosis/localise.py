@@ -1,62 +1,84 @@
-"""Localisation: the block, tendons and joints of a gap, its segments and its regime.
+"""Localisation: the block, tendons and joints of a gap, and its regime.
 
-Where effects are named, a block has the shares of its effects in the gap. Otherwise the share of a block is its Shapley
-value. The value of a set of blocks is the largest share that a free input in these blocks takes up by its evidence
-(`free_input`): 1 - exp(-2 gain / samples), the coefficient of determination of a likelihood (Nagelkerke, Biometrika
-78(3), 1991). Where no free input raises the evidence, it is what one effect in them removes by the linear model.
+Where effects are named, a block has the shares of its effects in the gap. The place of what a set of effects leaves is
+that of the further effect that takes up most of it, as fitted beside the set or else as the linear model predicts; a
+cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends in the signal of the
+largest prediction error. Channels that no fit tells are those whose prediction errors hold most of what is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
-from exodrake.core.signal import JOINTS, TENDONS
-from exodrake.diagnosis.channels import affected_channels
-from exodrake.diagnosis.free_input import WHOLE, Course, free_courses
+from exodrake.core.signal import JOINTS, SCALAR, TENDONS
 from exodrake.diagnosis.gap import Where
+from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.problem import Problem, by_trial
+from exodrake.diagnosis.problem import by_trial
 from exodrake.diagnosis.regime import regime
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect
-from exodrake.diagnosis.segment_shares import segment_gaps, shapley, subsets, suspects
+from exodrake.diagnosis.search import Fitted, is_memory
+from exodrake.diagnosis.verdict import LARGE
 
-AFFECTED = 0.5  # a channel with this share of the strongest one's residual power counts as affected
+AFFECTED = 0.25  # share of the strongest channel's residual power, half its amplitude, from which one counts: assumed
 
 
-def localise(problem: Problem, found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
-    """Block, channels, segments and regime of a gap, from the fitted logs; the latter two follow the retuned robot.
+def localise(found: Isolation, verdict: str, effects: tuple[NamedEffect, ...]) -> Where:
+    """Block, channels and regime of a gap, from the fitted logs; the regime follows the retuned robot.
 
     Args:
-        problem: problem in closed loop.
         found: what the isolation tried.
         verdict: its word.
         effects: effects that are named.
     """
     if verdict in (NO_GAP, RETUNE):
         return Where(block="none")
-    e = found.retuned.explanation
-    outputs = {segment.output for segment in suspects(problem.robot.machine)}
-    separable = len(outputs) > 1 and outputs <= set(problem.kinds)
-    segments, replay = segment_gaps(problem, e.robot, problem.fit[0]) if separable else ({}, {})
-    left = by_trial(problem.residual(e.robot[None], problem.fit)[0], problem.fit)
-    residuals = {trial.name: log for trial, log in zip(problem.fit, left, strict=True)}
-    if effects:
-        shares = sum_by_block((x.id, x.share.value) for x in effects)
-        block = effects[0].id.split(".")[0]
-        tendons, joints = (tuple(dict.fromkeys(c for x in effects for c in getattr(x, a))) for a in ("wires", "joints"))
-    elif inputs := free_courses(found.likelihood, found.lin, e):
-        shares = shares_of({course.name: course.share for course in inputs})
-        block = next(iter(shares))
-        tendons, joints = (channels_of(problem, inputs, block, axis) for axis in (TENDONS, JOINTS))
-    else:
-        likelihood = found.likelihood.scaled_to(e.residual)
+    rest = remaining(found, found.retuned)
+    if not effects:
+        return rest
+    shares = sum_by_block((x.id, x.share.value) for x in effects)
+    tendons, joints = (tuple(dict.fromkeys(c for x in effects for c in getattr(x, a))) for a in ("wires", "joints"))
+    return Where(effects[0].id.split(".")[0], tendons, joints, shares, rest.regime)
+
+
+def remaining(found: Isolation, fitted: Fitted) -> Where:
+    """Place and regime of what a fitted set leaves; `shares`: of it, by the best further effect of each block."""
+    e, search, machine = fitted.explanation, found.search, found.problem.robot.machine
+    likelihood, left = found.likelihood.scaled_to(e.residual), max(search.left(fitted), 1e-12)
+    beside = {next(iter(key - fitted.effects)): f for key, f in search.sets.items() if one_more(key, fitted.effects)}
+    gains = {i: 1.0 - search.left(f) / left for i, f in beside.items()}
+    if not gains:
         cost = max(e.cost(likelihood), 1e-12)
-        shares = shares_of({p.probe.effect: p.gain / cost for p in found.search.screened(e, found.lin)})
-        block = next(iter(shares), None) or max(segments, key=lambda s: segments[s], default="unknown")
-        tendons, joints = (affected(problem, residuals, axis) for axis in (TENDONS, JOINTS))
-    return Where(block, tendons, joints, shares, segments, replay, regime(problem, residuals))
+        gains = {p.probe.effect: p.gain / cost for p in search.screened(e, found.lin)}
+    ranked = [machine.effect(i) for i in sorted(gains, key=lambda i: -gains[i])]
+    shares: dict[str, float] = {}
+    for effect in ranked:
+        shares.setdefault(effect.block, float(np.clip(gains[effect.id], 0.0, 1.0)))
+    share, where = max(shares.values(), default=0.0), regime(found.whole, e.robot)
+    lead = next((x for x in ranked if not is_memory(x)), ranked[0] if ranked else None)
+    if lead and share >= LARGE and lead.id in beside:
+        fit = fitted_effects(beside[lead.id]).of(lead.id)
+        named = describe(fit, lead, machine.axes.of(lead.axis))
+        return Where(lead.block, named.wires, named.joints, shares, where)
+    seen = likelihood.views[-1].problem
+    residual = np.concatenate(by_trial(likelihood.split(e.residual)[-1], seen.fit))
+    kind, channel = seen.columns[int(np.argmax(np.sum(residual**2, axis=0)))].rsplit("_", 1)
+    if lead and share >= LARGE:
+        block, axis = lead.block, lead.axis
+    else:
+        block = next((s.name for s in machine.segments if s.output == kind and not s.exact), "unknown")
+        axis = next((a for a in (TENDONS, JOINTS) if channel in machine.axes.of(a)), SCALAR)
+    tendons, joints = (
+        affected(residual, seen.columns, machine.axes.of(a)) if axis in (a, SCALAR) else () for a in (TENDONS, JOINTS)
+    )
+    return Where(block, tendons, joints, shares, where)
+
+
+def one_more(key: frozenset[str], effects: frozenset[str]) -> bool:
+    """Whether a set has one effect more than another."""
+    return len(key) == len(effects) + 1 and effects < key
 
 
 def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
@@ -68,34 +90,12 @@ def sum_by_block(shares: Iterable[tuple[str, float]]) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def shares_of(gain: Mapping[str, float]) -> dict[str, float]:
-    """Shapley share of each block, largest first, from what each effect or free input removes alone."""
-    best: dict[str, float] = {}
-    for name, value in gain.items():
-        block = name.split(".")[0]
-        best[block] = max(best.get(block, 0.0), value)
-    if not any(best.values()):
-        return {}
-    removed = {play: 1.0 - max((best[b] for b in play), default=0.0) for play in subsets(best)}
-    return dict(sorted(shapley(removed).items(), key=lambda item: -item[1]))
-
-
-def channels_of(problem: Problem, inputs: Sequence[Course], block: str, axis: str) -> tuple[str, ...]:
-    """Channels of an axis on which the best free input of a block acts; none if it acts on another axis."""
-    best = next((course for course in inputs if course.block == block and course.channels != WHOLE), None)
-    if best is None or not set(best.channels) <= set(problem.robot.machine.axes.of(axis)):
-        return ()
-    covariance = np.diag(best.size**2 / (2.0 * best.count))
-    return tuple(best.channels[i] for i in affected_channels(best.size, covariance))
-
-
-def affected(problem: Problem, residuals: dict[str, np.ndarray], axis: str) -> tuple[str, ...]:
-    """Channels of an axis whose signals hold most of the residual power."""
-    power = dict.fromkeys(problem.robot.machine.axes.of(axis), 0.0)
-    for rows in residuals.values():
-        for i, column in enumerate(problem.columns):
-            channel = column.rsplit("_", 1)[1]
-            if channel in power:
-                power[channel] += float(rows[:, i] @ rows[:, i])
+def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Channels whose signals hold most of the power of a residual (n, columns) [noise standard deviations]."""
+    power = dict.fromkeys(channels, 0.0)
+    for column, squared in zip(columns, np.sum(residual**2, axis=0), strict=True):
+        channel = column.rsplit("_", 1)[1]
+        if channel in power:
+            power[channel] += float(squared)
     strongest = max(power.values(), default=0.0)
     return tuple(channel for channel, p in power.items() if p >= AFFECTED * strongest)

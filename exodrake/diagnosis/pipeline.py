@@ -21,10 +21,10 @@ from exodrake.diagnosis.checks import suspicions
 from exodrake.diagnosis.closure import closure_of, robot_of, with_values
 from exodrake.diagnosis.discovery.discover import discover
 from exodrake.diagnosis.discovery.missing_law import MissingLaw
-from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.gap import Interval, Where
 from exodrake.diagnosis.intervals import describe, fitted_effects, traces
 from exodrake.diagnosis.isolation import Isolation, affordable, isolate, negligible
-from exodrake.diagnosis.localise import localise
+from exodrake.diagnosis.localise import localise, remaining
 from exodrake.diagnosis.problem import Problem, make_problem, required_of
 from exodrake.diagnosis.provenance import provenance_of
 from exodrake.diagnosis.recorded import with_recorded_ranges
@@ -32,6 +32,7 @@ from exodrake.diagnosis.result import (
     AMBIGUOUS,
     NAMED,
     NO_GAP,
+    PARTLY,
     RETUNE,
     UNKNOWN,
     Candidate,
@@ -84,8 +85,7 @@ def diagnose(
             return made
         answered(made)
         try:
-            where = made.where.block if made.verdict == UNKNOWN else ""
-            made = with_law(found.whole, made, discover(found.whole, found, progress, where=where))
+            made = with_law(found.whole, made, discover(found.whole, found, progress))
         except Exception as error:  # whatever the search or generated code raises, the verdict stands
             reason = printable(f"{type(error).__name__}: {error}".splitlines()[0])
             made = replace(made, notes=(*made.notes, f"the search for a missing law failed ({shortened(reason)})"))
@@ -184,14 +184,17 @@ def answer(problem: Problem, found: Isolation, first: Decision, started: float, 
     others = alike(found) if word == RETUNE else {}
     progress(Stage.LOCALISE, "")
     rest = decision.remainder if decision.parts or word == UNKNOWN else Interval(NONE, NONE, NONE)
+    place = remaining(found, best) if word in (PARTLY, UNKNOWN) else Where("")
     made = Diagnosis(
         case=case.name,
         verdict=word,
-        where=localise(problem, found, word, effects),
+        where=localise(found, word, effects),
         effects=effects,
         equivalents=next(((p.effect, *p.rivals) for p in decision.causes if word == AMBIGUOUS and p.rivals), ()),
         # noise_std: RMS beyond noise in closed loop
-        remainder=Remainder(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))),
+        remainder=Remainder(
+            *(rest.value, rest.low, rest.high, float(np.sqrt(max(best.chi2[0] - 1.0, 0.0)))), place.block, place.regime
+        ),
         closure=closure,
         rivals=rivals_of(problem, found, decision, [p for _, p in others.values()]),
         candidates=candidates_of(found),

@@ -10,7 +10,7 @@ import numpy as np
 
 from exodrake.core.signal import JOINTS, TENDONS
 from exodrake.diagnosis.filters import filled
-from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.problem import Problem, Trial, by_trial
 
 BINS = 10
 SLOW = 1.0  # Hz: below it a residual counts as slow
@@ -77,20 +77,16 @@ def explained(residual: np.ndarray, condition: np.ndarray) -> float:
     return float(np.clip(between / total, 0.0, 1.0))
 
 
-def regime(problem: Problem, residuals: dict[str, np.ndarray]) -> dict[str, float]:
-    """Share of the residual that each condition explains, weighted over signals by their power.
-
-    Args:
-        problem: columns, trials and machine.
-        residuals: trial name -> (n, columns) normalised residual.
+def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
+    """Share of what a robot (parameters,) leaves that each condition explains, weighted over signals by their power.
 
     Returns:
         Condition -> share, largest first.
     """
+    residuals = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
     shares: dict[str, float] = {}
     weight = 0.0
-    for trial in problem.fit:
-        residual = residuals[trial.name]
+    for trial, residual in zip(problem.fit, residuals, strict=True):
         for c, column in enumerate(problem.columns):
             power = float(residual[:, c] @ residual[:, c])
             for name, condition in conditions(problem, trial, channel_of(problem, column)).items():

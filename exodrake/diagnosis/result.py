@@ -91,12 +91,16 @@ class Remainder:
         low: lower end of its 90 % interval.
         high: upper end of it.
         noise_std: the same beyond noise, RMS over all channels [noise standard deviations].
+        block: where it is (`localise.remaining`); empty where nothing much is left.
+        regime: condition -> share of its variance that the condition explains.
     """
 
     value: float
     low: float
     high: float
     noise_std: float
+    block: str = ""
+    regime: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, signal_count
 from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
-from exodrake.diagnosis.segment_shares import ORDER, WINDOW
 from exodrake.simulation.simulate import cubic
 
 LOOP = "loop"
+WINDOW, ORDER = 7, 2  # frames and order of the Savitzky-Golay filter that smooths what is fed in
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Section "where" of the report: the part, the segment between measured signals, the condition under which it shows."""
+"""Section "where" of the report: the part, its share, the condition under which it shows."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from exodrake.core.display import SYMBOLS
 from exodrake.data.plot import new_figure
 from exodrake.diagnosis import regime
 from exodrake.diagnosis.result import Diagnosis
-from exodrake.report import number_format as n, wording as w
-from exodrake.report.blocks import Bars, Drawing, shares
+from exodrake.report import wording as w
+from exodrake.report.blocks import Drawing, shares
 from exodrake.report.simulated_logs import IMPROVED, NOMINAL, RETUNED, SimulatedLogs
 from exodrake.report.svg import AFTER, BAND, BEFORE, SOFT, house_style, svg_of
 
@@ -27,18 +27,13 @@ def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
     """Values of the section's template; nothing where there is no place."""
     found = diagnosis.where
     if found.block == "none":
-        return {"wiring": None, "blocks": None, "segments": None, "conditions": None, "scatter": None}
-    by = (
-        "effects of each block close, as linearised or fitted"
-        if diagnosis.effects
-        else "free inputs of each block take up"
-    )
-    caption = f"Share of the gap that {by} (Shapley value)."
+        return {"wiring": None, "blocks": None, "conditions": None, "scatter": None}
+    by = "the effects of each block take up" if diagnosis.effects else "the best effect of each block takes up alone"
+    caption = f"Share of the gap that {by}."
     condition = top_condition(diagnosis, runs)
     return {
         "wiring": wiring(diagnosis, runs),
         "blocks": shares(found.shares, caption) if found.shares else None,
-        "segments": segments(diagnosis, runs),
         "conditions": shares(found.regime) if found.regime else None,
         "scatter": None if condition is None else scatter(condition, w.last_robot(diagnosis)),
     }
@@ -51,24 +46,6 @@ def wiring(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing:
     svg = wiring_svg(runs.problem.robot.machine, diagnosis.where.shares, schedule=False)
     caption = "The fuller the colour of a part, the larger its share of the gap."
     return Drawing(svg, caption, wide=True, alt="parts and signals of the robot")
-
-
-def segments(diagnosis: Diagnosis, runs: SimulatedLogs) -> Bars | None:
-    """Bars of the Shapley shares of segments between measured signals."""
-    found, before = diagnosis.where, "input"
-    if not found.segments:
-        return None
-    titles = {}
-    for segment in runs.problem.robot.machine.segments:
-        if segment.name in found.segments:
-            label = runs.display(segment.output).label.lower()
-            titles[segment.name], before = f"{segment.name}: {before} to {label}", label
-    alone = n.listed([f"{s} {n.digits(v, 2)}" for s, v in found.replay.items()])
-    caption = (
-        "Share of the closed-loop gap that goes where a segment's output is replaced by the measured one (Shapley "
-        f"value). Driven by measured inputs, each segment alone errs by {alone} noise standard deviations (RMS)."
-    )
-    return shares({titles.get(s, s): v for s, v in found.segments.items()}, caption)
 
 
 @dataclass(frozen=True, eq=False)

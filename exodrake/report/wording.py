@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -177,7 +177,7 @@ def cause_words(diagnosis: Diagnosis) -> list[str]:
 
 
 def remainder_words(diagnosis: Diagnosis) -> str:
-    """What the causes and refinements leave; where causes explain a part only, the signal that holds most of it."""
+    """What the causes and refinements leave; where causes explain a part only, its place, regime and worst signal."""
     left = diagnosis.remainder
     if not math.isfinite(left.value):
         return ""
@@ -185,13 +185,13 @@ def remainder_words(diagnosis: Diagnosis) -> str:
     worst = max(diagnosis.closure.signals.items(), key=lambda item: item[1].after / item[1].noise_std, default=None)
     if diagnosis.verdict != PARTLY or worst is None:
         return text
-    name, gap = worst
-    return f"{text}, most on {name} ({digits(gap.after / gap.noise_std, 2)} noise standard deviations)"
+    name, ratio = worst[0], digits(worst[1].after / worst[1].noise_std, 2)
+    within = f" in the {left.block}" if left.block else ""
+    return f"{text}{within}{regime_words(left.regime)}, most on {name} ({ratio} noise standard deviations)"
 
 
-def regime_words(diagnosis: Diagnosis) -> str:
+def regime_words(regime: Mapping[str, float]) -> str:
     """The condition that the error depends on most: `, mostly with direction of motion`; empty without one."""
-    regime = diagnosis.where.regime
     return f", mostly with {max(regime, key=lambda name: regime[name])}" if regime else ""
 
 
@@ -200,7 +200,7 @@ def unknown_words(diagnosis: Diagnosis) -> str:
     where = diagnosis.where
     place = seat(where.wires, where.joints, machine_of(diagnosis))
     within = f" in the {where.block}" if where.block != "none" else ""
-    text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(diagnosis)}"
+    text = f"There is a gap{within}{f' at {place}' if place else ''}{regime_words(where.regime)}"
     explained = 1.0 - diagnosis.remainder.value
     best = min(diagnosis.candidates, key=lambda c: abs(c.share - explained), default=None)
     would = f"; the best set, {best.id}, would explain {share(explained)} of it" if best and explained > 0.005 else ""

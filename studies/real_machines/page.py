@@ -37,14 +37,12 @@ def page(results: list[Result], marks: list[Mark], texts: Texts) -> str:
 def verdict(found: Diagnosis) -> str:
     """Verdict, place, effects with parameters, and closure."""
     place = ", ".join(found.where.joints)
-    shares = "; ".join(f"{s} {v:.0%}" for s, v in found.where.segments.items())
     overall = found.closure.overall
     lines = [
         f"**{found.verdict}**, in the *{found.where.block}*" + (f" ({place})" if place else "") + ".",
         f"Closure on held-out logs {overall.value:.4f} ({overall.low:.4f} to {overall.high:.4f}), "
         f"{found.run_time:.0f} s.",
     ]
-    lines += [f"Shares of the segments between measured signals: {shares}."] if shares else []
     lines += [f"Why: {reason}." for reason in found.reasons]
     rows: list[tuple[str, ...]] = [("effect", "parameter", "joint", "value", "90 % interval")]
     for effect in found.effects:

@@ -107,10 +107,9 @@ class LawFit:
 
 
 def discover(
-    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = (),
-    where: str = "",
-) -> MissingLaw:  # fmt: skip
-    """The law that is missing in a case: the best one in the block where free inputs act, or one that rejects it.
+    problem: Problem, found: Isolation, progress: StageProgress = no_progress, blocks: Collection[str] = ()
+) -> MissingLaw:
+    """The law that is missing in a case: the most likely one at any point.
 
     Laws are sought beside the retuned robot, and beside the best set of effects where that explains half of the gap.
 
@@ -119,7 +118,6 @@ def discover(
         found: its isolation.
         progress: called with the stage and the law that is worked on.
         blocks: of the robot whose points are tried; all where empty.
-        where: block that free inputs beside the retuned robot name, if any.
     """
     accepted = found.best if 1.0 - found.search.left(found.best) >= MOST else found.retuned
     if found.negligible(accepted.explanation.robot):
@@ -134,7 +132,7 @@ def discover(
         likelihood, base = on_machine(found.likelihood, known.explanation, plain, machine)
         tried = candidates(whole, base.robot, laws)
         screened = sorted(side_by_side([partial(screen, likelihood, base, c) for c in tried]), key=lambda s: -s.gain)
-        groups.append((likelihood, base, tried, fit_best(likelihood, base, screened, where, progress)))
+        groups.append((likelihood, base, tried, fit_best(likelihood, base, screened, progress)))
     memory = min((fit.model.memory for *_, fits in groups for fit in fits), default=1.0)
     evidence = [max((fit.evidence(memory) for fit in fits), default=-np.inf) for *_, fits in groups]
     likelihood, base, tried, fits = groups[int(np.argmax(evidence))]
@@ -143,7 +141,7 @@ def discover(
     fits.sort(key=lambda fit: -fit.evidence(memory))
     rest = left_by(base)
     shares = [removed(likelihood, base, fit.explanation) for fit in fits]
-    order = ranked(fits, shares, where)
+    order = ranked(fits, shares)
     fits, shares = [fits[k] for k in order], [shares[k] for k in order]
     best, ids = fits[0], [(fit.candidate.law.learned, fit.candidate.form.words) for fit in fits]
     others = tuple(Runner(*names, share) for names, share in zip(ids, shares, strict=True))
@@ -155,11 +153,7 @@ def discover(
     if p > ALPHA:
         return no(f"no law takes up more than noise lets one (p = {p:.2g})")
     if shares[0] < LARGE:
-        there = f" in {where}, where free inputs act" if where else ""
-        return no(f"the best law{there}, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves")
-    if where and best.block != where and not rejects(fits, shares, where):
-        elsewhere = f"elsewhere {best.candidate.name} removes {shares[0]:.0%}"
-        return no(f"free inputs act in {where}, where no free law does; {elsewhere}")
+        return no(f"the best law, {best.candidate.name}, removes only {shares[0]:.0%} of what {rest} leaves")
     progress(Stage.CLOSURE, best.candidate.name)
     best = on_whole_logs(without_needless(best), whole)
     rival = next((k for k, f in enumerate(fits) if f.block != best.block), None)
@@ -172,10 +166,9 @@ def discover(
     at = candidate.knots[strongest], weights[strongest]
     text = effect_text(candidate.law, candidate.form, *at, problem.case.name, short)
     place = f"{candidate.form.words} at {candidate.law.key}"
-    more = f"; free inputs act in {where}, whose laws it rejects" if where not in ("", best.block) else ""
     return MissingLaw(
         found=True,
-        reason=f"a free law of {place} removes {shares[0]:.0%} of what {rest} leaves{more}",
+        reason=f"a free law of {place} removes {shares[0]:.0%} of what {rest} leaves",
         id=candidate.law.learned,
         words=candidate.form.words,
         unit=candidate.form.unit,
@@ -314,20 +307,16 @@ def fitted(base: Explanation, start: LawFit) -> LawFit:
 
 
 def fit_best(
-    likelihood: Likelihood, base: Explanation, screened: Sequence[Screened], where: str, progress: StageProgress
+    likelihood: Likelihood, base: Explanation, screened: Sequence[Screened], progress: StageProgress
 ) -> list[LawFit]:
-    """The most promising laws fitted, inside a block and outside it; in that of the best law where it is empty."""
+    """The most promising laws fitted, in the block of the best one and outside it."""
     chosen: list[Screened] = []
     for s in (s for s in screened if s.scales.any()):
-        law = s.candidate.law
-        here = [c for c in chosen if c.candidate.law is law]
-        alike = [c for c in chosen if not where or (c.candidate.law.block == where) is (law.block == where)]
-        if len(here) < PER_POINT and len(alike) < (STARTED // 2 if where else STARTED):
+        if sum(c.candidate.law is s.candidate.law for c in chosen) < PER_POINT and len(chosen) < STARTED:
             chosen.append(s)
     starts = side_by_side([partial(started, likelihood, base, s) for s in chosen])
     starts.sort(key=lambda fit: fit.explanation.cost(likelihood))
-    block = where or (starts[0].block if starts else "")
-    inside, outside = [f for f in starts if f.block == block], [f for f in starts if f.block != block]
+    inside, outside = ([f for f in starts if (f.block == starts[0].block) is here] for here in (True, False))
     wanted = [*inside[:FITTED], *outside[:OTHERS]]
     progress(Stage.FIT, ", ".join(dict.fromkeys(f.candidate.law.learned for f in wanted)))
     return side_by_side([partial(fitted, base, f) for f in wanted])
@@ -348,26 +337,14 @@ def lead(share: float, other: float) -> float:
     return 1.0 - (1.0 - share) / max(1.0 - max(other, 0.0), 1e-9)
 
 
-def rejects(fits: Sequence[LawFit], shares: Sequence[float], where: str) -> bool:
-    """Whether a law outside a block takes up more of what the best one inside leaves than wrong laws do."""
-    inside = max((s for f, s in zip(fits, shares, strict=True) if f.block == where), default=0.0)
-    outside = max((s for f, s in zip(fits, shares, strict=True) if f.block != where), default=0.0)
-    return lead(outside, inside) > LEAD
+def ranked(fits: Sequence[LawFit], shares: Sequence[float]) -> list[int]:
+    """Order of fits of falling evidence; the memory of a reading, which imitates any cause, behind another law.
 
-
-def ranked(fits: Sequence[LawFit], shares: Sequence[float], where: str) -> list[int]:
-    """Order of fits of falling evidence: those in the block that free inputs name first, unless another rejects it.
-
-    Before the memory of a reading, which imitates any cause, stands a law that removes as much but for errors of laws.
+    That law removes as much but for errors of laws.
     """
-    plain = [k for k, f in enumerate(fits) if not f.is_memory and shares[k] >= (1.0 - LAW) * shares[0]]
-    if plain and fits[0].is_memory:
-        order = [plain[0], *(k for k in range(len(fits)) if k != plain[0])]
-        again = ranked([fits[k] for k in order], [shares[k] for k in order], where)
-        return [order[k] for k in again]
-    inside = [k for k, f in enumerate(fits) if not where or f.block == where]
-    outside = [k for k in range(len(fits)) if k not in inside]
-    return [*outside, *inside] if where and rejects(fits, shares, where) else [*inside, *outside]
+    order = list(range(len(fits)))
+    plain = [k for k in order if not fits[k].is_memory and shares[k] >= (1.0 - LAW) * shares[0]]
+    return [plain[0], *(k for k in order if k != plain[0])] if plain and fits[0].is_memory else order
 
 
 def without_needless(fit: LawFit) -> LawFit:
