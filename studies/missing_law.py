@@ -18,9 +18,6 @@ from pathlib import Path
 
 import click
 
-from exodrake.blind.case_mix import CaseMix, CasePlan
-from exodrake.blind.catalogue import ENTRIES, blocks_of
-from exodrake.blind.make import case_and_label
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
@@ -31,6 +28,9 @@ from exodrake.diagnosis.isolation import Isolation, isolate
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
+from exodrake.reference.case_mix import CaseMix, CasePlan
+from exodrake.reference.catalogue import ENTRIES, blocks_of
+from exodrake.reference.make import case_and_label
 from exodrake.report import number_format as n
 from studies.missing_law_page import Row, page, restored
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import protocols
-from exodrake.blind.case_mix import MASKED, MIXES, CasePlan, draw_case, plan
-from exodrake.blind.catalogue import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
-from exodrake.blind.commitment import read_committed
-from exodrake.blind.gap import WEAKEST, gap_in_noise
-from exodrake.blind.make import case_and_label
-from exodrake.blind.robot_spec import InjectedFault
-from exodrake.blind.score import score
-from exodrake.blind.simulator import simulate
 from exodrake.cli.main import cli
 from exodrake.data.case import read_case
+from exodrake.reference import protocols
+from exodrake.reference.case_mix import MASKED, MIXES, CasePlan, draw_case, plan
+from exodrake.reference.catalogue import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
+from exodrake.reference.commitment import read_committed
+from exodrake.reference.gap import WEAKEST, gap_in_noise
+from exodrake.reference.make import case_and_label
+from exodrake.reference.robot_spec import InjectedFault
+from exodrake.reference.score import score
+from exodrake.reference.simulator import simulate
 
 
 @pytest.fixture

@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import MIXES
-from exodrake.blind.commitment import read_committed
-from exodrake.blind.score import score
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case
 from exodrake.diagnosis import many
 from exodrake.diagnosis.many import diagnose_one
+from exodrake.reference import make as making, run as running
+from exodrake.reference.case_mix import MIXES
+from exodrake.reference.commitment import read_committed
+from exodrake.reference.score import score
 from tests.short_sets import RUN, answers, write_set
 
 HEALTHY = (MIXES["healthy"],)

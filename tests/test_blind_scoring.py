@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import make as making
-from exodrake.blind.answers import Answered
-from exodrake.blind.case_mix import CaseMix
-from exodrake.blind.commitment import read_committed, write_committed
-from exodrake.blind.matching import is_in_class, is_kind_right, is_truth
-from exodrake.blind.measures import exactly_named, names_too_much, shares_of
-from exodrake.blind.parameter_intervals import interval_score, intervals_of, scale_of
-from exodrake.blind.score import score
-from exodrake.blind.score_table import as_json, as_markdown, as_tables
-from exodrake.blind.shares import Paired, Share, paired
 from exodrake.core.errors import InputError
 from exodrake.core.proportions import binomial_interval
+from exodrake.reference import make as making
+from exodrake.reference.answers import Answered
+from exodrake.reference.case_mix import CaseMix
+from exodrake.reference.commitment import read_committed, write_committed
+from exodrake.reference.matching import is_in_class, is_kind_right, is_truth
+from exodrake.reference.measures import exactly_named, names_too_much, shares_of
+from exodrake.reference.parameter_intervals import interval_score, intervals_of, scale_of
+from exodrake.reference.score import score
+from exodrake.reference.score_table import as_json, as_markdown, as_tables
+from exodrake.reference.shares import Paired, Share, paired
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):

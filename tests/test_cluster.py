@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import MIXES
-from exodrake.blind.commitment import read_committed
 from exodrake.core import parallel
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
+from exodrake.reference import make as making, run as running
+from exodrake.reference.case_mix import MIXES
+from exodrake.reference.commitment import read_committed
 from tests.short_sets import answers, write_set
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

@@ -7,16 +7,16 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.blind.case_mix import CasePlan, DrawnCase
-from exodrake.blind.catalogue import ENTRIES, draw_effect
-from exodrake.blind.commitment import write_committed
-from exodrake.blind.make import label_of
-from exodrake.blind.parameters import TENSION_MAX, draw_parameters
-from exodrake.blind.protocols import clock
-from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
-from exodrake.blind.simulator import assemble
 from exodrake.core.errors import InputError
 from exodrake.machines.write_robot import write_robot
+from exodrake.reference.case_mix import CasePlan, DrawnCase
+from exodrake.reference.catalogue import ENTRIES, draw_effect
+from exodrake.reference.commitment import write_committed
+from exodrake.reference.make import label_of
+from exodrake.reference.parameters import TENSION_MAX, draw_parameters
+from exodrake.reference.protocols import clock
+from exodrake.reference.robot_spec import InjectedFault, Protocol, RobotSpec
+from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command
 from studies.transfer.control_task import by_cost, cost, motion, own_gains, predicted

@@ -5,9 +5,9 @@ from math import cos, sin
 import numpy as np
 from numba import njit
 
-from exodrake.blind import joint_torques as joints, tendons as paths
-from exodrake.blind.chain import inverse_dynamics, mass_matrix
-from exodrake.blind.records import (  # fmt: skip
+from exodrake.reference import joint_torques as joints, tendons as paths
+from exodrake.reference.chain import inverse_dynamics, mass_matrix
+from exodrake.reference.records import (  # fmt: skip
     ANGLE,
     CELL,
     CELL_SECOND,

@@ -4,7 +4,7 @@ from math import atan, cos, exp, log1p, sin, sqrt, tanh
 
 from numba import njit
 
-from exodrake.blind.records import (  # fmt: skip
+from exodrake.reference.records import (  # fmt: skip
     BRISTLE,
     CAPSTAN,
     CREEP_FAST,

@@ -6,9 +6,9 @@ numba's cache of `run` looks at this file only: after a change in field, paths, 
 import numpy as np
 from numba import njit
 
-from exodrake.blind.dynamics import FRAME
-from exodrake.blind.integrate import advance, workspace
-from exodrake.blind.records import ANGLE, CELL, CELL_DRIFT, RATE, THETA
+from exodrake.reference.dynamics import FRAME
+from exodrake.reference.integrate import advance, workspace
+from exodrake.reference.records import ANGLE, CELL, CELL_DRIFT, RATE, THETA
 
 SLOT = 0.002
 FULL_SCALE = 20.0  # N, where the cell's bow returns to zero (effects.md)

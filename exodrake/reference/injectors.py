@@ -7,8 +7,8 @@ become their constants.
 
 import numpy as np
 
-from exodrake.blind.parameters import settle_routing
-from exodrake.blind.records import CELL_DRIFT, JOINTS, TREMOR_PHASE, WIRES
+from exodrake.reference.parameters import settle_routing
+from exodrake.reference.records import CELL_DRIFT, JOINTS, TREMOR_PHASE, WIRES
 
 GRAVITY = 9.81  # m/s2
 MIDDLE_LOAD = 4.0  # N, load at which a stiffening garment's secant stiffness is the stated one [A]

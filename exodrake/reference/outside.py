@@ -6,7 +6,7 @@ than effects.md lists.
 
 import numpy as np
 
-from exodrake.blind.records import MARKER_SHIFT, REST_SHIFT, ROUTER_SHIFT, STIFFENED, SUPPLY, VOLUNTARY, WIRE_SHIFT
+from exodrake.reference.records import MARKER_SHIFT, REST_SHIFT, ROUTER_SHIFT, STIFFENED, SUPPLY, VOLUNTARY, WIRE_SHIFT
 
 FRAME = 0.02
 

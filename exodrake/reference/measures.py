@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.answers import FAILURE, Answered
-from exodrake.blind.matching import (
+from exodrake.reference.answers import FAILURE, Answered
+from exodrake.reference.matching import (
     accepted_blocks,
     accepted_ids,
     causes_of,
@@ -22,8 +22,8 @@ from exodrake.blind.matching import (
     named_ids,
     rivals_of,
 )
-from exodrake.blind.parameter_intervals import ParameterInterval, intervals_of
-from exodrake.blind.shares import Share
+from exodrake.reference.parameter_intervals import ParameterInterval, intervals_of
+from exodrake.reference.shares import Share
 
 NO_EFFECT = ("NO_GAP", "RETUNE")
 LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exodrake.blind.injectors import LIBRARY_INJECTORS
-from exodrake.blind.outside import OUTSIDE_INJECTORS
-from exodrake.blind.records import JOINTS, WIRES
-from exodrake.blind.robot_spec import InjectedFault
+from exodrake.reference.injectors import LIBRARY_INJECTORS
+from exodrake.reference.outside import OUTSIDE_INJECTORS
+from exodrake.reference.records import JOINTS, WIRES
+from exodrake.reference.robot_spec import InjectedFault
 
 INJECTORS = LIBRARY_INJECTORS | OUTSIDE_INJECTORS
 ONE_ONLY = 0.4  # share of draws that sit on one wire or joint

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from exodrake.blind.catalogue import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, block_of, draw_effect
-from exodrake.blind.parameters import draw_parameters
-from exodrake.blind.protocols import protocols_of
-from exodrake.blind.robot_spec import Protocol, RobotSpec
 from exodrake.core.errors import InputError
+from exodrake.reference.catalogue import LIBRARY, MARKER_FAULTS, OUTSIDE, WITHOUT_STRENGTH, block_of, draw_effect
+from exodrake.reference.parameters import draw_parameters
+from exodrake.reference.protocols import protocols_of
+from exodrake.reference.robot_spec import Protocol, RobotSpec
 
 MASKED = (
     {"tendon.capstan_friction", "tendon.coulomb_friction"}, {"tendon.coulomb_friction", "tendon.stribeck_friction"},

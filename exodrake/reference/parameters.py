@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exodrake.blind.records import ROBOT
+from exodrake.reference.records import ROBOT
 
 # name: (value, relative standard deviation). SI. Values: model.md, "Numbers". Tolerance 3 % [A]; a
 # machined spool less [A]; what is set or counted, none.

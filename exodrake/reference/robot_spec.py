@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.parameters import draw_parameters
+from exodrake.reference.parameters import draw_parameters
 
 FRAME = 0.02
 

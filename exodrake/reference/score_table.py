@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from exodrake.blind.measures import Quantity
-from exodrake.blind.score import Group, Score
-from exodrake.blind.shares import Paired, Share
 from exodrake.core.markdown import markdown_table
 from exodrake.core.plural import plural
+from exodrake.reference.measures import Quantity
+from exodrake.reference.score import Group, Score
+from exodrake.reference.shares import Paired, Share
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -12,16 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.parameters import (
+from exodrake.core.errors import InputError
+from exodrake.reference.parameters import (
     NOISE_ANGLE,
     NOISE_FORCE,
     QUANTUM_THETA,
     SPOOL_CONFIGURED,
     robot_record,
 )
-from exodrake.blind.records import ANGLE, INPUT_SIZE, JOINTS, MARKER_SHIFT, STATE_SIZE, THETA, WIRES, tolerance_vector
-from exodrake.blind.robot_spec import FRAME, Protocol, RobotSpec
-from exodrake.core.errors import InputError
+from exodrake.reference.records import (
+    ANGLE,
+    INPUT_SIZE,
+    JOINTS,
+    MARKER_SHIFT,
+    STATE_SIZE,
+    THETA,
+    WIRES,
+    tolerance_vector,
+)
+from exodrake.reference.robot_spec import FRAME, Protocol, RobotSpec
 
 
 @dataclass
@@ -47,7 +56,7 @@ class Build:
 
 def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
     """Assemble a robot for a log of so many frames; effects with random courses draw them from rng."""
-    from exodrake.blind.catalogue import INJECTORS
+    from exodrake.reference.catalogue import INJECTORS
 
     time = FRAME * np.arange(frames + 2)
     build = Build(
@@ -63,7 +72,7 @@ def assemble(spec: RobotSpec, frames: int, rng: np.random.Generator) -> Build:
 
 def initial_state(record):
     """At rest, every wire just taut at q0 (model.md, Numbers)."""
-    from exodrake.blind.tendons import router, wound
+    from exodrake.reference.tendons import router, wound
 
     y = np.zeros(STATE_SIZE)
     y[ANGLE : ANGLE + 3] = record["rest"]
@@ -120,7 +129,7 @@ def simulate(spec: RobotSpec, protocol: Protocol, seed: int | list[int]) -> dict
     Raises:
         InputError: For an unknown effect, or a robot that cannot be integrated.
     """
-    from exodrake.blind.control_loop import run
+    from exodrake.reference.control_loop import run
 
     reference = np.ascontiguousarray(protocol.reference, float)
     frames = len(reference)

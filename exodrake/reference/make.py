@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.case_mix import MIXES, CaseMix, CasePlan, DrawnCase, plan
-from exodrake.blind.catalogue import ENTRIES, blocks_of, channels_of
-from exodrake.blind.commitment import COMMITMENT, write_committed
-from exodrake.blind.gap import Gaps, kind_of, visible_case
-from exodrake.blind.records import JOINTS, WIRES
-from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
 from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
+from exodrake.reference.case_mix import MIXES, CaseMix, CasePlan, DrawnCase, plan
+from exodrake.reference.catalogue import ENTRIES, blocks_of, channels_of
+from exodrake.reference.commitment import COMMITMENT, write_committed
+from exodrake.reference.gap import Gaps, kind_of, visible_case
+from exodrake.reference.records import JOINTS, WIRES
+from exodrake.reference.simulator import simulate, warm_up
 
 Label = dict[str, Any]
 DECIMALS = {

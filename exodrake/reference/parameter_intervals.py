@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from exodrake.blind.answers import Answered
-from exodrake.blind.catalogue import ENTRIES
-from exodrake.blind.matching import Diagnosis, Truth, causes_of
+from exodrake.reference.answers import Answered
+from exodrake.reference.catalogue import ENTRIES
+from exodrake.reference.matching import Diagnosis, Truth, causes_of
 
 ALPHA = 0.1  # of a 90 % interval
 

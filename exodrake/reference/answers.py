@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from exodrake.blind.case_mix import VISIBLE
-from exodrake.blind.commitment import COMMITMENT, read_committed
-from exodrake.blind.matching import Diagnosis, Truth
-from exodrake.blind.run import ANSWER, FAILED, cases_of
 from exodrake.core.errors import InputError
 from exodrake.core.json_file import read_json
 from exodrake.core.schema import having, listing, names, number, optional, text
+from exodrake.reference.case_mix import VISIBLE
+from exodrake.reference.commitment import COMMITMENT, read_committed
+from exodrake.reference.matching import Diagnosis, Truth
+from exodrake.reference.run import ANSWER, FAILED, cases_of
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
 BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))

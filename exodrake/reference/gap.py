@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.blind.case_mix import CaseMix, CasePlan, DrawnCase, draw_case
-from exodrake.blind.catalogue import weakened
-from exodrake.blind.robot_spec import RobotSpec
-from exodrake.blind.simulator import simulate
+from exodrake.reference.case_mix import CaseMix, CasePlan, DrawnCase, draw_case
+from exodrake.reference.catalogue import weakened
+from exodrake.reference.robot_spec import RobotSpec
+from exodrake.reference.simulator import simulate
 
 Log = dict[str, np.ndarray]  # column -> values (n,) [SI]
 Gaps = dict[str, float]  # signal -> gap [noise standard deviations]

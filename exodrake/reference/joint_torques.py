@@ -4,7 +4,7 @@ from math import cos, cosh, exp, log1p, sin, sinh
 
 from numba import njit
 
-from exodrake.blind.records import (
+from exodrake.reference.records import (
     ANGLE,
     JOINT_LOSS,
     RATE,
@@ -15,7 +15,7 @@ from exodrake.blind.records import (
     TREMOR_PHASE,
     VOLUNTARY,
 )
-from exodrake.blind.tendons import FULL_TURN
+from exodrake.reference.tendons import FULL_TURN
 
 SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from exodrake.blind.answers import FAILURE, Answered, read_answers, read_labels
-from exodrake.blind.matching import named_ids
-from exodrake.blind.measures import Quantity, baselines_of, quantities_of, right, shares_of
-from exodrake.blind.shares import Paired, Share, paired
+from exodrake.reference.answers import FAILURE, Answered, read_answers, read_labels
+from exodrake.reference.matching import named_ids
+from exodrake.reference.measures import Quantity, baselines_of, quantities_of, right, shares_of
+from exodrake.reference.shares import Paired, Share, paired
 
 
 @dataclass(frozen=True)

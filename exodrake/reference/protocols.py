@@ -7,8 +7,8 @@ all wires that resembles nothing in the fit.
 
 import numpy as np
 
-from exodrake.blind.parameters import TENSION_MAX, TENSION_MIN
-from exodrake.blind.robot_spec import FRAME, Protocol
+from exodrake.reference.parameters import TENSION_MAX, TENSION_MIN
+from exodrake.reference.robot_spec import FRAME, Protocol
 
 SEGMENT = 5.0  # s, one sweep up and down (physics.md claim 13)
 HOLD = 8.0  # s, mean duration of one level
