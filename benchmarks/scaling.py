@@ -28,7 +28,7 @@ from exodrake.core.parallel import each
 from exodrake.core.threads import one_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
-from exodrake.reference.case_mix import CasePlan
+from exodrake.reference.cases import CasePlan
 from exodrake.reference.make import case_and_label
 
 FRICTION = ("single", ("tendon.capstan_friction",))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.matching import causes_of, rivals_of
+from exodrake.reference.measures import causes_of, rivals_of
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case

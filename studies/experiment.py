@@ -21,14 +21,14 @@ import click
 import numpy as np
 
 from exodrake.cli.main import OneLineErrors
-from exodrake.reference.matching import found_ids
+from exodrake.reference.measures import found_ids
 from studies.experiment_page import DESIGNED, MOTIONS, page, said
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Rival
     from exodrake.experiment.contest import Contest
-    from exodrake.reference.robot_spec import RobotSpec
+    from exodrake.reference.robot import RobotSpec
 
 LOG_SEED = 9  # of the noise of further logs
 SAME = 1.0  # T of two laws that write the same log: less than noise
@@ -114,7 +114,7 @@ def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
     from exodrake.reference.make import rounded
-    from exodrake.reference.robot_spec import Protocol
+    from exodrake.reference.robot import Protocol
     from exodrake.reference.simulator import simulate
 
     columns = rounded(simulate(spec, Protocol(EXPERIMENT, reference), LOG_SEED))
@@ -127,7 +127,7 @@ def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
 def ambiguous(folder: Path) -> list[Path]:
     """Cases of a set whose stored answer is ambiguous."""
     from exodrake.core.json_file import read_json
-    from exodrake.reference.run import ANSWER, cases_of
+    from exodrake.reference.answers import ANSWER, cases_of
 
     answered = [case for case in cases_of(folder) if (case / ANSWER).is_file()]
     return [case for case in answered if read_json(case / ANSWER).get("verdict") == "AMBIGUOUS"]
@@ -187,7 +187,7 @@ def of_case(
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.reference.run import ANSWER
+    from exodrake.reference.answers import ANSWER
     from studies.transfer.study import withheld
 
     label, machine = labels.get("cases", labels)[case.name], load_robot().machine

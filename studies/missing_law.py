@@ -28,8 +28,8 @@ from exodrake.diagnosis.isolation import Isolation, isolate
 from exodrake.diagnosis.linearise import linearise
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.machines.robot_file import load_robot
-from exodrake.reference.case_mix import CaseMix, CasePlan
-from exodrake.reference.catalogue import ENTRIES, blocks_of
+from exodrake.reference.cases import CaseMix, CasePlan
+from exodrake.reference.faults import ENTRIES, blocks_of
 from exodrake.reference.make import case_and_label
 from exodrake.report import number_format as n
 from studies.missing_law_page import Row, page, restored

@@ -16,10 +16,9 @@ import exodrake as exo
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.reference.cases import wander
 from exodrake.reference.make import rounded
-from exodrake.reference.parameters import draw_parameters
-from exodrake.reference.protocols import wander
-from exodrake.reference.robot_spec import InjectedFault, RobotSpec
+from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
 from exodrake.reference.simulator import simulate as simulate_reference
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine

@@ -5,7 +5,7 @@ from functools import cache
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog, write_case
-from exodrake.reference.commitment import write_committed
+from exodrake.reference.answers import write_committed
 
 FRAMES = 150  # 3 s
 RUSTY = {"mu_phi": 0.3}

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from exodrake.reference.chain import inverse_dynamics, mass_matrix
-from exodrake.reference.parameters import draw_parameters
-from exodrake.reference.robot_spec import RobotSpec
+from exodrake.reference.dynamics import inverse_dynamics, mass_matrix
+from exodrake.reference.robot import RobotSpec, draw_parameters
 from exodrake.reference.simulator import assemble
 
 GRAVITY = (1.5, -9.0)

@@ -9,13 +9,12 @@ from click.testing import CliRunner
 
 from exodrake.cli.main import cli
 from exodrake.data.case import read_case
-from exodrake.reference import protocols
-from exodrake.reference.case_mix import MASKED, MIXES, CasePlan, draw_case, plan
-from exodrake.reference.catalogue import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
-from exodrake.reference.commitment import read_committed
-from exodrake.reference.gap import WEAKEST, gap_in_noise
-from exodrake.reference.make import case_and_label
-from exodrake.reference.robot_spec import InjectedFault
+from exodrake.reference import cases
+from exodrake.reference.answers import read_committed
+from exodrake.reference.cases import MASKED, MIXES, CasePlan, draw_case, plan
+from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
+from exodrake.reference.make import WEAKEST, case_and_label, gap_in_noise
+from exodrake.reference.robot import InjectedFault
 from exodrake.reference.score import score
 from exodrake.reference.simulator import simulate
 
@@ -24,7 +23,7 @@ from exodrake.reference.simulator import simulate
 def short(monkeypatch):
     """Motions of a few seconds."""
     for name, seconds in (("SWEEPS", 15.0), ("CHIRP", 3.0), ("HOLDS", 4.0), ("GRASPS", 6.0)):
-        monkeypatch.setattr(protocols, name, seconds)
+        monkeypatch.setattr(cases, name, seconds)
 
 
 def test_the_standard_set_of_a_seed_stays_as_published():

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from exodrake.reference.records import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.reference.robot_spec import InjectedFault, RobotSpec
+from exodrake.reference.robot import INPUT_SIZE, STATE_SIZE, InjectedFault, RobotSpec, tolerance_vector
 from exodrake.reference.simulator import assemble, initial_state
 
 

@@ -8,12 +8,10 @@ from shared_data import data_folder, needs_data
 
 from exodrake.core.errors import InputError
 from exodrake.machines.exo_index.machine import machine as exo_index
-from exodrake.reference.case_mix import CaseMix, draw_case, plan
-from exodrake.reference.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
-from exodrake.reference.gap import gap_in_noise
-from exodrake.reference.parameters import draw_parameters
-from exodrake.reference.protocols import grasps, protocols_of
-from exodrake.reference.robot_spec import FRAME, InjectedFault, Protocol, RobotSpec
+from exodrake.reference.cases import CaseMix, draw_case, grasps, plan, protocols_of
+from exodrake.reference.faults import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
+from exodrake.reference.make import gap_in_noise
+from exodrake.reference.robot import FRAME, InjectedFault, Protocol, RobotSpec, draw_parameters
 from exodrake.reference.simulator import simulate
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
@@ -125,7 +123,7 @@ def test_parameters_bear_the_librarys_names():
 
 def test_friction_gains_no_energy_from_a_load_that_changes():
     """In under 2 N, out under 10 N, within the presliding travel: work done on the contact never falls below 0."""
-    from exodrake.reference.tendons import held, rub_rate
+    from exodrake.reference.dynamics import held, rub_rate
 
     friction, stiffness, dt = 0.2, 4000.0, 2e-5
     force = work = least = 0.0

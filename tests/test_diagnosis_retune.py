@@ -6,7 +6,7 @@ from exodrake.diagnosis.isolation import retune
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
-from exodrake.reference.case_mix import MIXES, CasePlan
+from exodrake.reference.cases import MIXES, CasePlan
 from exodrake.reference.make import case_and_label
 
 

@@ -9,13 +9,11 @@ from click.testing import CliRunner
 import exodrake as exo
 from exodrake.core.errors import InputError
 from exodrake.machines.write_robot import write_robot
-from exodrake.reference.case_mix import CasePlan, DrawnCase
-from exodrake.reference.catalogue import ENTRIES, draw_effect
-from exodrake.reference.commitment import write_committed
+from exodrake.reference.answers import write_committed
+from exodrake.reference.cases import CasePlan, DrawnCase, clock
+from exodrake.reference.faults import ENTRIES, draw_effect
 from exodrake.reference.make import label_of
-from exodrake.reference.parameters import TENSION_MAX, draw_parameters
-from exodrake.reference.protocols import clock
-from exodrake.reference.robot_spec import InjectedFault, Protocol, RobotSpec
+from exodrake.reference.robot import TENSION_MAX, InjectedFault, Protocol, RobotSpec, draw_parameters
 from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command

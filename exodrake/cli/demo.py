@@ -86,7 +86,7 @@ def grasp(console: Console, folder: Path) -> None:
 
 def hide(console: Console, out: Path, seed: int) -> None:
     """Makes one case with one injected effect by the reference simulator, and commits to its label."""
-    from exodrake.reference.commitment import write_committed
+    from exodrake.reference.answers import write_committed
     from exodrake.reference.make import make_case
     from exodrake.reference.simulator import warm_up
 
@@ -102,8 +102,8 @@ def case_plan(seed: int) -> Any:
     """The plan of a case with a single effect, drawn by the seed."""
     import numpy as np
 
-    from exodrake.reference.case_mix import CasePlan
-    from exodrake.reference.catalogue import LIBRARY
+    from exodrake.reference.cases import CasePlan
+    from exodrake.reference.faults import LIBRARY
 
     identity = str(np.random.default_rng([seed, 0]).choice(list(LIBRARY)))
     return CasePlan(CASE, (seed, 1), "single", (identity,), False)
@@ -130,8 +130,8 @@ def diagnose(out: Path) -> Diagnosis:
 
 def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     """Reads the label, and prints whether the verdict was right."""
-    from exodrake.reference.commitment import read_committed
-    from exodrake.reference.matching import accepted_ids, found_ids
+    from exodrake.reference.answers import read_committed
+    from exodrake.reference.measures import accepted_ids, found_ids
     from exodrake.report.number_format import listed
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]

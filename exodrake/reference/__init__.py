@@ -3,8 +3,6 @@
 It shares no equation with the main model: continuous time, error-controlled integration, recursive Newton-Euler for the
 finger, other functional forms of every effect, and faults outside the library.
 
-simulator.py simulates one robot; dynamics.py, chain.py, tendons.py, joint_torques.py and control_loop.py hold its
-physics; catalogue.py says what can be injected; case_mix.py plans a set and gap.py sizes its effects; make.py, run.py
-and score.py are the commands, of which the last rests on answers.py, matching.py, measures.py, shares.py and
-parameter_intervals.py.
+robot.py holds a robot, dynamics.py, integrate.py and simulator.py simulate it, faults.py says what can be injected.
+cases.py plans a set and make.py writes it; answers.py, measures.py and score.py judge its diagnoses.
 """

@@ -1,18 +1,93 @@
-"""Answers to a blind set beside their labels."""
+"""Answers to a blind set beside their labels, to which a salted SHA-256 is published with the cases.
+
+The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. `run`
+diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import secrets
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes
 from exodrake.core.json_file import read_json
-from exodrake.core.schema import having, listing, names, number, optional, text
-from exodrake.reference.case_mix import VISIBLE
-from exodrake.reference.commitment import COMMITMENT, read_committed
-from exodrake.reference.matching import Diagnosis, Truth
-from exodrake.reference.run import ANSWER, FAILED, cases_of
+from exodrake.core.progress import Count, no_progress
+from exodrake.core.schema import anything, flag, having, listing, names, number, optional, text
+from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
+from exodrake.reference.cases import VISIBLE
+
+Truth = dict[str, Any]  # one true effect, as the labels give it
+Diagnosis = dict[str, Any]  # an answer, as its JSON gives it
+COMMITMENT = "seal.txt"  # in the folder of a set
+
+SEATS = listing(text())
+TRUE_EFFECT = having(
+    {"id": text(), "block": text(), "blocks": SEATS, "wires": SEATS, "joints": SEATS, "parameters": names(number()),
+     "exact": flag, "gap": number()},
+    required=("id", "block", "wires", "joints", "parameters", "exact", "gap"),
+)  # fmt: skip
+LABEL = having({"kind": text(), "mix": text(), "effects": listing(TRUE_EFFECT)}, required=("kind", "effects"))
+LABELS = having({"salt": text(), "cases": anything}, required=("salt", "cases"))
+
+
+def digest(cases: dict[str, Any], salt: str) -> str:
+    """Commitment: SHA-256 over salt and canonical JSON."""
+    canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256((salt + canonical).encode(errors="surrogatepass")).hexdigest()
+
+
+def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> None:
+    """Write labels with a fresh salt, and the commitment."""
+    from exodrake.core.files import write_text
+
+    salt = secrets.token_hex(32)
+    write_text(labels, json.dumps({"salt": salt, "cases": cases}, indent=1) + "\n")
+    write_text(commitment, digest(cases, salt) + "\n")
+
+
+def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]:
+    """Labels by case. InputError if a file is missing or malformed, or if the labels have changed."""
+    labels, commitment = Path(labels), Path(commitment)
+    for path in (labels, commitment):
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+    stored = LABELS(read_json(labels), str(labels))
+    cases, salt = stored["cases"], stored["salt"]
+    if digest(cases, salt).encode() != read_bytes(commitment).strip():
+        raise InputError(f"{labels}: the labels are not those committed in {commitment}")
+    return names(LABEL)(cases, str(labels))
+
+
+def cases_of(folder: str | Path) -> list[Path]:
+    """Case folders of a set, sorted. InputError if there is none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    cases = sorted(path.parent for path in folder.glob("*/case.yaml") if not path.parent.name.startswith("."))
+    if not cases:
+        raise InputError(f"{folder}: no case in it (a folder with case.yaml)")
+    return cases
+
+
+def run(
+    folder: str | Path,
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Count = no_progress,
+    redo: bool = False,
+) -> dict[str, str]:
+    """Diagnose the unfinished cases of a set; arguments and errors are those of `cases_of` and `diagnose_all`.
+
+    Returns:
+        Case -> reason, for those that failed.
+    """
+    return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)
+
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
 BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))

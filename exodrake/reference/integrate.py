@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from exodrake.reference.dynamics import derivative
-from exodrake.reference.records import INPUT_SIZE
+from exodrake.reference.robot import INPUT_SIZE
 
 RELATIVE = 1e-3
 RADIUS = 1.5e4  # 1/s, guess of the spectral radius, with a margin for drawn parameters

@@ -1,29 +1,259 @@
-"""Measures of the answers to a blind set: shares of cases, quantities, and trivial answers to compare with."""
+"""Measures of the answers to a blind set: what counts as the truth, shares of cases, intervals, quantities.
+
+Causes are what counts. Answers of older versions state no `role`: all their effects are causes, and `equivalents` is
+the class of the whole set. Shares have exact binomial intervals and are compared in pairs (McNemar 1947, exact test).
+Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery 2007, eq. 43), smaller is better:
+
+    S = u - l + 2 / alpha (l - x) [x < l] + 2 / alpha (x - u) [x > u]
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
 from typing import Any
 
 import numpy as np
 
-from exodrake.reference.answers import FAILURE, Answered
-from exodrake.reference.matching import (
-    accepted_blocks,
-    accepted_ids,
-    causes_of,
-    first_ids,
-    found_ids,
-    is_in_class,
-    is_kind_right,
-    is_truth,
-    named_ids,
-    rivals_of,
-)
-from exodrake.reference.parameter_intervals import ParameterInterval, intervals_of
-from exodrake.reference.shares import Share
+from exodrake.core.proportions import binomial_interval
+from exodrake.diagnosis.result import CAUSE
+from exodrake.diagnosis.search import kind_of
+from exodrake.machines.robot_file import load_robot
+from exodrake.reference.answers import FAILURE, Answered, Diagnosis, Truth
+from exodrake.reference.faults import ENTRIES
+
+
+def accepted_ids(truth: Truth) -> set[str]:
+    """Ids that count as right for a true effect: itself and what is provably inseparable from it.
+
+    A slack wire and a negative homing offset give the same log (effects.md, "Not separable"). A wire that is softer
+    than nominal, which stands for a compliance, is a parameter and has no id.
+    """
+    name = truth["id"]
+    if name == "tendon.slack":
+        return {name, "encoder.homing_offset"}
+    if name == "encoder.homing_offset" and truth["parameters"]["offset"] < 0:
+        return {name, "tendon.slack"}
+    return {name}
+
+
+def accepted_blocks(truth: Truth) -> set[str]:
+    """Blocks that count as right for a true effect; none where old labels do not say where an outside fault acts."""
+    return {*truth.get("blocks", ()), *(name.split(".")[0] for name in accepted_ids(truth))} - {"outside"}
+
+
+def causes_of(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Effects that an answer calls causes, best first."""
+    return [e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE]
+
+
+def rivals_of(cause: dict[str, Any]) -> tuple[str, ...]:
+    """Ids of the rivals of a cause."""
+    return tuple(rival["id"] for rival in cause.get("rivals") or ())
+
+
+def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the causes, best first."""
+    return tuple(cause["id"] for cause in causes_of(diagnosis))
+
+
+def first_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the set that comes first, whatever the verdict: the causes, else the best fitted set with an effect."""
+    sets = (one["id"] for one in diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
+    return named_ids(diagnosis) or tuple(next(sets, "").split(" + "))
+
+
+def found_ids(diagnosis: Diagnosis) -> set[str]:
+    """Ids of all causes and of their rivals."""
+    equivalents = (i for name in diagnosis.get("equivalents") or () for i in name.split(" + "))
+    return {*named_ids(diagnosis), *equivalents, *(i for cause in causes_of(diagnosis) for i in rivals_of(cause))}
+
+
+def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
+    """Tell whether each true effect is a cause of its own, or among the rivals of one."""
+    causes = causes_of(diagnosis)
+    if diagnosis.get("equivalents") and not any(map(rivals_of, causes)):  # an older version
+        return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
+    classes = [{cause["id"], *rivals_of(cause)} for cause in causes]
+    return any(
+        all(accepted_ids(truth) & one for truth, one in zip(truths, order))
+        for order in permutations(classes, len(truths))
+    )
+
+
+@cache
+def kinds() -> dict[str, str]:
+    """Kind of each effect of the library by its id."""
+    return {effect.id: kind_of(effect) for effect in load_robot().machine.effects}
+
+
+def kind_and_block(identity: str) -> tuple[str, str]:
+    """Kind of an effect by its id, and its block."""
+    return kinds().get(identity, identity), identity.split(".")[0]
+
+
+def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
+    """Tell whether the causes are of the kinds and in the blocks of the true effects, whatever their laws.
+
+    A cause whose rivals are of another kind or block states none.
+    """
+    stated = []
+    for cause in causes_of(diagnosis):
+        found = {kind_and_block(i) for i in (cause["id"], *rivals_of(cause))}
+        stated.append(found.pop() if len(found) == 1 else None)
+    right = [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths]
+    return len(stated) == len(right) and any(
+        all(one in accepted for one, accepted in zip(order, right)) for order in permutations(stated)
+    )
+
+
+def is_truth(truths: Sequence[Truth], ids: Sequence[str]) -> bool:
+    """Tell whether a set of effects is the true one: an accepted id for each true effect, and nothing else."""
+    return len(ids) == len(truths) and any(
+        all(name in accepted_ids(truth) for truth, name in zip(truths, order)) for order in permutations(ids)
+    )
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of the cases in which something holds.
+
+    Attributes:
+        name: Name of the measure.
+        outcomes: Case (or a part of one) -> whether it holds.
+        wanted: Goal, in words.
+    """
+
+    name: str
+    outcomes: Mapping[Hashable, bool]
+    wanted: str = ""
+
+    @property
+    def hits(self) -> int:
+        """Number of cases in which it holds."""
+        return sum(map(bool, self.outcomes.values()))
+
+    @property
+    def total(self) -> int:
+        """Number of cases."""
+        return len(self.outcomes)
+
+    @property
+    def value(self) -> float:
+        """Share; NaN for no cases."""
+        return self.hits / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the share."""
+        return binomial_interval(self.hits, self.total)
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Two shares on the same cases: in how many both hold, only the first, only the second, neither."""
+
+    name: str
+    both: int
+    first: int
+    second: int
+    neither: int
+
+    @property
+    def p(self) -> float:
+        """Two-sided p-value of equal shares: the cases in which one holds alone are a fair coin (McNemar)."""
+        from scipy.stats import binomtest
+
+        differing = self.first + self.second
+        return float(binomtest(self.first, differing).pvalue) if differing else 1.0
+
+
+def paired(first: Share, second: Share, name: str = "") -> Paired:
+    """Pair two shares on the cases that both count."""
+    pairs = [
+        (bool(first.outcomes[key]), bool(second.outcomes[key])) for key in first.outcomes if key in second.outcomes
+    ]
+    cells = (pairs.count(cell) for cell in ((True, True), (True, False), (False, True), (False, False)))
+    return Paired(name or first.name, *cells)
+
+
+ALPHA = 0.1  # of a 90 % interval
+
+
+def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -> float:
+    """Interval score in the unit of the parameter."""
+    return high - low + 2 / alpha * (max(low - true, 0.0) + max(true - high, 0.0))
+
+
+@dataclass(frozen=True)
+class ParameterInterval:
+    """A stated 90 % interval beside the true value.
+
+    Attributes:
+        key: Case, effect, parameter, and channel or None.
+        exact: Whether the parameter means the same in the law of the reference simulator.
+        low: Lower end.
+        high: Upper end.
+        true: True value.
+        scale: Magnitude of the parameter.
+    """
+
+    key: tuple[str, str, str, str | None]
+    exact: bool
+    low: float
+    high: float
+    true: float
+    scale: float
+
+    @property
+    def covers(self) -> bool:
+        """Whether the interval holds the true value."""
+        return self.low <= self.true <= self.high
+
+    @property
+    def half_width(self) -> float:
+        """Half width relative to the parameter."""
+        return (self.high - self.low) / 2 / self.scale
+
+    @property
+    def score(self) -> float:
+        """Interval score relative to the parameter."""
+        return interval_score(self.low, self.high, self.true) / self.scale
+
+
+def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
+    """Stated intervals of the effects that are named by their true id."""
+    for truth in case.truths:
+        for name, true in truth["parameters"].items():
+            for channel, bounds in stated(name, truth, case.diagnosis):
+                low, high = bounds.get("low"), bounds.get("high")
+                if low is not None and high is not None:
+                    key, scale = (case.name, truth["id"], name, channel), scale_of(truth["id"], name, true)
+                    yield ParameterInterval(key, bool(truth["exact"]), low, high, true, scale)
+
+
+def stated(name: str, truth: Truth, diagnosis: Diagnosis) -> Iterator[tuple[str | None, dict[str, Any]]]:
+    """Channel and interval of a parameter, for the channels of the truth; without channels the overall interval."""
+    for effect in causes_of(diagnosis):
+        if effect["id"] != truth["id"]:
+            continue
+        channels = (effect.get("channels") or {}).get(name)
+        seat = (*truth["wires"], *truth["joints"])
+        if channels:
+            yield from ((channel, bounds) for channel, bounds in channels.items() if not seat or channel in seat)
+        elif overall := (effect.get("parameters") or {}).get(name):
+            yield None, overall
+
+
+def scale_of(effect_id: str, name: str, true: float) -> float:
+    """Magnitude of a parameter: the true value, or the bound of the drawn range where this goes through zero."""
+    ranges = ENTRIES[effect_id].ranges if effect_id in ENTRIES else {}
+    low, high = ranges.get(name, (0.0, 0.0))
+    return max(abs(true), -low, high) if low < 0 else abs(true)
+
 
 NO_EFFECT = ("NO_GAP", "RETUNE")
 LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width

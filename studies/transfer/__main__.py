@@ -18,7 +18,7 @@ from exodrake.cli.options import AnyPath
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.progress import counted
-from exodrake.reference.score_table import markdown as markdown_of
+from exodrake.reference.score import markdown as markdown_of
 from exodrake.report.terminal import table
 from studies.transfer.control_task import TUNERS
 from studies.transfer.study import transfer

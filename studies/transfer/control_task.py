@@ -18,10 +18,8 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
-from exodrake.reference.parameters import NOMINAL, TENSION_MAX
-from exodrake.reference.protocols import grasps, holds
-from exodrake.reference.records import WIRES
-from exodrake.reference.robot_spec import Protocol
+from exodrake.reference.cases import grasps, holds
+from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES, Protocol
 from exodrake.simulation.simulate import log_of, run
 
 WEIGHT = 1.0  # of the commands' changes beside the error [assumed]
