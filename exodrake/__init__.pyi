@@ -26,7 +26,7 @@ from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
 from exodrake.diagrams.finger_view import FingerView as FingerView
 from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
 from exodrake.grasping.plan import plan_grasp as plan_grasp
-from exodrake.grasping.posture_loop import posture_controller as posture_controller
+from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.maximum_tension import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot
 from exodrake.machines.write_robot import write_robot as write_robot

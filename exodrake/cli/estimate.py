@@ -8,7 +8,7 @@ import click
 from exodrake.cli.options import AnyPath, OutputFile
 
 if TYPE_CHECKING:
-    from exodrake.estimator.stroke_zeros import Zeros
+    from exodrake.estimator.gp import Zeros
 
 BAND = "black: estimate, with a band of two standard deviations; in colour: measured"
 
@@ -33,8 +33,8 @@ def command(log: Path, estimator: Path, out: Path | None, figure: Path | None, r
     from exodrake.core.files import sha256_of
     from exodrake.data.log_file import read_log, write_log
     from exodrake.data.plot import save_png
-    from exodrake.estimator.estimate import estimate
     from exodrake.estimator.file import load
+    from exodrake.estimator.validate import estimate
     from exodrake.machines.library import robot_yaml
 
     if figure is not None and figure.suffix.lower() != ".png":

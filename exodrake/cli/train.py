@@ -36,9 +36,7 @@ def command(logs: tuple[Path, ...], out: Path, points: int, robot: str, one_swee
     from exodrake.data.log_file import read_log
     from exodrake.estimator.dataset import sweeps_from_logs
     from exodrake.estimator.file import save
-    from exodrake.estimator.gp import condition
-    from exodrake.estimator.prior import learn
-    from exodrake.estimator.stroke_zeros import learn_strokes
+    from exodrake.estimator.gp import condition, learn, learn_strokes
     from exodrake.estimator.validate import validate
     from exodrake.machines.library import robot_yaml
 

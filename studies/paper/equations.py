@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.grasping.trial import at_hold
+from exodrake.grasping.plan import at_hold
 from exodrake.identification.kinematics.axis import Axis, chain_pose
 from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
 from exodrake.identification.maximum_tension import find_maximum_tension
