@@ -41,7 +41,7 @@ def command(
     from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, rate_of
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
-    from exodrake.report import number_format as n
+    from exodrake.report import wording as w
     from exodrake.report.terminal import table
 
     check_target(write)
@@ -66,7 +66,7 @@ def command(
             name,
             RATES[name],
             f"{k} of {total}",
-            n.percent(k / total),
+            w.percent(k / total),
             "{low:.0%} .. {high:.0%}".format(**rate_of(k, total)),
         )
         for name, (k, total) in (found.rates or {}).items()

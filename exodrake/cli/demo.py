@@ -132,7 +132,7 @@ def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     """Reads the label, and prints whether the verdict was right."""
     from exodrake.reference.answers import read_committed
     from exodrake.reference.measures import accepted_ids, found_ids
-    from exodrake.report.number_format import listed
+    from exodrake.report.wording import listed
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
     for truth in label["effects"]:

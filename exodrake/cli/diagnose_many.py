@@ -55,7 +55,7 @@ def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
     from rich.table import Table
 
     from exodrake.diagnosis.result import CAUSE
-    from exodrake.report.number_format import closure
+    from exodrake.report.wording import closure
 
     table = Table("case", "verdict", "causes", "closure")
     for name, answer in answers.items():

@@ -41,7 +41,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     from exodrake.identification.kinematics.identify import Settings, identify
     from exodrake.identification.kinematics.markers import Layout, read_layout, read_markers
     from exodrake.identification.kinematics.report import write_report
-    from exodrake.identification.kinematics.triads import check_labels, relabelled
+    from exodrake.identification.kinematics.rigid import check_labels, relabelled
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -95,8 +95,8 @@ def synthesise(
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
+    from exodrake.identification.kinematics.rigid import Swap, relabelled
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
-    from exodrake.identification.kinematics.triads import Swap, relabelled
 
     recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
     if swap:
@@ -128,7 +128,7 @@ def maximum_tension(log: Path, robot: str) -> None:
     exodrake identify maximum-tension ramps/log.csv
     """
     from exodrake.data.log_file import read_log
-    from exodrake.identification.maximum_tension import find_maximum_tension
+    from exodrake.identification.statics import find_maximum_tension
     from exodrake.machines.robot_file import load_robot
 
     found = find_maximum_tension(read_log(log), load_robot(robot))

@@ -94,7 +94,7 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
     from exodrake.estimator.gp import condition, learn
-    from exodrake.identification.stiffness import linear
+    from exodrake.identification.statics import linear
     from exodrake.physics.finger_statics import parameters_of, posture
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import log_of, record

@@ -32,8 +32,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.axis import Axis, across, apply, hat, inverse, motion, rotation, turned_by
-from exodrake.identification.kinematics.triads import corners
+from exodrake.identification.kinematics.rigid import (
+    Axis,
+    across,
+    apply,
+    corners,
+    hat,
+    inverse,
+    motion,
+    rotation,
+    turned_by,
+)
 
 SEGMENTS, TRIAD = 4, 3
 COUNT = 3 * TRIAD * SEGMENTS  # coordinates of markers

@@ -25,26 +25,24 @@ from scipy.spatial.transform import Rotation
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.adjust import Adjusted, Finger, adjust, fit_frames
-from exodrake.identification.kinematics.axis import (
+from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
+from exodrake.identification.kinematics.rigid import (
     Axis,
+    SegmentMotion,
     across,
     angle_about,
     apply,
     centres,
+    check_labels,
     inverse,
     joint_points,
     mean_axis,
-    weight,
-)
-from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
-from exodrake.identification.kinematics.triads import (
-    SegmentMotion,
-    check_labels,
     mean_pose,
     place,
     placed,
     refuse_swaps,
     triad_pose,
+    weight,
 )
 
 FEWEST = 50  # frames in which a joint must be seen
