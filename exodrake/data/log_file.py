@@ -101,7 +101,14 @@ def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
     single = log.rows(~repeated) if repeated.any() else log
     _refuse_other_unit(single, period)
     frames = _frame_numbers(single, period)
-    _refuse_other_rate(single, frames, period)
+    found = other_rate(single.time, frames, period)
+    if found is not None:
+        start, step = found
+        apart = step * float(np.median(np.diff(frames)))
+        raise InputError(
+            f"{single.label}: from {start:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
+            f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
+        )
     notes = [_repeats_note(log, repeated)] if repeated.any() else []
     grid = single.time[0] + period * np.arange(frames[-1] + 1) if len(single) else single.time
     deviation = float(np.max(np.abs(single.time - grid[frames]))) if len(single) else 0.0
@@ -177,18 +184,6 @@ def _frame_numbers(log: Log, period: float) -> np.ndarray:
         )
     steps = steps.astype(int)
     return np.concatenate([[0], np.cumsum(steps)]) if len(log) else np.zeros(0, dtype=int)
-
-
-def _refuse_other_rate(log: Log, frames: np.ndarray, period: float) -> None:
-    """InputError where rows leave the grid steadily: a clock that is fast or slow, or a log of another rate."""
-    found = other_rate(log.time, frames, period)
-    if found is not None:
-        start, step = found
-        apart = step * float(np.median(np.diff(frames)))
-        raise InputError(
-            f"{log.label}: from {start:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
-            f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
-        )
 
 
 def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from exodrake.core.errors import InputError
-from exodrake.core.files import read_bytes
+from exodrake.core.files import read_bytes, write_text
 from exodrake.core.json_file import read_json
 from exodrake.core.progress import Count, no_progress
+from exodrake.core.provenance import described
 from exodrake.core.schema import anything, flag, having, listing, names, number, optional, text
 from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
 from exodrake.reference.cases import VISIBLE
@@ -43,8 +44,6 @@ def digest(cases: dict[str, Any], salt: str) -> str:
 
 def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> None:
     """Write labels with a fresh salt, and the commitment."""
-    from exodrake.core.files import write_text
-
     salt = secrets.token_hex(32)
     write_text(labels, json.dumps({"salt": salt, "cases": cases}, indent=1) + "\n")
     write_text(commitment, digest(cases, salt) + "\n")
@@ -183,21 +182,14 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
             answered.append(Answered(name, label, {"verdict": FAILURE}))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
-    check_configurations(answered, folder)
+    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    if len(found) > 1:
+        raise InputError(
+            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
+        )
     return tuple(answered)
 
 
 def read_diagnosis(path: Path) -> Diagnosis:
     """Read one diagnosis. InputError naming file and key if it is none."""
     return ANSWERED(read_json(path), str(path))
-
-
-def check_configurations(answered: list[Answered], folder: Path) -> None:
-    """InputError if the diagnoses were made with several versions of the package or its code."""
-    from exodrake.core.provenance import described
-
-    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
-    if len(found) > 1:
-        raise InputError(
-            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
-        )

@@ -516,15 +516,6 @@ def draw_value(rng: np.random.Generator, low: float, high: float, signed: bool) 
     return float(value * rng.choice((-1, 1)) if signed else value)
 
 
-def draw_seat(rng: np.random.Generator, seat: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Wires and joints an effect sits on."""
-    names = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(seat, ())
-    chosen = tuple(names)
-    if seat == "one joint" or (names and rng.random() < ONE_ONLY):
-        chosen = (str(rng.choice(names)),)
-    return (chosen, ()) if seat == "wire" else ((), chosen)
-
-
 def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
     """One effect with parameters and seat drawn from its catalogue line."""
     entry = ENTRIES[effect_id]
@@ -535,5 +526,9 @@ def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
         parameters["frames"] = float(rng.integers(1, 4))
     if effect_id == "finger.stiffness" and 0.85 < parameters["factor"] < 1.18:
         parameters["factor"] *= 1.35
-    wires, joints = draw_seat(rng, entry.seat)
+    names = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(entry.seat, ())
+    chosen = tuple(names)
+    if entry.seat == "one joint" or (names and rng.random() < ONE_ONLY):
+        chosen = (str(rng.choice(names)),)
+    wires, joints = (chosen, ()) if entry.seat == "wire" else ((), chosen)
     return InjectedFault(effect_id, wires, joints, parameters)

@@ -106,25 +106,6 @@ def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
     return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
 
 
-def visible_case(plan: CasePlan) -> tuple[DrawnCase, list[float], Gaps]:
-    """Draw a planned case until the gap of its effects on the held-out motion is as wanted, or the attempts run out.
-
-    Args:
-        plan: Plan of the case.
-
-    Returns:
-        Case, gap per effect and gap per signal.
-    """
-    best = draw_case(plan), [], {}
-    for attempt in range(ATTEMPTS if plan.ids else 0):
-        found = small_enough(draw_case(plan, attempt), [*plan.seed, 4], plan.mix)
-        if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
-            best = found
-        if distance(best[1], plan.mix.gap) == 0.0:
-            break
-    return best
-
-
 Label = dict[str, Any]
 DECIMALS = {
     "time": 2, "tension_ref": 3, "tension": 3, "stroke": 6, "speed_cmd": 5, "angle": 4,
@@ -177,7 +158,15 @@ def logs_of(case: DrawnCase, plan: CasePlan) -> Case:
 
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
-    case, gaps, whole = visible_case(plan)
+    # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
+    best = draw_case(plan), [], {}
+    for attempt in range(ATTEMPTS if plan.ids else 0):
+        found = small_enough(draw_case(plan, attempt), [*plan.seed, 4], plan.mix)
+        if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
+            best = found
+        if distance(best[1], plan.mix.gap) == 0.0:
+            break
+    case, gaps, whole = best
     return logs_of(case, plan), label_of(plan, case, gaps, whole)
 
 

@@ -81,7 +81,13 @@ def first_guess(segments: list[SegmentMotion], rest: np.ndarray, smallest: float
         markers.append(apply(rested, segments[k + 1].triad.shape))
         turns = before @ relative[seen] @ inverse(rested)
         axis, angle = _hinge(turns, markers[-1].mean(axis=0))
-        _refuse_still(name, angle, smallest, recording)
+        beyond = np.count_nonzero(np.abs(angle) >= smallest)
+        if beyond < FEWEST:
+            most = np.rad2deg(np.nanmax(np.abs(angle)))
+            raise InputError(
+                f"{recording.source}: {name} turns {most:.1f} deg at most and is beyond"
+                f" {np.rad2deg(smallest):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
+            )
         if k == 0:
             side = _abduction(axis, markers[-1].mean(axis=0))
             axes.append(side)
@@ -130,17 +136,6 @@ def _reference(name: str, still: np.ndarray, recording: Recording) -> np.ndarray
             " which must show the finger straight and still"
         )
     return reference
-
-
-def _refuse_still(name: str, angle: np.ndarray, smallest: float, recording: Recording) -> None:
-    """InputError for a joint that hardly moves."""
-    beyond = np.count_nonzero(np.abs(angle) >= smallest)
-    if beyond < FEWEST:
-        most = np.rad2deg(np.nanmax(np.abs(angle)))
-        raise InputError(
-            f"{recording.source}: {name} turns {most:.1f} deg at most and is beyond"
-            f" {np.rad2deg(smallest):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
-        )
 
 
 def _scarce(name: str, pair: list[SegmentMotion], seen: np.ndarray, recording: Recording) -> str:

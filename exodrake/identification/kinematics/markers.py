@@ -209,15 +209,6 @@ BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
 BLOCK = 512  # bytes
 
 
-def read_c3d(path: str | Path) -> Recording:
-    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length.
-
-    A file that crashes ezc3d, holds it for ever or lacks frames that its header promises is refused, too.
-    """
-    data = read_bytes(path)
-    return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
-
-
 def frames_of(data: bytes) -> int:
     """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
     mark = BLOCK * (data[0] - 1) + 3 if data else 0
@@ -283,7 +274,8 @@ def _unseen(content, points: np.ndarray) -> np.ndarray:
 def read_markers(path: str | Path) -> Recording:
     """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
     if Path(path).suffix.lower() == ".c3d":
-        return read_c3d(path)
+        data = read_bytes(path)
+        return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
     return parse_csv(read_bytes(path), str(path))
 
 
