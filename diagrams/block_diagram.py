@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from html import escape
 from itertools import permutations
 
-from exodrake.core.argument import argument
+from exodrake.core.errors import argument
 from exodrake.core.machine import Machine
 from exodrake.core.part import Part, Task
 

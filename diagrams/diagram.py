@@ -24,8 +24,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPo
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows, prepared
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError, nearest
+from exodrake.core.errors import InputError, argument, nearest
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import channels_of
 from exodrake.core.robot import Robot
@@ -33,8 +32,7 @@ from exodrake.diagrams.exo_index import add_exo_index
 from exodrake.machines.exo_index.machine import PARTS
 from exodrake.systems.machine_part import MachinePart
 from exodrake.systems.noise import Noise
-from exodrake.systems.parameter import NamedParameter
-from exodrake.systems.part import PartSystem
+from exodrake.systems.part import NamedParameter, PartSystem
 from exodrake.systems.playback import Playback
 from exodrake.systems.robot_draw import RobotDraw, random_source
 

@@ -31,8 +31,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from exodrake.core.robot import Robot
 from exodrake.core.skeleton import Piece, Skeleton
-from exodrake.diagrams.meshcat.scene import draw_ground, pose
-from exodrake.diagrams.meshcat.shapes import along, finger_skeleton, span, turn
+from exodrake.diagrams.meshcat.scene import along, draw_ground, finger_skeleton, pose, span, turn
 
 BONE, TENDON, ROUTER, SKIN = 0.0018, 0.0008, 0.0012, 0.20  # radii [m] and opacity of the skin
 LINKS, OVERLAP = 5, 1.1  # rods that slide over each other make a piece of tendon over a joint, whose length changes

@@ -13,7 +13,7 @@ from PIL import Image
 import exodrake as exo
 from exodrake.core.skeleton import Skeleton
 from exodrake.data.plot import STYLE, new_figure
-from exodrake.diagrams.meshcat.shapes import span, turn
+from exodrake.diagrams.meshcat.scene import span, turn
 
 EVERY, DPI, COLOURS = 5, 100, 24  # frames of 20 ms, dots per inch, colours of the picture
 NOMINAL, WITH, SKIN = "#b3bcc6", "#1d4ed8", "#f1ddd0"

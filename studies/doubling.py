@@ -42,7 +42,7 @@ def said(answer: dict[str, Any]) -> str:
 
 def page(rows: dict[str, tuple[str, str]], command: str) -> str:
     """The page, of each case's answers once and twice."""
-    from exodrake.core.proportions import binomial_interval
+    from exodrake.core.confidence import binomial_interval
 
     same = [once == twice for once, twice in rows.values()]
     low, high = binomial_interval(sum(same), len(same))

@@ -130,7 +130,7 @@ def row_of(name: str, kind: str, blocks: tuple[str, ...], gap: float, found: Fou
 def measured(name: str, seed: int, real: Path | None) -> Row:
     """One case made and searched."""
     if name in REAL:
-        from exodrake.machines.recordings import reader
+        from exodrake.machines.library import reader
 
         assert real is not None
         found = discovered(reader(name)(real / REAL[name]), name, None)

@@ -6,7 +6,7 @@ import subprocess
 from datetime import date
 from pathlib import Path
 
-from exodrake.core.proportions import binomial_interval
+from exodrake.core.confidence import binomial_interval
 from exodrake.core.provenance import configuration
 
 

@@ -7,7 +7,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteStateIndex, 
 
 from exodrake.core.machine import Machine
 from exodrake.physics.gp_estimator import Weights, predict_into, scratch
-from exodrake.systems.parameter import NamedParameter, array_parameter
+from exodrake.systems.part import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 LISTENS = 8  # slot of the frame: after the bus

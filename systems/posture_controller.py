@@ -16,7 +16,7 @@ from pydrake.systems.framework import (
 
 from exodrake.core.machine import Machine
 from exodrake.physics.posture_controller import corrected
-from exodrake.systems.parameter import NamedParameter, array_parameter
+from exodrake.systems.part import NamedParameter, array_parameter
 
 FRAME, SLOT = 0.02, 0.002  # [s] of the Exo-Index
 RUNS = 3  # slot of the frame: before the tension controller

@@ -11,8 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 from pydrake.systems.primitives import RandomSource
 
-from exodrake.core.draws import drawn_deviation
-from exodrake.core.robot import Robot
+from exodrake.core.robot import Robot, drawn_deviation
 
 AS_BUILT = -1.0
 LONG = 1e9  # [s] a sampling interval that no run reaches

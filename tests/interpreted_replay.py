@@ -1,12 +1,12 @@
-"""The Exo-Index between measured signals as a Python loop over its leaf functions: reference of compiled replay."""
+"""The Exo-Index between measured signals as a Python loop over its equations: reference of compiled replay."""
 
 from math import cos, sin
 
 import numpy as np
 
 from exodrake.compiled.compose import compile_machine
-from exodrake.compiled.leaf_functions import held_signals, outer_reads
-from exodrake.core.wiring import feedthrough_order
+from exodrake.compiled.schedule import outer_reads
+from exodrake.core.machine import feedthrough_order
 from exodrake.physics import routers
 
 SOFT, READ = 1e-3, 0.005  # N/m: tendons so soft that a stroke is a force; s: middle of the bus reads
@@ -27,7 +27,7 @@ class Loop:
             self.states[part.name] = state[at : at + size].copy()
             self.parameters[part.name] = values[p_at : p_at + count].copy()
             at, p_at = at + size, p_at + count
-            self.leaf(part, "hold", self.held(part), ())
+            self.hold(part)
         self.direct = [(b, b.outputs[k]) for b, k in feedthrough_order(machine) if b.outputs[k].reads]
         self.routers = [
             [[values[machine.index[f"router.{c}_{side}.{j}"]] for c in "abmn"] for j in machine.axes.joints]
@@ -35,18 +35,28 @@ class Loop:
         ]
         self.feed_through({})
 
-    def held(self, part):
-        return [self.signals[n] for n in held_signals(part)]
+    def equation(self, part, function, arguments):
+        call = getattr(self.module, f"{part.name}__equation__{function}")
+        call(self.states[part.name], self.parameters[part.name], *arguments)
 
-    def leaf(self, part, function, held, arguments):
-        leaf = getattr(self.module, f"{part.name}__leaf__{function}")
-        leaf(self.states[part.name], *held, self.parameters[part.name], *arguments)
+    def output(self, part, output):
+        self.equation(part, output.function, [self.signals[n] for n in (*output.reads, *output.writes)])
+
+    def hold(self, part):
+        for output in (o for o in part.outputs if not o.reads):
+            self.output(part, output)
+
+    def task(self, part, task, own, reads):
+        """A task and the signals that follow from the part's state; `reads` of other parts' signals."""
+        reads = dict(zip(outer_reads(part, task.reads), reads, strict=True))
+        self.equation(part, task.function, (*own, *(reads.get(n, self.signals[n]) for n in task.reads)))
+        self.hold(part)
 
     def feed_through(self, imposed):
         for name, value in imposed.items():
             self.signals[name][:] = value
         for part, output in self.direct:
-            self.leaf(part, output.function, [], [self.signals[n] for n in (*output.reads, *output.writes)])
+            self.output(part, output)
             for name in set(output.writes) & set(imposed):
                 self.signals[name][:] = imposed[name]
 
@@ -57,7 +67,7 @@ class Loop:
                 reads = [before[n] for n in outer_reads(part, task.reads)]
                 if part.name == "finger" and forced is not None:
                     reads = [forced[0] / SOFT, forced[1] / SOFT]
-                self.leaf(part, task.function, self.held(part), (self.machine.slot, *reads))
+                self.task(part, task, [self.machine.slot], reads)
         if posture is not None:
             x = self.states["finger"]
             x[Q], x[RATE], x[TAKEN], self.signals["angle"][:] = posture, 0.0, self.taken(posture), posture
@@ -68,7 +78,7 @@ class Loop:
             for task in (t for t in part.tasks if slot in t.slots):
                 channel = (task.slots.index(slot),) if task.per_channel else ()
                 reads = [self.signals[n] for n in outer_reads(part, task.reads)]
-                self.leaf(part, task.function, self.held(part), (*channel, *reads))
+                self.task(part, task, channel, reads)
         self.feed_through(imposed)
 
     def taken(self, posture):

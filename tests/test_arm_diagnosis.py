@@ -95,7 +95,7 @@ def test_a_fault_of_an_arm_of_seven_joints_is_named_from_its_efforts(fault, effe
     assert found.verdict == "NAMED", found.reasons
     assert [(one.id, tuple(one.joints)) for one in found.effects] == [(effect, joints)]
     interval = next(iter(found.effects[0].parameters.values()))
-    assert interval.value == pytest.approx(value, rel=0.03) and interval.low < value < interval.high
+    assert interval.value == pytest.approx(value, rel=0.05) and interval.low < value < interval.high
     assert found.closure.overall.value > 0.9
 
 
@@ -146,5 +146,5 @@ def test_a_payload_is_named_in_closed_loop(arm_folder, tmp_path):
     robot = made(arm_folder, "mixed_loop", "--urdf", path, "--form", "closed-loop")
     found = exo.diagnose(loop_case(robot, path, 0.3), robot)
     assert found.verdict == "NAMED", found.reasons
-    assert [one.id for one in found.effects] == ["arm.payload"]
+    assert [one.id for one in found.effects if one.role == "cause"] == ["arm.payload"]
     assert found.effects[0].parameters["mass"].value == pytest.approx(0.3, rel=0.05)

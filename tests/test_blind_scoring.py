@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import InputError
-from exodrake.core.proportions import binomial_interval
 from exodrake.reference import make
 from exodrake.reference.answers import Answered, read_committed, write_committed
 from exodrake.reference.cases import CaseMix

@@ -5,9 +5,8 @@ import pytest
 from interpreted_replay import interpreted
 
 import exodrake as exo
-from exodrake.compiled.inputs import NoiseInputs, input_rows, reference_width
-from exodrake.compiled.replay import Replay
-from exodrake.compiled.replay_code import feed_places, reading_places
+from exodrake.compiled.inputs import NoiseInputs, feed_places, input_rows, reading_places, reference_width
+from exodrake.compiled.run import Replay
 from exodrake.diagnosis.segment_shares import smoothed, subsets
 from exodrake.simulation import protocols
 

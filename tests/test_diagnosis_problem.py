@@ -10,8 +10,7 @@ from exodrake.diagnosis.noise import noise_std, robust_std, sensor_noise_std
 from exodrake.diagnosis.problem import WILD, by_trial, columns_of, make_problem
 from exodrake.machines.robot_file import load_robot
 from exodrake.simulation import protocols
-from exodrake.simulation.delayed_samples import cubic
-from exodrake.simulation.simulate import simulate
+from exodrake.simulation.simulate import cubic, simulate
 
 
 @pytest.fixture(scope="module")

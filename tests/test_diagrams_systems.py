@@ -15,7 +15,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.machine import signal_count, state_size
 from exodrake.diagrams.diagram import build_diagram, logged_signals
 from exodrake.diagrams.finger_view import FingerView
-from exodrake.diagrams.meshcat.shapes import skeleton
+from exodrake.diagrams.meshcat.scene import skeleton
 from exodrake.diagrams.multibody_finger import MultibodyFinger
 from exodrake.diagrams.posture_loop import PostureLoop
 from exodrake.machines.robot_file import load_robot

@@ -10,7 +10,7 @@ from small_recordings import SETS, made
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case, write_case
 from exodrake.diagnosis.problem import make_problem, required_of
-from exodrake.machines.recordings import reader
+from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines.growing_models import growing_models
 from studies.real_machines.measures import decimated, relative_error, rms_degrees

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.diagrams.meshcat import Motion, Thing, animated, beside, frames_of, recording_html
-from exodrake.diagrams.meshcat.readings import STOPS, colours
-from exodrake.diagrams.meshcat.shapes import along, skeleton, span
+from exodrake.diagrams.meshcat import STOPS, Motion, Thing, animated, beside, colours, frames_of, recording_html
+from exodrake.diagrams.meshcat.scene import along, skeleton, span
 
 ROBOT = exo.load_robot()
 

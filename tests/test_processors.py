@@ -27,7 +27,15 @@ def test_answer_to_a_practice_case_is_the_same_by_two_processors(case, tmp_path)
 def test_answers_apart_are_measured_in_widths_of_the_interval():
     """Two values 0.3 apart, in intervals 2 and 3 wide, one of them in a channel."""
     one = {"value": 1.0, "low": 0.0, "high": 2.0}
-    effect = {"id": "e", "wires": [], "joints": [], "parameters": {"k": one}, "channels": {"k": {"AF": one}}}
+    effect = {
+        "id": "e",
+        "role": "cause",
+        "rivals": [],
+        "wires": [],
+        "joints": [],
+        "parameters": {"k": one},
+        "channels": {"k": {"AF": one}},
+    }
     first = {"verdict": "NAMED", "where": {"block": "tendon"}, "effects": [effect], "equivalents": []}
     second = deepcopy(first)
     second["effects"][0]["channels"]["k"]["AF"] = {"value": 1.3, "low": 0.0, "high": 3.0}

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.machines.write_robot import write_robot
+from exodrake.machines.robot_file import write_robot
 from exodrake.reference.answers import write_committed
 from exodrake.reference.cases import CasePlan, DrawnCase, clock
 from exodrake.reference.faults import ENTRIES, draw_effect

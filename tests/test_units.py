@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import exodrake as exo
-from exodrake.core.stated import implausible
+from exodrake.core.robot import implausible
 from exodrake.core.units import conversion, quantity, si_unit, to_si
 
 

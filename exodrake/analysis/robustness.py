@@ -17,9 +17,8 @@ from exodrake.analysis.linear_model import FrameModel, OperatingPoint, compute_n
 from exodrake.analysis.margins import disk_margin, loop_margins, open_loop, plant_response, return_ratio
 from exodrake.analysis.responses import step_response
 from exodrake.core.confidence import NORMAL_90
-from exodrake.core.draws import drawn_robot
 from exodrake.core.errors import InputError
-from exodrake.core.robot import Robot
+from exodrake.core.robot import Robot, drawn_robot
 
 POINTS = 240  # frequencies; all margins are read between them by straight lines
 SLOWEST = 4e-5  # lowest frequency, as a share of the Nyquist frequency

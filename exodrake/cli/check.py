@@ -38,8 +38,7 @@ def command(case: Path, robot: str, only: str, without: str, figure: Path | None
     from exodrake.core.files import write_bytes
     from exodrake.core.threads import one_blas_thread
     from exodrake.machines.robot_file import load_robot
-    from exodrake.preflight.check import preflight
-    from exodrake.preflight.figure import figure_of
+    from exodrake.preflight.check import figure_of, preflight
 
     check_target(figure)
     nominal = load_robot(robot)

@@ -134,7 +134,7 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
 def import_known(recording: Path, known: str, out: Path) -> None:
     """Writes the case of a known set."""
     from exodrake.data.case import write_case
-    from exodrake.machines.recordings import reader
+    from exodrake.machines.library import reader
 
     case = reader(known)(recording)
     write_case(case, out)

@@ -51,7 +51,7 @@ def show(robot: Robot, names: list[str], some: bool) -> None:
     from rich.console import Console
     from rich.markup import escape
 
-    from exodrake.core.stated import alike, effect_in_words, implausible
+    from exodrake.core.robot import alike, effect_in_words, implausible
     from exodrake.report.terminal import table
 
     console = Console(width=None if Console().is_terminal else 150)

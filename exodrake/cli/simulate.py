@@ -149,7 +149,7 @@ def files_of(
 def changes(scenario: Scenario, robot: Robot) -> list[str]:
     """Differences from a plain run of the nominal robot: effects with values, parameters, variants, options."""
     from exodrake.core.display import in_words
-    from exodrake.core.stated import effect_in_words
+    from exodrake.core.robot import effect_in_words
 
     said = [effect_in_words(robot, identity) for identity in robot.effects()]
     for name in scenario.parameters:
@@ -220,7 +220,7 @@ def signals(robot: Robot, log: Log, nominal: Log | None, peak: int | None) -> Ta
 
 def warn(robot: Robot) -> None:
     """Says which parameters, and values of effects, lie outside their plausible range."""
-    from exodrake.core.stated import implausible
+    from exodrake.core.robot import implausible
 
     for sentence in implausible(robot):
         click.secho(f"note: {sentence}", fg="yellow", err=True)

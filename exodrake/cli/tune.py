@@ -52,8 +52,7 @@ def command(file, settling, overshoot, disk_margin, noise, only, draws, out_robo
     from exodrake.analysis.tuning import Requirements, tune
     from exodrake.core.files import write_bytes
     from exodrake.core.plain import plain
-    from exodrake.machines.robot_file import load_robot
-    from exodrake.machines.write_robot import write_robot
+    from exodrake.machines.robot_file import load_robot, write_robot
 
     robot = load_robot(file)
     wanted = Requirements(settling, overshoot / 100.0, disk_margin, noise)

@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from exodrake.core.files import write_whole
 
@@ -48,9 +51,31 @@ def run(text: str, path: Path, module: ModuleType) -> None:
     """Runs source that a file holds in a module. RuntimeError if its machine code can be kept nowhere."""
     exec(compile(text, path, "exec"), module.__dict__)
     if CACHED in text:
-        from exodrake.compiled.machine_code import mend
+        mend_caches(module)
 
-        mend(module)
+
+def mend_caches(module: ModuleType) -> None:
+    """Gives compiled functions, before they are compiled, a cache whose damage costs a compilation and not the run."""
+    from numba.core.caching import FunctionCache
+
+    class MendingCache(FunctionCache):
+        """Compiles anew what cannot be read, and does without what cannot be written."""
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            try:
+                return super().load_overload(sig, target_context)
+            except Exception:  # whatever damaged bytes lead unpickling to
+                with suppress(OSError):
+                    self.flush()
+                return None
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            with suppress(OSError):
+                super().save_overload(sig, data)
+
+    for function in vars(module).values():
+        if isinstance(getattr(function, "_cache", None), FunctionCache):
+            function._cache = MendingCache(function.py_func)
 
 
 def write_if_different(path: Path, text: str) -> Path:
@@ -65,3 +90,16 @@ def write_if_different(path: Path, text: str) -> Path:
 def say_once(reason: str) -> None:
     """One line on standard error."""
     print(f"exodrake: the cache of compiled code cannot be used, so each run compiles anew: {reason}", file=sys.stderr)
+
+
+def once[T](owner: Any, name: str, make: Callable[[], T]) -> T:
+    """A value kept beside the fields of an instance, also of a frozen one, as `functools.cached_property` keeps one.
+
+    Args:
+        owner: an instance with a `__dict__`; a copy with other fields (`dataclasses.replace`) makes its own value.
+        name: key of the value.
+        make: makes it at first use.
+    """
+    if name not in owner.__dict__:
+        owner.__dict__[name] = make()
+    return owner.__dict__[name]

@@ -10,8 +10,8 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
 from exodrake.core.signal import NORMAL, Signal
+from exodrake.core.text import short_repr
 
 
 @short_repr
@@ -91,6 +91,23 @@ def input_rows(machine: Machine, references: np.ndarray, noise_inputs: NoiseInpu
         else:
             width = len(machine.channels(name))
             found[name], at = np.ascontiguousarray(references[:, at : at + width], dtype=float), at + width
+    return found
+
+
+def feed_places(machine: Machine) -> dict[str, slice]:
+    """Columns of each segment's output among the feeds."""
+    found, at = {}, 0
+    for segment in machine.segments:
+        width = machine.column_width(segment.output)
+        found[segment.name], at = slice(at, at + width), at + width
+    return found
+
+
+def reading_places(machine: Machine) -> dict[str, slice]:
+    """Columns of each compared kind among the readings."""
+    found, at = {}, 0
+    for kind in machine.compared:
+        found[kind], at = slice(at, at + machine.column_width(kind)), at + machine.column_width(kind)
     return found
 
 

@@ -1,41 +1,60 @@
-"""Generates the schedule: one frame as its slots in order, the run over frames, the batch over rows of parameters."""
+"""Generates the engine: one frame as its slots in order, the run over frames, the batch over rows of parameters.
+
+The one `run` serves simulation, prediction-error simulation and replay. Where something is imposed, signals carry
+measured values: those of fixed segments (`core.segment`), so that no error of a segment reaches the others, and single
+readings. Further functions run parts of a machine: `moves` its drives, `part__equation__...` a part's equations.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Container
 from inspect import signature
 
-from exodrake.core.machine import Machine
-from exodrake.core.part import Part, Task, prefix
-from exodrake.core.wiring import feedthrough_order
+from exodrake.compiled.inputs import feed_places, reading_places
+from exodrake.core.machine import Machine, feedthrough_order
+from exodrake.core.part import Output, Part, prefix
+from exodrake.core.segment import Imposed, Segment
+
+IMPOSED = "feed, rate, fixed, readings, targets, gains"
 
 
 def generate_frame(machine: Machine) -> list[str]:
-    """The functions `begin`, `run` and `batch`."""
-    return [generate_begin(machine), generate_run(machine), generate_batch(machine)]
+    """The functions `begin`, `run`, `batch` and, of a machine with a command link, `moves`."""
+    functions = [generate_begin(machine), generate_run(machine), generate_batch(machine)]
+    return functions + ([generate_moves(machine)] if machine.command_link else [])
 
 
 def views(machine: Machine, signals: bool = True) -> list[str]:
-    """Source lines that name the parts of the flat vectors p, state and w."""
-    lines, parameter, state, at = [], 0, 0, 0
+    """Source lines that name the parts of the flat vectors p and state, and of w each signal (`w_name`)."""
+    lines, parameter, state = [], 0, 0
     for part in machine.parts:
-        count = sum(info.part == part.name for info in machine.parameters)
-        own, extra = machine.part_size(part)
-        lines += [f"{part.name}_p = p[{parameter}:{parameter + count}]"]
-        name, middle, end = part.name, state + own, state + own + extra
-        lines += [f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)"]
-        lines += [f"{name}_x, {name}_z = state[{state}:{middle}], state[{middle}:{end}]"]
-        parameter, state = parameter + count, end
-    for signal in machine.signals if signals else ():
-        width = machine.width(signal.axis)
-        lines.append(f"{signal.name} = w[{at}:{at + width}]")
-        at += width
+        name, count = part.name, sum(info.part == part.name for info in machine.parameters)
+        lines += [f"{name}_p = p[{parameter}:{parameter + count}]", *part_views(machine, part, "state", state)]
+        parameter, state = parameter + count, state + sum(machine.part_size(part))
+    if signals:
+        lines += [f"w_{name} = w[{at.start}:{at.stop}]" for name, at in machine.offsets.items()]
     return lines
+
+
+def part_views(machine: Machine, part: Part, state: str, at: int = 0) -> list[str]:
+    """Source lines that name a part's parameters n, effects e, state x and effect state z; `at`: start in `state`."""
+    name, (own, extra) = part.name, machine.part_size(part)
+    middle, end = at + own, at + own + extra
+    return [
+        f"{name}_n, {name}_e = fill_{name}_n({name}_p), fill_{name}_e({name}_p)",
+        f"{name}_x, {name}_z = {state}[{at}:{middle}], {state}[{middle}:{end}]",
+    ]
 
 
 def call(part: Part, function: str, arguments: list[str]) -> str:
     """A call of a part's function."""
-    module = prefix(part.module.__name__)
-    return f"{module}__{function}({part.name}_x, {part.name}_z, {part.name}_n, {part.name}_e, {', '.join(arguments)})"
+    own = f"{part.name}_x, {part.name}_z, {part.name}_n, {part.name}_e"
+    return f"{prefix(part.module.__name__)}__{function}({', '.join([own, *arguments])})"
+
+
+def call_output(part: Part, output: Output) -> str:
+    """A call of one of a part's outputs."""
+    return call(part, output.function, [f"w_{name}" for name in (*output.reads, *output.writes)])
 
 
 def outputs(machine: Machine, part_names: set[str] | None = None) -> list[str]:
@@ -45,29 +64,24 @@ def outputs(machine: Machine, part_names: set[str] | None = None) -> list[str]:
     for part, k in feedthrough_order(machine):
         output = part.outputs[k]
         if part_names is None or part.name in part_names or changed & set(output.reads):
-            lines.append(call(part, output.function, [*output.reads, *output.writes]))
+            lines.append(call_output(part, output))
             changed |= set(output.writes)
     return lines
 
 
-def tick(machine: Machine) -> list[str]:
-    """The plant's tick: every update sees the signals before it; then the outputs follow."""
-    plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
-    lines = [call(b, t.function, ["dt", *t.reads]) for b, t in plant]
-    return lines + outputs(machine, {b.name for b, _ in plant}) if plant else ["pass"]
+def held_signals(part: Part) -> tuple[str, ...]:
+    """Signals that follow from a part's state alone."""
+    return tuple(name for output in part.outputs if not output.reads for name in output.writes)
 
 
-def task_lines(machine: Machine, slot: int, channel: str = "") -> list[str]:
-    """The tasks in one slot and the outputs that follow.
+def held_outputs(part: Part) -> list[str]:
+    """Calls that compute a part's held signals."""
+    return [call_output(part, output) for output in part.outputs if not output.reads]
 
-    `channel`: source of the channel's index, if not the slot's own.
-    """
-    here: list[tuple[Part, Task]] = [(b, t) for b in machine.parts for t in b.tasks if slot in t.slots]
-    lines = [
-        call(b, t.function, [*([channel or str(t.slots.index(slot))] if t.per_channel else []), *t.reads])
-        for b, t in here
-    ]
-    return lines + (outputs(machine, {b.name for b, _ in here}) if here else [])
+
+def outer_reads(part: Part, reads: tuple[str, ...]) -> tuple[str, ...]:
+    """Signals of `reads` that the part does not hold."""
+    return tuple(name for name in reads if name not in held_signals(part))
 
 
 def generate_begin(machine: Machine) -> str:
@@ -84,59 +98,157 @@ def start_vectors(part: Part) -> tuple[str, ...]:
     return tuple(signature(part.module.start).parameters)[4:]
 
 
-def inject_input(machine: Machine, slot: int) -> list[str]:
-    """Lines that put measured values on the measured input after the slot in which it is written."""
-    observer = machine.observer
-    if observer is None:
+def generate_run(machine: Machine) -> str:
+    """`frames(p, state, w, given..., dt, substeps, record, fine, follow, feed, rate, fixed, readings, targets, gains)`.
+
+    `record` and `fine` take the signals at each frame's and each slot's end. The plant's tick stands in one place, so
+    that it is inlined once. `follow`: values of the observer's measured input and output (frames, channels of both).
+    The others are those of `compiled.run.Replay.step`. Any of them may have no length. Nothing imposed: the signals
+    follow from the state; else they go on from `w`. `run` is `frames` with nothing imposed.
+    """
+    given = [f"{name}_rows" for name in machine.inputs]
+    private = dict.fromkeys((i.part, i.signal) for _, i in impositions(machine) if i.part)
+    body = [*views(machine), "imposing = readings.shape[0] > 0 or targets.shape[0] > 0 or fixed.any()"]
+    body += [f"{part}_reads_{name} = np.zeros_like(w_{name}) if imposing else w_{name}" for part, name in private]
+    body += ["if not imposing:", *("    " + line for line in outputs(machine))]
+    body += [f"for frame in range({given[0]}.shape[0]):"]
+    inner = [f"w_{name}[:] = {name}_rows[frame]" for name in machine.inputs]
+    inner += [f"for slot in range({machine.slots}):"]
+    inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine, private))]
+    for slot in range(machine.slots):
+        if lines := slot_tasks(machine, slot):
+            inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
+    inner += ["    " + line for line in impose_all(machine)]
+    inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
+    inner += ["record[frame, :] = w", *correct_state(machine)]
+    head = "@njit(cache=True, nogil=True)\ndef "
+    own = f"(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow"
+    run = ["none = np.zeros((0, 0))", f"frames{own}, none, none, np.zeros(0, dtype=np.bool_), none, none, none)"]
+    frames = f"{head}frames{own}, {IMPOSED}):\n" + indent(body + ["    " + line for line in inner])
+    return f"{frames}\n\n\n{head}run{own}):\n{indent(run)}"
+
+
+def tick(machine: Machine, private: Container[tuple[str, str]]) -> list[str]:
+    """The plant's tick: every update sees the signals before it; the outputs follow; fixed segments hold their states.
+
+    private: parts and signals that the part reads as the segments impose them on it alone.
+    """
+    plant = [(b, t) for b in machine.parts for t in b.tasks if not t.slots]
+    lines: list[str] = []
+    if alone := [(s, i) for s, i in impositions(machine) if i.part]:
+        copies = dict.fromkeys(f"    {i.part}_reads_{i.signal}[:] = w_{i.signal}" for _, i in alone)
+        lines += ["if imposing:", *copies]
+        lines += ["    " + line for s, i in alone for line in impose_segment(machine, s, i)]
+    for part, task in plant:
+        reads = [f"{part.name}_reads_{n}" if (part.name, n) in private else f"w_{n}" for n in task.reads]
+        lines.append(call(part, task.function, ["dt", *reads]))
+    lines += outputs(machine, {b.name for b, _ in plant}) if plant else []
+    for k, segment in enumerate(machine.segments):
+        if segment.hold:
+            part = next(b for b in machine.parts if b.name == segment.hold[0])
+            values = ", ".join(
+                measured_output(machine, segment, str(j)) for j in range(machine.column_width(segment.output))
+            )
+            lines += [f"if imposing and fixed[{k}]:", "    " + call(part, segment.hold[1], [f"({values})"])]
+    return lines + impose_all(machine) or ["pass"]
+
+
+def slot_tasks(machine: Machine, slot: int) -> list[str]:
+    """The tasks in one slot, the outputs that follow, and the measured input of a run that follows a log."""
+    here = [(b, t) for b in machine.parts for t in b.tasks if slot in t.slots]
+    if not here:
         return []
-    signal = machine.column(observer.measured_input).signal
-    here = [b for b in machine.parts if any(slot in t.slots for t in b.tasks)]
-    if all(signal not in output.writes for b in here for output in b.outputs):
-        return []
-    return [
-        "if follow.shape[0] > 0:",
-        f"    {signal}[:] = follow[frame, :{machine.column_width(observer.measured_input)}]",
+    lines = [
+        call(b, t.function, [*([str(t.slots.index(slot))] if t.per_channel else []), *(f"w_{n}" for n in t.reads)])
+        for b, t in here
     ]
+    lines += outputs(machine, {b.name for b, _ in here})
+    if (observer := machine.observer) is not None:
+        signal = machine.column(observer.measured_input).signal
+        if any(signal in output.writes for b, _ in here for output in b.outputs):
+            width = machine.column_width(observer.measured_input)
+            lines += ["if follow.shape[0] > 0:", f"    w_{signal}[:] = follow[frame, :{width}]"]
+    return lines
+
+
+def impositions(machine: Machine) -> list[tuple[Segment, Imposed]]:
+    """Impositions of all segments; those of exact software are readings, and none of these."""
+    return [
+        (segment, imposed)
+        for segment in machine.segments
+        if not segment.exact
+        for imposed in segment.imposed or (Imposed(machine.column(segment.output).signal),)
+    ]
+
+
+def measured_output(machine: Machine, segment: Segment, channel: str) -> str:
+    """Measured output of a segment's channel in the middle of a slot, as source."""
+    at = feed_places(machine)[segment.name].start
+    value = f"feed[frame, {at} + {channel}]"
+    if segment.sampled is None:
+        return value
+    return f"{value} + ((slot + 0.5) * {machine.slot!r} - {segment.sampled!r}) * rate[frame, {at} + {channel}]"
+
+
+def impose_segment(machine: Machine, segment: Segment, imposed: Imposed) -> list[str]:
+    """Lines that impose one signal of a segment if it is fixed."""
+    at = feed_places(machine)[segment.name].start
+    value = f"rate[frame, {at} + j]" if imposed.rate else measured_output(machine, segment, "j")
+    value = f"max({value}, {imposed.low!r})" if imposed.low is not None else value
+    value = f"{imposed.gain!r} * ({value})" if imposed.gain != 1.0 else value
+    target = f"{imposed.part}_reads_{imposed.signal}" if imposed.part else f"w_{imposed.signal}"
+    loop = f"    for j in range({machine.column_width(segment.output)}):"
+    return [f"if fixed[{machine.segments.index(segment)}]:", loop, f"        {target}[j] = {value}"]
+
+
+def impose(machine: Machine, signals: Container[str]) -> list[str]:
+    """Lines that impose measured outputs and readings on some signals."""
+    shared = [(s, i) for s, i in impositions(machine) if not i.part and i.signal in signals]
+    lines = [line for s, i in shared for line in impose_segment(machine, s, i)]
+    for kind, at in reading_places(machine).items():
+        signal = machine.column(kind).signal
+        if signal in signals:
+            value = f"readings[frame, {at.start} + j]"
+            lines += ["if readings.shape[0] > 0:", f"    for j in range({at.stop - at.start}):"]
+            lines += [f"        if {value} == {value}:", f"            w_{signal}[j] = {value}"]
+    return lines
+
+
+def impose_all(machine: Machine) -> list[str]:
+    """Lines that impose all that is measured, and compute what follows from it by direct feedthrough."""
+    lines = impose(machine, machine.offsets)
+    for part, k in feedthrough_order(machine):
+        if (output := part.outputs[k]).reads:
+            lines += [call_output(part, output), *impose(machine, output.writes)]
+    return ["if imposing:", *("    " + line for line in lines)] if lines else []
 
 
 def correct_state(machine: Machine) -> list[str]:
-    """Lines that move the observed state at a frame's end."""
+    """Lines that move the observer's state towards its measured output at a frame's end."""
     observer = machine.observer
     if observer is None:
         return []
-    name, state = observer.state
-    part = next(b for b in machine.parts if b.name == name)
-    signal, at = machine.column(observer.output).signal, machine.state_index(part, state)
-    own = [e.name for e in machine.parameters if e.part == name]
-    divisor = next(i for i, full in enumerate(own) if full.startswith(observer.divisor + "."))
-    first = machine.column_width(observer.measured_input)
-    change = f"{observer.gain} * (follow[frame, {first} + j] - {signal}[j]) / {name}_p[{divisor} + j]"
-    return [
-        "if follow.shape[0] > 0:",
-        f"    for j in range({machine.column_width(observer.output)}):",
-        f"        {name}_x[{at} + j] += {change}",
-    ]
+    part = next(b for b in machine.parts if b.name == observer.state[0])
+    own = [e.name for e in machine.parameters if e.part == part.name]
+    divisor = next(i for i, full in enumerate(own) if full.rsplit(".", 1)[0] == observer.divisor)
+    signal, first = machine.column(observer.output).signal, machine.column_width(observer.measured_input)
 
+    def move(rows: str, target: str, gain: str) -> list[str]:
+        state, scale = (
+            f"{part.name}_x[{machine.state_index(part, observer.state[1])} + j]",
+            f"{part.name}_p[{divisor} + j]",
+        )
+        return [
+            f"if {rows}.shape[0] > 0:",
+            f"    for j in range({machine.column_width(observer.output)}):",
+            f"        off = {target} - w_{signal}[j]",
+            "        if off == off:",
+            f"            {state} += {gain} * off / {scale}",
+        ]
 
-def generate_run(machine: Machine) -> str:
-    """`run(p, state, w, given..., dt, substeps, record, fine, follow)`: frames in order.
-
-    `record` and `fine` take the signals at each frame's and each slot's end. The plant's tick stands in one place, so
-    that it is inlined once. `follow`: values of measured input and output (frames, channels of both), or of no length.
-    """
-    given = [f"{name}_rows" for name in machine.inputs]
-    body = [*views(machine), *outputs(machine), f"for frame in range({given[0]}.shape[0]):"]
-    inner = [f"{name}[:] = {name}_rows[frame]" for name in machine.inputs]
-    inner += [f"for slot in range({machine.slots}):"]
-    inner += ["    for _ in range(substeps):", *("        " + line for line in tick(machine))]
-    for slot in range(machine.slots):
-        if lines := task_lines(machine, slot):
-            lines += inject_input(machine, slot)
-            inner += [f"    if slot == {slot}:", *("        " + line for line in lines)]
-    inner += ["    if fine.shape[0] > 0:", f"        fine[{machine.slots} * frame + slot, :] = w"]
-    inner += ["record[frame, :] = w", *correct_state(machine)]
-    header = f"@njit(cache=True)\ndef run(p, state, w, {', '.join(given)}, dt, substeps, record, fine, follow):\n"
-    return header + indent(body + ["    " + line for line in inner])
+    lines = move("follow", f"follow[frame, {first} + j]", repr(observer.gain))
+    lines += move("targets", "targets[frame, j]", "gains[frame, j]")
+    return lines + ["    " + line for line in held_outputs(part)]
 
 
 def generate_batch(machine: Machine) -> str:
@@ -153,6 +265,44 @@ def generate_batch(machine: Machine) -> str:
     ]
     header = f"def batch(rows, size, {', '.join(given)}, dt, substeps, records, follow):\n"
     return "@njit(cache=True, nogil=True)\n" + header + indent(lines)
+
+
+def generate_moves(machine: Machine) -> str:
+    """`moves(states, p, dt, slots, switch, before, after, loads..., moved)`: one frame of the drives alone.
+
+    From each state, which is advanced in place, the drives take the commands `before`, from the slot `switch` on those
+    `after`; `moved` takes by how much the positions moved.
+    """
+    link = machine.command_link
+    assert link is not None
+    part = next(b for b in machine.parts if b.name == link.part)
+    (task,) = (t for t in part.tasks if not t.slots)
+    loads = [name for name in outer_reads(part, task.reads) if name != link.received]
+    body = [f"{part.name}_p = p", *(f"w_{n} = np.zeros({len(machine.channels(n))})" for n in held_signals(part))]
+    body += ["for k in range(states.shape[0]):"]
+    inner = [*part_views(machine, part, "states[k]"), *held_outputs(part), f"moved[k] = -w_{link.moved}"]
+    inner += ["for tick in range(slots):", f"    w_{link.received} = after[k] if tick >= switch else before[k]"]
+    inner += [
+        "    " + line
+        for line in (call(part, task.function, ["dt", *(f"w_{n}" for n in task.reads)]), *held_outputs(part))
+    ]
+    body += ["    " + line for line in (*inner, f"moved[k] += w_{link.moved}")]
+    arguments = ", ".join(
+        ["states", "p", "dt", "slots", "switch", "before", "after", *(f"w_{n}" for n in loads), "moved"]
+    )
+    return f"@njit(cache=True)\ndef moves({arguments}):\n{indent(body)}"
+
+
+def generate_equations(machine: Machine, part: Part) -> list[str]:
+    """One function `part__equation__name(state, p, ...)` per task, output and the start of a part: see `equations`."""
+    tasks = [(t.function, [*(["dt"] if not t.slots else ["channel"] * t.per_channel), *t.reads]) for t in part.tasks]
+    outputs = [(o.function, [*o.reads, *o.writes]) for o in part.outputs]
+    lines = []
+    for name, given in [*tasks, *outputs, ("start", list(start_vectors(part)))]:
+        head = f"@njit(cache=True)\ndef {part.name}__equation__{name}({', '.join(['state', 'p', *given])}):\n"
+        body = [f"{part.name}_p = p", *part_views(machine, part, "state"), call(part, name, given)]
+        lines.append(head + indent(body))
+    return lines
 
 
 def indent(lines: list[str]) -> str:

@@ -1,5 +1,9 @@
 """Errors a user can cause and mend."""
 
+from __future__ import annotations
+
+from exodrake.core.text import brief
+
 MAX_MESSAGE, TAIL = 300, 120  # characters of a message, and of its end that a cut in the middle leaves
 
 
@@ -31,3 +35,11 @@ def nearest(word: str, words: list[str]) -> str:
 
     close = difflib.get_close_matches(word, words, 3, 0.5)
     return f"; did you mean {' or '.join(close)}?" if close else ""
+
+
+def argument[T](name: str, value: T, *types: type) -> T:
+    """The value of an argument. TypeError naming argument, types wanted and value for one of another type."""
+    if isinstance(value, types):
+        return value
+    wanted = " or ".join("None" if one is type(None) else one.__name__ for one in types)
+    raise TypeError(f"{name}: wanted {wanted}, got {type(value).__name__} ({brief(value)})")

@@ -1,4 +1,7 @@
-"""A machine: parts joined by signals, a schedule of tasks in slots, an effect library and what its logs hold."""
+"""A machine: parts joined by signals, a schedule of tasks in slots, an effect library and what its logs hold.
+
+Making one checks signals, schedule and effects.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,58 @@ from typing import TYPE_CHECKING
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.loop import Loop
-from exodrake.core.measured import Column, Observer
 from exodrake.core.parameter import ParameterInfo, Tolerance, channels_of, full_name
 from exodrake.core.part import Field, Part, State, module_name, part_modules
 from exodrake.core.segment import CommandLink, Regime, Segment
 from exodrake.core.signal import Axes, Signal
-from exodrake.core.wiring import check_effects, check_schedule, check_signals
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
     from exodrake.core.skeleton import Shape, Skeleton
+from exodrake.core.part import Task, points_of
+from exodrake.core.signal import Delay
+
+
+@dataclass(frozen=True)
+class Column:
+    """A family of log columns `kind_channel`.
+
+    Attributes:
+        kind: what the column names begin with.
+        signal: the signal that the columns show, in its unit.
+        required: whether a log without it is refused.
+        label: name in figures and reports; made from the kind by default.
+        unit: unit in figures and reports; by default that of `display.SHOWN`.
+        delay: what makes the samples late; None: they are on time.
+        rate_of: of an input: kind whose rate of change it is, so that a protocol can state it.
+    """
+
+    kind: str
+    signal: str
+    required: bool = True
+    label: str = ""
+    unit: str = ""
+    delay: Delay | None = None
+    rate_of: str = ""
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Output injection that keeps a simulation near a log, so that the error of one part does not go round the loop.
+
+    Attributes:
+        measured_input: column kind whose signal takes its measured values.
+        output: column kind that is held near its measured values.
+        state: (part, state) that is corrected once a frame.
+        divisor: parameter that converts a difference of the output into one of the state.
+        gain: share of the difference that is corrected in a frame.
+    """
+
+    measured_input: str
+    output: str
+    state: tuple[str, str]
+    divisor: str
+    gain: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -246,3 +291,87 @@ def state_size(machine: Machine) -> int:
 def signal_count(machine: Machine) -> int:
     """Length of the flat vector of signals."""
     return sum(machine.width(s.axis) for s in machine.signals)
+
+
+def check_signals(machine: Machine) -> None:
+    """Every signal that a part reads has one writer, and direct feedthrough has no loop.
+
+    Raises:
+        InputError: naming machine, part and signal.
+    """
+    known = {s.name for s in machine.signals}
+    written: dict[str, str] = dict.fromkeys(machine.inputs, "outside")
+    for part in machine.parts:
+        for name in (name for output in part.outputs for name in output.writes):
+            if name not in known:
+                raise InputError(f"{machine.name}: {part.name} writes unknown signal {name!r}")
+            if name in written:
+                raise InputError(f"{machine.name}: signal {name!r} is written by {written[name]} and by {part.name}")
+            written[name] = part.name
+    for part in machine.parts:
+        for name in (name for task in (*part.tasks, *part.outputs) for name in task.reads):
+            if name not in written:
+                raise InputError(f"{machine.name}: {part.name} reads signal {name!r}, which nothing writes")
+    feedthrough_order(machine)
+
+
+def feedthrough_order(machine: Machine) -> list[tuple[Part, int]]:
+    """Outputs as (part, index of the output), each after the signals it reads.
+
+    Raises:
+        InputError: for an algebraic loop, naming the parts in it.
+    """
+    waiting = [(part, k) for part in machine.parts for k in range(len(part.outputs))]
+    ready, order = set(machine.inputs), []
+    while waiting:
+        computable = [(part, k) for part, k in waiting if set(part.outputs[k].reads) <= ready]
+        if not computable:
+            names = sorted({part.name for part, _ in waiting})
+            raise InputError(f"{machine.name}: algebraic loop through {', '.join(names)}")
+        for part, k in computable:
+            ready |= set(part.outputs[k].writes)
+        order += computable
+        waiting = [pair for pair in waiting if pair not in computable]
+    return order
+
+
+def check_schedule(machine: Machine) -> None:
+    """Every slot exists and holds one task, except that tasks of the same channels may share their slots.
+
+    Raises:
+        InputError: naming machine, slot and tasks.
+    """
+    taken: dict[int, tuple[str, Task]] = {}
+    for part in machine.parts:
+        for task in part.tasks:
+            own = f"{part.name}.{task.function}"
+            for slot in task.slots:
+                if not 0 <= slot < machine.slots:
+                    raise InputError(f"{machine.name}: {own} runs in slot {slot}, but a frame has {machine.slots}")
+                name, other = taken.setdefault(slot, (part.name, task))
+                shared = other.per_channel and task.per_channel and other.slots == task.slots
+                if other is not task and not shared:
+                    raise InputError(f"{machine.name}: slot {slot} holds both {name}.{other.function} and {own}")
+
+
+def check_effects(machine: Machine) -> None:
+    """Names of part modules and ids of effects are unique, and each effect acts at known points of one part.
+
+    Raises:
+        InputError: naming machine or effect.
+    """
+    homes: dict[str, object] = {}
+    for module in (m for part in machine.parts for m in part_modules(part)):
+        if homes.setdefault(module_name(module), module) is not module:
+            raise InputError(f"{machine.name}: two modules of parts are called {module_name(module)!r}")
+    points = points_of(machine.parts)
+    for i, effect in enumerate(machine.effects):
+        if effect.id in {other.id for other in machine.effects[:i]}:
+            raise InputError(f"{machine.name}: two effects have the id {effect.id!r}")
+        for point in effect.at:
+            if point not in points:
+                hint = nearest(point, list(points))
+                raise InputError(f"{effect.id} acts at {point!r}, which {machine.name} lacks{hint}")
+        parts = sorted({points[point].name for point in effect.at})
+        if len(parts) > 1:
+            raise InputError(f"{effect.id} acts on {' and '.join(parts)}; an effect acts on one part only")

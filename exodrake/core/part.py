@@ -7,8 +7,11 @@ compiled simulator.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from types import ModuleType
 from typing import get_args, get_type_hints
 
@@ -132,3 +135,13 @@ def part_modules(part: Part) -> list[ModuleType]:
 def points_of(parts: Iterable[Part]) -> dict[str, Part]:
     """The part of each point ("module.point") where effects may act."""
     return {f"{module_name(p.module or part.module)}.{p.name}": part for part in parts for p in part.points}
+
+
+def module_of_file(name: str, file: str | Path) -> ModuleType:
+    """The module of a Python file under a full name, loaded once, as `import` would if the file lay there."""
+    if name not in sys.modules:
+        spec = spec_from_file_location(name, file)
+        assert spec is not None and spec.loader is not None
+        sys.modules[name] = module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+    return sys.modules[name]

@@ -1,19 +1,154 @@
-"""A robot: a machine with its parameters; the same machine with other parameters, effects and variants."""
+"""A robot: a machine with its parameters; the same machine with other parameters, effects and variants.
+
+`drawn_robot` draws one within the tolerances of its robot file.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from exodrake.core.display import in_words
 from exodrake.core.effect import Effect
 from exodrake.core.errors import InputError, nearest
 from exodrake.core.machine import Machine
-from exodrake.core.stated import StatedParameter, stated_parameters
-from exodrake.core.units import quantity
+from exodrake.core.parameter import Tolerance, expanded
+from exodrake.core.text import short_repr
+from exodrake.core.units import UNITS, conversion, quantity, to_si
+
+# units that people have in mind when they give a bare number, likely ones first
+MEANT = ("mm", "deg", "ms", "mN", "mA", "g", "mW", "kHz", "%", "cm", "um", "us", "kN", "kgf", "gf", "rev", "min", "mV")
+
+
+@short_repr
+@dataclass(frozen=True)
+class StatedParameter:
+    """A parameter of a robot.
+
+    Attributes:
+        name: full name, with its channel if it has one.
+        value: [unit].
+        unit: SI unit.
+        low: lower end of the plausible range [unit]; -inf if none is stated.
+        high: upper end [unit]; inf if none is stated.
+        tolerance: how much it differs from one such robot to the next; None if it does not.
+        source: where the value comes from.
+        effect: id of the effect that it belongs to; empty for a parameter of the nominal robot.
+    """
+
+    name: str
+    value: float
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    tolerance: Tolerance | None = None
+    source: str = ""
+    effect: str = ""
+
+    @property
+    def plausible(self) -> bool:
+        """Whether the value lies in its range."""
+        return self.low <= self.value <= self.high
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Value, range and tolerance as text with units."""
+        unit = "" if self.unit == "-" else f" {self.unit}"
+        bounded = math.isfinite(self.low) or math.isfinite(self.high)
+        return {
+            "value": f"{self.value:.6g}{unit}",
+            "range": f"{self.low:g} to {self.high:g}{unit}" if bounded else "",
+            "tolerance": self.tolerance.in_words(unit) if self.tolerance else "",
+        }
+
+
+def stated_parameters(robot: Robot) -> dict[str, StatedParameter]:
+    """Parameters of the nominal robot, then those of the effects in it, by full name."""
+    machine = robot.machine
+    tolerances = {
+        name: tolerance
+        for tolerance in machine.tolerances
+        for pattern in tolerance.parameters
+        for names in expanded(pattern, machine.axes)
+        for name in names.split()
+    }
+    found = {
+        p.name: StatedParameter(
+            p.name, robot[p.name], p.unit, *robot.ranges.get(p.name, (-math.inf, math.inf)),
+            tolerances.get(p.name), robot.sources.get(p.name, ""),
+        )
+        for p in machine.parameters if p.null is None
+    }  # fmt: skip
+    for identity in robot.effects():
+        effect = machine.effect(identity)
+        for p in effect.parameters:
+            for i in robot.machine.effect_indices(identity, p.name).values():
+                name, value = machine.parameters[i].name, float(robot.values[i])
+                low, high = (p.low, p.high) if value != p.null else (-math.inf, math.inf)
+                found[name] = StatedParameter(name, value, p.unit, low, high, None, effect.source, identity)
+    return found
+
+
+def alike(robot: Robot) -> Iterator[tuple[str, tuple[str, ...], StatedParameter]]:
+    """Parameters in rows: name without channel, the channels of this value (() if it has none), and one of them."""
+    known = (*robot.machine.axes.tendons, *robot.machine.axes.joints)
+    rows: dict[tuple, tuple[list[str], StatedParameter]] = {}
+    for one in stated_parameters(robot).values():
+        name, _, channel = one.name.rpartition(".")
+        own = channel in known
+        key = (name if own else one.name, one.value, one.low, one.high, one.source)
+        rows.setdefault(key, ([], one))[0].extend([channel] * own)
+    for (name, *_), (channels, one) in rows.items():
+        yield name, tuple(channels), one
+
+
+def effect_in_words(robot: Robot, identity: str) -> str:
+    """An effect with its values and channels: `tendon.slack: length 2 mm on AF, MF`."""
+    effect = robot.machine.effect(identity)
+    values = robot.effect_values(effect)
+    first = effect.parameters[0]
+    seats = [channel for channel, value in values[first.name].items() if value != first.null]
+    said = []
+    for p in effect.parameters:
+        at: dict[float, list[str]] = {}
+        for channel in seats if p.axis == effect.axis else values[p.name]:
+            at.setdefault(values[p.name][channel], []).append(channel)
+        said += [
+            f"{p.name} {in_words(value, p.unit)}" + (f" ({', '.join(channels)})" if len(at) > 1 else "")
+            for value, channels in at.items()
+        ]
+    on = f" on {', '.join(seats)}" if effect.axis else ""
+    return f"{identity}: {', '.join(said)}{on}"
+
+
+def implausible(robot: Robot) -> list[str]:
+    """A sentence for each parameter outside its plausible range, with the unit that may have been meant."""
+    found = []
+    for name, channels, one in alike(robot):
+        if not one.plausible:
+            words, at = one.texts, f" ({', '.join(channels)})" if channels else ""
+            meant = meant_unit(one)
+            hint = f"; did you mean {one.value:g} {meant}?" if meant else ""
+            found.append(f"{name}{at} = {words['value']} lies outside {words['range']}{hint}")
+    return found
+
+
+def meant_unit(parameter: StatedParameter) -> str:
+    """A unit in which the parameter's number would lie in its range; empty if there is none."""
+    units = (unit for symbol in MEANT for unit in replaced(parameter.unit, UNITS[symbol][0], symbol))
+    return next((u for u in units if parameter.low <= to_si(parameter.value, u) <= parameter.high), "")
+
+
+def replaced(unit: str, si: str, symbol: str) -> list[str]:
+    """The unit with each occurrence of a symbol replaced, where that is a unit: ("N/m", "m", "mm") -> ["N/mm"]."""
+    places = [found.span() for found in re.finditer(rf"(?<![A-Za-z]){re.escape(si)}(?![A-Za-z])", unit)]
+    units = [unit[:start] + symbol + unit[end:] for start, end in places]
+    return [one for one in units if conversion(one)]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,3 +325,37 @@ def check_channels(machine: Machine, effect: Effect, channels: Iterable[str]) ->
             channels = ", ".join(filter(None, known)) or "no channels"
             raise InputError(f"{effect.id} does not sit on {channel!r}; it knows {channels}")
     return wanted or known
+
+
+def drawn_robot(robot: Robot, rng: np.random.Generator) -> Robot:
+    """The robot with each parameter that has a tolerance drawn anew, normal and clipped to its largest deviation."""
+    machine, values = robot.machine, robot.values.copy()
+    groups = [
+        (group, n)
+        for group in machine.tolerances
+        for pattern in group.parameters
+        for n in expanded(pattern, machine.axes)
+    ]
+    for (group, names), drawn in zip(groups, rng.standard_normal(len(groups)), strict=True):
+        x = float(np.clip(drawn * group.prior_std, -group.max_deviation, group.max_deviation))
+        for name in names.split():
+            i = position(machine, name)
+            values[i] = {
+                "log": robot.values[i] * math.exp(x),
+                "additive": robot.values[i] + x,
+                "relative": robot.values[i] * (1.0 + x),
+            }[group.transform]
+    return replace(robot, values=values)
+
+
+def drawn_deviation(robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """Deviations (parameters,) [SI] of a robot drawn by `drawn_robot` from the given one; 0 without a tolerance."""
+    drawn = drawn_robot(robot, rng).values
+    return np.subtract(drawn, robot.values, out=np.zeros(len(drawn)), where=drawn != robot.values)
+
+
+def position(machine: Machine, name: str) -> int:
+    """Position of a parameter in the flat vector. Raises InputError for an unknown name."""
+    if name not in machine.index:
+        raise InputError(f"{machine.name}: tolerance of {name!r}{nearest(name, list(machine.index))}")
+    return machine.index[name]

@@ -30,12 +30,11 @@ from datetime import UTC, datetime, time
 from pathlib import Path
 from typing import Any
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError, printable
+from exodrake.core.errors import InputError, argument, printable
 from exodrake.core.files import is_file, is_folder, read_bytes, sha256_of, write_folder
 from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.core.yaml_file import dump_yaml, read_yaml
 from exodrake.data.formats import ending, stem
 from exodrake.data.log import MODEL, Log, check_columns

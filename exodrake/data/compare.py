@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.machine import Machine
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.core.units import kind_of
 from exodrake.data.log import Log
 from exodrake.data.plot import display_in, kinds_of

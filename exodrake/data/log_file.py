@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.files import is_file, is_folder, read_bytes, refuse_special, write_bytes
 from exodrake.core.units import to_si
 from exodrake.data.formats import format_of

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from exodrake.core.confidence import binomial_interval
 from exodrake.core.machine import Machine
 from exodrake.core.plugins import single_machines
-from exodrake.core.proportions import binomial_interval
 from exodrake.core.provenance import configuration
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.yaml_file import dump_yaml, read_yaml

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.compiled.drive_code import compile_moves
-from exodrake.compiled.leaf_functions import held_signals, outer_reads
+from exodrake.compiled.compose import compile_machine
+from exodrake.compiled.schedule import outer_reads
 from exodrake.core.machine import Machine
 from exodrake.core.segment import CommandLink
 
@@ -23,12 +23,11 @@ class Drive:
 
     def __init__(self, machine: Machine, values: np.ndarray, link: CommandLink) -> None:
         part = next(b for b in machine.parts if b.name == link.part)
-        self.compiled, self.slots, self.dt = compile_moves(machine, part, link).moves, machine.slots, machine.slot
+        self.compiled, self.slots, self.dt = compile_machine(machine).moves, machine.slots, machine.slot
         self.p = values[[i for i, info in enumerate(machine.parameters) if info.part == part.name]]
         self.state = np.zeros(sum(machine.part_size(part)))
         states = (*part.states, *(s for e in machine.effects_on(part) for s in e.states))
         self.channel = np.concatenate([np.repeat(np.arange(machine.width(s.axis)), s.width) for s in states])
-        self.signals = [np.zeros(len(machine.channels(name))) for name in held_signals(part)]
         (task,) = (t for t in part.tasks if not t.slots)
         self.loads = [name for name in outer_reads(part, task.reads) if name != link.received]
         self.switch = write_slot(machine, link.received) - write_slot(machine, machine.column(link.output).signal)
@@ -42,7 +41,7 @@ class Drive:
             (n, channels) by how much the positions moved.
         """
         moved, given = np.empty(before.shape), (loads[name] for name in self.loads)
-        self.compiled(states, *self.signals, self.p, self.dt, self.slots, self.switch, before, after, *given, moved)
+        self.compiled(states, self.p, self.dt, self.slots, self.switch, before, after, *given, moved)
         return moved
 
 

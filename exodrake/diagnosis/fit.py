@@ -28,6 +28,7 @@ DAMPING, LARGER, SMALLER = 1e-6, 30.0, 0.2  # at first, and its factors after a 
 SHORTER = 0.25  # of the longest step of an effect's parameter after a bad step; one scale at the first: assumed
 TRIES = 4  # damped steps before a fit ends
 STEPS, TOL = 6, 5e-4  # of a fit
+ROUGH = 5e-3  # the same of a first fit, which the best set alone goes on from
 FREE = (
     1e3  # prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
 )
@@ -313,7 +314,7 @@ def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted)
     best = groups.best(likelihood, begun)
     first = [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()]
     e = groups.best(likelihood, first)
-    return minimise(likelihood.scaled_to(e.residual), e)
+    return minimise(likelihood.scaled_to(e.residual), e, tol=ROUGH)
 
 
 def settled(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:

@@ -11,9 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from exodrake.compiled.inputs import Reference
-from exodrake.core.draws import drawn_robot
 from exodrake.core.effect import Effect, EffectParameter
-from exodrake.core.robot import Robot
+from exodrake.core.robot import Robot, drawn_robot
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.filters import filled_columns
 from exodrake.diagnosis.noise import reference_rows

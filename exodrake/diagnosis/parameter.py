@@ -15,11 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.draws import position
 from exodrake.core.effect import Effect, EffectParameter
 from exodrake.core.machine import Machine
 from exodrake.core.parameter import expanded
-from exodrake.core.robot import Robot
+from exodrake.core.robot import Robot, position
 
 # of a scale, for difference quotients: a robot without noise and quantisation is smooth, and where parameters
 # make up for each other, as lengths that grow together, a longer step shows curvature as a slope

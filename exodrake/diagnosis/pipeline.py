@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from exodrake.core.argument import argument
 from exodrake.core.display import in_words
-from exodrake.core.errors import printable, shortened
+from exodrake.core.errors import argument, printable, shortened
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.core.robot import Robot
 from exodrake.core.signal import JOINTS, TENDONS

@@ -16,14 +16,14 @@ from exodrake.core.machine import Machine, signal_count, state_size
 from exodrake.core.robot import Robot
 from exodrake.core.threads import side_by_side
 from exodrake.data.case import EXPERIMENT, Case, CaseLog
-from exodrake.diagnosis.checks import check_case
+from exodrake.diagnosis.checks import check_case, without_short_logs
 from exodrake.diagnosis.checks.compare import compare
 from exodrake.diagnosis.checks.noise import logged_noise
 from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, filled_columns, without
 from exodrake.diagnosis.noise import noise_std, reference_rows
 from exodrake.diagnosis.trial import Trial
-from exodrake.simulation.delayed_samples import delayed
+from exodrake.simulation.simulate import delayed
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,15 +241,16 @@ def make_problem(case: Case, robot: Robot, tried: frozenset[str] | None = None) 
 
     Args:
         case: logs; repeats of a trial in its session count for the noise only. Without repeats, sensors are as noisy as
-            the robot file says or as the logs show, whichever is more.
+            the robot file says or as the logs show, whichever is more. Logs that are too short are left out.
         robot: nominal robot.
         tried: ids of the effects to try; by default all that are not `not_tried`.
 
     Raises:
-        InputError: where `check_case` has one.
+        InputError: where `check_case` has one, and where all fitted logs are too short.
     """
     robot = robot.with_parameters(case.robot, source=case.name) if case.robot else robot
     check_case(case, robot.machine)
+    case = without_short_logs(case, robot.machine)
     noise = {} if case.repeat_groups else logged_noise(compare(case, robot))
     noisier = {name: robot[name] for name in noise}
     robot = robot.with_parameters(noise, source="the logs") if noise else robot

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from exodrake.core.plain import plain
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.diagnosis.gap import Closure, Interval, Where
-from exodrake.machines.write_robot import robot_text
+from exodrake.machines.robot_file import robot_text
 
 if TYPE_CHECKING:
     from exodrake.diagnosis.discovery.missing_law import MissingLaw
@@ -87,7 +87,9 @@ class Remainder:
     """What the answer leaves unexplained.
 
     Attributes:
-        value, low, high: share of the gap beyond retuning, with its 90 % interval; NaN without a gap.
+        value: share of the gap beyond retuning; NaN without a gap.
+        low: lower end of its 90 % interval.
+        high: upper end of it.
         noise_std: the same beyond noise, RMS over all channels [noise standard deviations].
     """
 

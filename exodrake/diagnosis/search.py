@@ -36,7 +36,7 @@ from exodrake.diagnosis.linearise import Linearisation, linearise, renewed
 SINGLES, FITTED, LOOKED = 6, 3, 10  # first effects fitted; further ones; those whose directions are taken anew
 NATS = 4.0  # of evidence that one effect more must add: odds of 1 to 50, as many as a library has effects
 GAIN = 0.05  # share of what is left that one effect more must take up
-LAW = 0.2  # relative error of a law: that of another simulator or of a machine differs by as much
+LAW = 0.15  # relative error of a law: that of another simulator or of a machine differs by as much
 NEGLIGIBLE = 0.3  # noise standard deviations RMS beyond noise, in every channel: a smaller gap is none
 
 # laws of one kind stand for each other: a set holds one of them at a place
@@ -234,15 +234,18 @@ class Search:
         """Each further effect beside an explanation by its best probe, the most promising first."""
         return screen(self.likelihood.scaled_to(e.residual), e, lin)
 
-    def expand(self, key: frozenset[str], fitted: int = FITTED) -> None:
-        """Fit the most promising effects beside a set, which had new directions there."""
+    def expand(self, key: frozenset[str], fitted: int = FITTED, exchange: bool = False) -> None:
+        """Fit the most promising effects beside a set, which had new directions there.
+
+        Beside the best set all effects have where it leaves much: one may act only where this set has brought it.
+        """
         if key in self.expanded:
             return
         self.expanded.add(key)
         e, lin = self.sets[key].explanation, self.lin
         likelihood = self.likelihood.scaled_to(e.residual)
         if key:
-            far = self.sets[key].excess > 1.0  # noise variances: an effect may act only where this set has brought it
+            far = self.sets[key].excess > 1.0 and not exchange  # noise variances
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
@@ -288,12 +291,18 @@ class Search:
             if self.best.effects != best.effects:
                 continue
             for effect in sorted(best.effects):
-                self.expand(best.effects - {effect})
+                self.expand(best.effects - {effect}, exchange=True)
             if self.best.effects == best.effects:
                 break
         best = self.plainer(self.best)
         self.reduce(best.effects)
         return best
+
+    def predicted(self, fitted: Fitted) -> float:
+        """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""
+        model = fitted.model
+        found, samples = model.leave_out(model.log), sample_count(model)
+        return float(np.mean(np.log(np.maximum(np.sum(found * samples, axis=0) / samples.sum(axis=0), 1.0))))
 
 
 def squares_by_log(model: LinearModel) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Localisation by replay: Shapley shares of the segments between measured signals in the gap.
 
-Each segment is fed with measured inputs (`compiled.replay`), so that it does not inherit an error from upstream. Parts
+Each segment is fed with measured inputs (`compiled.run`), so that it does not inherit an error from upstream. Parts
 between two measured signals form one segment. A segment is *fixed* by putting its measured output in place of the
 simulated one. Its Shapley share is its mean part in the fall of the gap over all orders of fixing, exact over all
 subsets.
@@ -16,7 +16,7 @@ from math import factorial
 import numpy as np
 
 from exodrake.compiled.inputs import NoiseInputs, Reference, input_rows
-from exodrake.compiled.replay import Replay
+from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine
 from exodrake.core.segment import Segment
 from exodrake.diagnosis.filters import filled_columns

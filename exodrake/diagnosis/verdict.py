@@ -19,10 +19,8 @@ from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
 from exodrake.diagnosis.search import LAW, Fitted, Search
 
-EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
-
-
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
+EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,7 @@ def decide(found: Isolation) -> Decision:
     if found.negligible(found.nominal.robot):
         return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
     tuned = found.negligible(none.explanation.robot)
-    parts = parts_of(search, best)
+    best, parts = predicting(search, best)
     causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
     explained = 1.0 - float(left[0])
     if tuned and (len(causes) != 1 or causes[0].rivals or explained < EXPLAINED):
@@ -97,6 +95,20 @@ def decide(found: Isolation) -> Decision:
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
     return Decision(word, best, parts, share_of(left), (sentence(word),))
+
+
+def predicting(search: Search, best: Fitted) -> tuple[Fitted, tuple[Part, ...]]:
+    """A set without refinements by which the logs predict each other no better, and its effects."""
+    parts = parts_of(search, best)
+    while best.model.log.max() > 0:
+        small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
+        better = min(small, key=search.predicted, default=best)
+        if better is best or not better.effects or search.predicted(better) > search.predicted(best):
+            break
+        best = better
+        search.reduce(best.effects)
+        parts = parts_of(search, best)
+    return best, parts
 
 
 def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
@@ -113,7 +125,7 @@ def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
         large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
         roles[effect] = CAUSE if large else REFINEMENT
     alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
-    weight = {i: np.maximum((alone[i] + gains[i]) / 2.0, 1e-9) for i in gains if roles[i] == CAUSE}
+    weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
     parts = []
     for effect, gain in gains.items():
@@ -123,24 +135,6 @@ def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
         lost = {i: float(share[0]) + float(left[0]) - search.left(f) for i, f in rivals.items()}
         parts.append(Part(effect, roles[effect], share_of(share), lost))
     return tuple(sorted(parts, key=lambda p: (p.role != CAUSE, -p.share.value)))
-
-
-def disagreement(best: Fitted, effect: str) -> float:
-    """By how much logs contradict each other about the size of an effect [standard deviations]; 0 of a single log.
-
-    Each log alone against the others: both posteriors of the amplitudes are linear about the fit, and the size of a
-    law differs by `LAW` from motion to motion.
-    """
-    e, model, found = best.explanation, best.model, 0.0
-    mine = [i for i, p in enumerate(e.parameters) if p.effect == effect and p.amplitude]
-    for log in range(model.log.max() + 1) if model.log.max() and mine else ():
-        here = model.log == log
-        a, b = model.posterior(here), model.posterior(~here)
-        covariance = (a.covariance + b.covariance)[np.ix_(mine, mine)]
-        covariance += np.diag((LAW * e.x[mine]) ** 2)
-        apart = (a.step - b.step)[mine]
-        found = max(found, float(np.sqrt(apart @ np.linalg.solve(covariance, apart) / len(mine))))
-    return found
 
 
 def sentence(word: str) -> str:

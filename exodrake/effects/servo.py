@@ -207,7 +207,7 @@ SPEED_LIMIT = Effect(
     signature="angle ramps at one slope after large steps of the command; slow motion untouched",
     source="no-load speeds of hobby servos, 1-10 rad/s, less with a low supply; range assumed",
     at={"joint.followed": limited},
-    parameters=(per_joint("speed", "rad/s", null=inf, low=0.2, high=20.0, default=4.0, transform="reciprocal"),),
+    parameters=(per_joint("speed", "rad/s", null=inf, low=0.1, high=2.0, default=0.5, transform="reciprocal"),),
 )  # fmt: skip
 SHEATH_PLAY = Effect(
     id="joint.sheath_play",

@@ -21,7 +21,7 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.problem import Trial
-from exodrake.simulation.tensions import smooth
+from exodrake.simulation.protocols import smooth
 
 SHORTEST, LONGEST, DEFAULT = 20.0, 60.0, 60.0  # s of an experiment
 FEWEST, MOST = 60, 200  # frames of one, for a machine whose frames are long: assumed

@@ -25,16 +25,15 @@ import numpy as np
 
 from exodrake.compiled.inputs import Reference
 from exodrake.core.robot import Robot
-from exodrake.core.short_repr import short_repr
+from exodrake.core.text import short_repr
 from exodrake.data.log import Log
 from exodrake.grasping.hand import Candidates, Hand, Mode, bounds, candidates, check_size, joints, mode_of
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.physics.finger import end_stop
 from exodrake.physics.finger_statics import arms, follow, parameters_of, posture
 from exodrake.physics.tendon_finger import Parameters
-from exodrake.simulation.protocols import grasp
+from exodrake.simulation.protocols import grasp, smooth
 from exodrake.simulation.simulate import log_of, run
-from exodrake.simulation.tensions import smooth
 
 RAMP = 40  # postures along the approach
 Confirm = Callable[[np.ndarray, np.ndarray], bool]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.robot import Robot
 from exodrake.core.signal import Axes
 from exodrake.data.log import Log

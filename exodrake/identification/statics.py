@@ -32,8 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.core.argument import argument
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.machines.robot_file import robot_or_default

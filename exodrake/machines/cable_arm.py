@@ -18,16 +18,19 @@ from exodrake.core.part import Output, Part, Task
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
 from exodrake.effects import friction
-from exodrake.machines.arm_columns import drawn, effects_in, reading, shape
 from exodrake.machines.arm_defaults import (
     BANDWIDTH,
     SHARE,
     SPEED,
     SWING,
+    drawn,
     drive_defaults,
+    effects_in,
     inertias,
     losses,
+    reading,
     scales,
+    shape,
     stated,
     typical_efforts,
     units,

@@ -1,11 +1,15 @@
 """The machine library: folders with `machine.py` and `robot.yaml`, here and in plugins.
 
+`recordings.py` of a folder makes cases of recordings of the real machine by `case(path)`. Sources and licences are
+stated there; the recordings themselves are not part of this repository.
+
 A folder `robots` in a machine's folder holds further robots of the machine, `exo_index/wide_pinch` for
 `exo_index/robots/wide_pinch.yaml`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
@@ -19,6 +23,7 @@ from exodrake.core.machine import Machine
 from exodrake.core.parameter import Tolerance
 from exodrake.core.units import add_kind
 from exodrake.core.yaml_file import read_yaml
+from exodrake.data.case import Case
 
 
 def machine_folders() -> dict[str, Path]:
@@ -100,3 +105,10 @@ def module_of(name: str, module: str) -> ModuleType:
 def joined() -> str:
     """The machines' names for a message."""
     return ", ".join(machine_names())
+
+
+def reader(name: str) -> Callable[[Path], Case]:
+    """The `case` function of a machine's recordings; InputError with the machines that have one."""
+    if name not in recorded_machines():
+        raise InputError(f"no recordings of {name!r}; there are {', '.join(recorded_machines())}")
+    return module_of(name, "recordings").case

@@ -21,6 +21,7 @@ BEND = Signal("bend", "rad", JOINTS)
 ANGLE = ("angle", "noise_angle", "reading_arrival", "angle_read")  # what the sensor of the joints reads and writes
 COLUMN = Column("angle", "angle_read", label="Joint angle")
 STANDARD = ("speed_limit", "hysteresis")  # laws that every drive may have
+SLOW = 0.2  # s, frames of a quasi-static log, which shows no speed: assumed
 SWING = 1.0  # rad, by which a joint typically moves; ranges of the generic effects scale with it; assumed
 DRAWN = (Signal("noise_angle", "-", JOINTS, NORMAL), Signal("reading_arrival", "-", JOINTS, UNIFORM))
 COMPUTED = (
@@ -70,7 +71,8 @@ def joint_machine(
         max_effects: that a diagnosis may name together.
         settings: `BEND` if logs state the bend of each joint's sheath.
     """
-    standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in STANDARD)
+    laws = STANDARD if frame < SLOW else STANDARD[1:]
+    standard = (for_machine(f"joint.{law}", f"{part}.{law}") for law in laws)
     library = (*library, *others(tuple(standard), library))
     given, (*_, reading) = (*REFERENCES, *settings), (parts := parts_of(part, joints, frame, settings))
     return Machine(

@@ -21,23 +21,21 @@ from exodrake.core.machine import Machine
 from exodrake.core.schema import mapping, number, text
 from exodrake.core.segment import Segment
 from exodrake.core.signal import JOINTS, Axes, Signal
-from exodrake.machines.arm_columns import (
+from exodrake.machines.arm_defaults import (
+    SWING,
     both_std,
     columns,
     drawn,
+    drive_defaults,
     effects_in,
+    losses,
+    middle,
     noise_std,
     reading,
     renamed,
+    scales,
     shape,
     signals,
-)
-from exodrake.machines.arm_defaults import (
-    SWING,
-    drive_defaults,
-    losses,
-    middle,
-    scales,
     stated,
     typical_efforts,
     units,

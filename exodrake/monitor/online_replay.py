@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reference_width
-from exodrake.compiled.replay import Replay
-from exodrake.compiled.replay_code import reading_places
+from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared, reading_places, reference_width
+from exodrake.compiled.run import Replay
 from exodrake.core.machine import Machine, signal_count
 from exodrake.core.robot import Robot
 from exodrake.core.segment import Segment
 from exodrake.diagnosis.segment_shares import ORDER, WINDOW
-from exodrake.simulation.delayed_samples import cubic
+from exodrake.simulation.simulate import cubic
 
 LOOP = "loop"
 
@@ -227,7 +226,8 @@ class OnlineReplay:
         machine = self.machine = robot.machine
         self.channels, self.references = channels(machine), reference_width(machine)
         self.columns = len(compared_columns(machine))
-        self.fed = fed_columns(machine)
+        places = reading_places(machine)
+        self.fed = [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]
         self.loop = Replay(machine, silent(robot))
         self.segments = {k: SegmentReplay(robot, s) for k, s in replayed_segments(machine).items()}
         self.hold_reference, self.hold, self.smooth = Hold(self.references), Hold(self.columns), Smoother(machine.frame)
@@ -272,9 +272,3 @@ class OnlineReplay:
             for needed in replay.segment.inputs:
                 found[:, places[kind]] &= both[:, places[needed]].all(axis=1)[:, None]
         return found
-
-
-def fed_columns(machine: Machine) -> list[int]:
-    """Compared columns in the order of the feeds."""
-    places = reading_places(machine)
-    return [i for s in machine.segments for i in range(places[s.output].start, places[s.output].stop)]

@@ -14,8 +14,8 @@ from typing import NamedTuple
 from exodrake.core.part import Output, Part, State, Task
 from exodrake.core.signal import JOINTS
 from exodrake.physics.arm import braked, fields, geared, link, points, pushed, settle, sprung
-from exodrake.physics.dry_friction import slowed
 from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, invert, mass_matrix, move
+from exodrake.physics.scalar_laws import slowed
 
 SWEEPS = 10  # over the joints; the coupling through the mass matrix leaves next to nothing after that many
 ANGLE, SPEED, ROTOR, ROTOR_SPEED, PUSH, IMPULSE, STATES = 0, 1, 2, 3, 4, 5, 6

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from exodrake.core.part import Output, Part, State, Task
 from exodrake.core.signal import JOINTS
 from exodrake.physics.arm import braked, fields, geared, link, points, pushed, seen, settle
-from exodrake.physics.dry_friction import slowed
 from exodrake.physics.rigid_arm import WIDTH, WRENCH, downwards, effort, gather, move
+from exodrake.physics.scalar_laws import slowed
 
 
 def update(x, z, n, e, dt, position, velocity, acceleration):

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import JOINTS
-from exodrake.physics.dry_friction import slowed
+from exodrake.physics.scalar_laws import slowed
 
 ANGLE, SPEED, STRETCH, STATES = 0, 1, 2, 3
 

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 from exodrake.core.free_law import free_curve
 from exodrake.core.part import Output, Part, Point, State, Task, Unit
 from exodrake.core.signal import TENDONS
-from exodrake.physics.rounding import rounded
+from exodrake.physics.scalar_laws import rounded
 
 
 class Parameters(NamedTuple):

@@ -7,10 +7,9 @@ of its own for each signal that it measures: `sensor("reading", "angle", unit="r
 from types import ModuleType
 from typing import Annotated, NamedTuple
 
-from exodrake.core.module_file import module_of_file
-from exodrake.core.part import Output, Part, Point, State, Task, Unit
+from exodrake.core.part import Output, Part, Point, State, Task, Unit, module_of_file
 from exodrake.core.signal import JOINTS
-from exodrake.physics.rounding import rounded
+from exodrake.physics.scalar_laws import rounded
 
 
 def mixed(e, z, j, value, other):

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.core.proportions import binomial_interval
+from exodrake.core.confidence import binomial_interval
 from exodrake.diagnosis.result import CAUSE
 from exodrake.diagnosis.search import kind_of
 from exodrake.machines.robot_file import load_robot

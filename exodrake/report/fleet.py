@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from exodrake import __version__
-from exodrake.core.plural import plural
+from exodrake.core.text import plural
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN

@@ -11,8 +11,7 @@ import numpy as np
 from exodrake.core.errors import InputError
 from exodrake.data.log import Log
 from exodrake.diagrams.diagram import checked, find_parameter, logged_signals
-from exodrake.simulation.delayed_samples import delay_samples
-from exodrake.simulation.simulate import log_of_signals
+from exodrake.simulation.simulate import delay_samples, log_of_signals
 
 if TYPE_CHECKING:
     from pydrake.systems.framework import Context, Diagram

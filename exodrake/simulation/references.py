@@ -56,11 +56,6 @@ def split_options(text: str) -> tuple[str, dict[str, str]]:
     return name.strip(), found
 
 
-def options_of(function: Callable[..., Reference]) -> dict[str, float]:
-    """Options of a protocol with their defaults."""
-    return {n: p.default for n, p in signature(function).parameters.items() if p.kind is p.KEYWORD_ONLY}
-
-
 def protocol(text: str, robot: Robot | None = None) -> Reference:
     """The protocol or grasp mode of that name, with options: `holds:seed=3,dwell=5 s`.
 
@@ -72,7 +67,7 @@ def protocol(text: str, robot: Robot | None = None) -> Reference:
         there = [*robot.grasps, *PROTOCOLS]
         raise InputError(f"unknown protocol or grasp mode {name!r}{nearest(name, there)}; there are {', '.join(there)}")
     function = PROTOCOLS.get(name, protocols.grasp)
-    options = options_of(function)
+    options = {n: p.default for n, p in signature(function).parameters.items() if p.kind is p.KEYWORD_ONLY}
     for key in given:
         if key not in options:
             raise InputError(f"{name} has no option {key!r}{nearest(key, list(options))}; it has {', '.join(options)}")

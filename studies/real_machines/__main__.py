@@ -27,8 +27,9 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
 
     matplotlib.use("Agg")
     from exodrake.core.files import write_text
-    from exodrake.core.markdown import markdown_table
-    from exodrake.machines.write_robot import write_robot
+    from exodrake.core.text import markdown_table
+    from exodrake.machines.robot_file import write_robot
+    from studies.real_machines.exam import exam
     from studies.real_machines.page import page, verdict
     from studies.real_machines.recordings import available
     from studies.real_machines.study import study
@@ -49,8 +50,9 @@ def main(data: Path, out: Path, only: tuple[str, ...]) -> None:
             for title, rows in result.tables.items():
                 click.echo(f"{title}\n{markdown_table(rows[0], rows[1:])}\n")
         return
+    marks = exam(data, progress=lambda step: click.echo(step, err=True))
     texts = yaml.safe_load((files("studies.real_machines") / "texts.yaml").read_text())
-    write_text(out / "real.md", page(results, texts))
+    write_text(out / "real.md", page(results, marks, texts))
     click.echo(f"written {out / 'real.md'}")
 
 

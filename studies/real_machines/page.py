@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from exodrake.core.markdown import markdown_table
+from exodrake.core.text import markdown_table
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import Diagnosis
+from studies.real_machines.exam import Mark, table
 from studies.real_machines.study import Result
 
 Texts = dict[str, dict[str, str]]
 
 
-def page(results: list[Result], texts: Texts) -> str:
+def page(results: list[Result], marks: list[Mark], texts: Texts) -> str:
     """The page in Markdown.
 
     Args:
         results: a section each.
+        marks: of the exam.
         texts: of `texts.yaml`: set -> its title, published results and a remark; `page` -> head and last section.
     """
-    parts = [texts["page"]["head"]]
+    agree, better = (sum(rows) for rows in ([m.agrees for m in marks], [m.no_worse for m in marks if m.errors]))
+    counts = f"{agree} of {len(marks)} answers agree; {better} of {sum(bool(m.errors) for m in marks)} predict no worse."
+    parts = [texts["page"]["head"], counts + "\n", table(marks) + "\n", texts["page"]["sets"]]
     for result in results:
         text = texts[result.name]
         parts += [f"## {text['title']}\n\n{text['published'].strip()}\n", verdict(result.diagnosis)]

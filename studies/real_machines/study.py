@@ -13,7 +13,7 @@ from exodrake.data.case import Case
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.problem import Problem, make_problem
 from exodrake.diagnosis.result import Diagnosis
-from exodrake.machines.recordings import reader
+from exodrake.machines.library import reader
 from exodrake.machines.robot_file import load_robot
 from studies.real_machines import figures
 from studies.real_machines.growing_models import growing_models, predicted

@@ -14,7 +14,7 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.core.plural import plural
+from exodrake.core.text import plural
 from exodrake.core.units import si_unit, to_si
 from exodrake.data.foreign import lerobot
 from exodrake.data.foreign.mapping import Column, Derived, Mapped, Sync, Track, read_mapping

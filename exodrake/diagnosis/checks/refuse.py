@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from exodrake.core.errors import InputError
@@ -25,16 +27,27 @@ def check_case(case: Case, machine: Machine) -> None:
         raise InputError(f"{case.name}: frames of {case.period:g} s, {machine.name} has frames of {machine.frame:g} s")
     for item in case.logs:
         check_channels(item.log, item.file, machine)
-        if len(item.log) < SHORTEST:
-            raise InputError(
-                f"{item.file}: {len(item.log)} frames, a diagnosis needs {SHORTEST} ({SHORTEST * machine.frame:g} s)"
-            )
     frames = sum(len(item.log) for item in case.logs)
     if frames > LONGEST:
         raise InputError(
             f"{case.name}: {frames} frames of logs, a diagnosis takes {LONGEST}; a few logs of a minute say as much"
         )
     check_repeats(case, machine)
+
+
+def without_short_logs(case: Case, machine: Machine) -> Case:
+    """The case without logs that are too short to tell anything, with a note; InputError if no fitted log is left."""
+    short = [item for item in case.logs if len(item.log) < SHORTEST]
+    if not short:
+        return case
+    least = f"{SHORTEST} ({SHORTEST * machine.frame:g} s)"
+    gone = {item.file for item in short}
+    kept = tuple(item for item in case.logs if item.file not in gone and item.repeats not in gone)
+    if not any(item.role == "fit" for item in kept):
+        item = short[0]
+        raise InputError(f"{item.file}: {len(item.log)} frames, a diagnosis needs {least}")
+    listed = ", ".join(sorted(gone))
+    return replace(case, logs=kept, notes=(*case.notes, f"left out, since a diagnosis needs {least} frames: {listed}"))
 
 
 def check_channels(log: Log, file: str, machine: Machine) -> None:

@@ -15,16 +15,14 @@ from textwrap import wrap
 
 import numpy as np
 
-from exodrake.compiled.cache import cache_folder, write_if_different
+from exodrake.compiled.cache import cache_folder, once, write_if_different
 from exodrake.core.effect import Effect
 from exodrake.core.files import write_text
 from exodrake.core.free_law import HYSTERESIS, PLACE, RELAXATION, FreeLaw, free_curve, free_memory
 from exodrake.core.machine import Machine
-from exodrake.core.module_file import module_of_file
-from exodrake.core.once import once
-from exodrake.core.part import Part, Point, module_name
+from exodrake.core.part import Part, Point, module_name, module_of_file
 from exodrake.core.robot import Robot
-from exodrake.machines.write_robot import robot_text
+from exodrake.machines.robot_file import robot_text
 
 SIZE = 8  # knots of a curve, or elements of a memory
 BINS = 12  # in which a watch counts

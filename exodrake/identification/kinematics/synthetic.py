@@ -14,7 +14,7 @@ from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.markers import JOINTS, SEGMENTS, Layout, Recording
 from exodrake.identification.kinematics.rigid import Axis, apply, chain_pose, motion, rotation, triad_pose
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
-from exodrake.simulation.tensions import smooth
+from exodrake.simulation.protocols import smooth
 
 MM = 1e-3
 PLACES = {  # mm from the joint before the segment, at rest

@@ -1,4 +1,4 @@
-"""The Exo-Index robot: its signals, its parts in order, and what its log shows; slots as in `model.md`, Timing."""
+"""The Exo-Index robot: signals, parts in order, log columns, segments, control loop and drawing; slots: `model.md`."""
 
 from __future__ import annotations
 
@@ -7,24 +7,144 @@ from functools import cache
 
 import numpy as np
 
+from exodrake.core.errors import InputError
+from exodrake.core.loop import Controller, Gain, Loop
 from exodrake.core.machine import Column, Machine, Observer
+from exodrake.core.robot import Robot
+from exodrake.core.segment import CommandLink, Imposed, Regime, Segment
 from exodrake.core.signal import JOINTS, NORMAL, SCALAR, TENDONS, UNIFORM, Axes, Delay, Signal
+from exodrake.core.skeleton import Piece, Skeleton
 from exodrake.effects import effects_of
-from exodrake.machines.exo_index.loop import LOOP
-from exodrake.machines.exo_index.segments import COMMAND_LINK, REGIME, SEGMENTS
-from exodrake.machines.exo_index.skeleton import skeleton
 from exodrake.physics import (
     bus,
     controller,
-    controller_as_printed,
     encoder,
-    finger_at_rest,
     mocap,
     motor,
-    routers_as_printed,
     sensor,
     tendon_finger,
+    variants,
 )
+
+# A tendon is stiff: a micrometre turns into millinewtons. So a measured tension acts on the finger as a force, through
+# tendons so soft that a stroke is one, and a measured angle as a hold.
+SOFT = 1e-3  # N/m
+READ = 0.005  # s after the start of a frame: middle of the three bus reads
+STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a second
+SLACK = 0.15  # N: a tendon below half the anti-slack tension of 0.3 N counts as slack
+SEGMENTS = (
+    Segment("controller", "speed_cmd", ("tension",), exact=True),
+    Segment(
+        "motor",
+        "stroke",
+        ("tension",),
+        (Imposed("stroke"), Imposed("wire_speed", rate=True)),
+        sampled=READ,
+        contents="bus, drive, encoder",
+    ),
+    Segment(
+        "tendon",
+        "tension",
+        ("stroke", "angle"),
+        (
+            Imposed("tension", low=0.0),
+            Imposed("tension_spool", low=0.0),
+            Imposed("stroke", gain=1.0 / SOFT, low=0.0, part="finger"),
+            Imposed("wire_speed", rate=True, gain=1.0 / SOFT, part="finger"),
+        ),
+        parameters={"tendon.k": SOFT},
+        sampled=READ,
+        contents="cable, load cell",
+    ),
+    Segment(
+        "finger",
+        "angle",
+        ("tension",),
+        (Imposed("angle"),),
+        hold=("finger", "hold"),
+        sampled=READ,
+        contents="sheath, joints, motion capture",
+    ),
+)
+REGIME = Regime("stroke", "tension", "angle", STILL, SLACK)
+COMMAND_LINK = CommandLink("speed_cmd", "stroke", "speed_applied", "motor", "stroke")
+
+
+PALMAR, DORSAL = -1.0, 1.0
+# tendon -> (suffix of its router parameters, side, lateral position [m], joints that it passes; None: all)
+ROUTES = {
+    "AF": ("f", PALMAR, 0.0016, None),
+    "MF": ("f", PALMAR, -0.0016, 1),
+    "AE": ("e", DORSAL, 0.0, None),
+}
+HAND_END = -0.055  # [m] where the tendons leave the hand
+
+
+def route(robot: Robot, tendon: str) -> list[tuple[int, np.ndarray]]:
+    """Routers of a tendon from the hand to its end: (segment, point (3,) [m]) each."""
+    suffix, side, lateral, count = ROUTES[tendon]
+    a, b, m, n = (robot.channels(f"router.{letter}_{suffix}") for letter in "abmn")
+    lengths = np.concatenate([[0.0], robot.channels("finger.length")])
+    points = []
+    for i in range(count or len(a)):
+        points.append((i, np.array([lengths[i] - b[i], lateral, side * m[i]])))
+        points.append((i + 1, np.array([a[i], lateral, side * n[i]])))
+    return points
+
+
+def skeleton(robot: Robot) -> Skeleton:
+    """Bones, routers and tendons of a robot. InputError for a phalanx without size."""
+    for name in ("finger.length", "finger.radius"):
+        if not (np.isfinite(robot.channels(name)) & (robot.channels(name) > 0)).all():
+            raise InputError(f"{robot.source}: a {name} is not above 0, so there is no finger to draw")
+    pieces, routers = [], []
+    for tendon in robot.machine.axes.tendons:
+        points = route(robot, tendon)
+        routers += points
+        parameter = np.array([HAND_END, *points[0][1][1:]])
+        for (first, start), (last, end) in zip([(0, parameter), *points], points, strict=False):
+            pieces.append(Piece(tendon, first, start, last, end))
+    lengths, radii = robot.channels("finger.length"), robot.channels("finger.radius")
+    joints = robot.machine.axes.joints
+    return Skeleton(joints, lengths, radii, HAND_END, tuple(pieces), tuple(routers), "angle", "tension")
+
+
+KP, KD = Gain("controller.kp", 1e-3, 0.03), Gain("controller.kd", 1e-6, 5e-4)  # m/(s N), m/N: range of the robot file
+KI = Gain("controller.ki", 3e-4, 0.3)  # m/(s2 N)
+TAU_D, TAU_R = Gain("controller.tau_D", 2e-3, 0.2), Gain("controller.tau_R", 0.01, 1.0)  # s
+FEED = Gain("controller.feed", 0.1, 1.5)
+PLAIN = {f"controller.{name}": 0.0 for name in ("kd", "ki", "tau_D", "tau_R", "feed")}
+COMPLIANCE = tuple(f"controller.compliance_{k}" for k in (1, 2, 3))
+
+LOOP = Loop(
+    reference="tension_ref",
+    command="speed_cmd",
+    output="tension",
+    measured="tension_read",
+    part="controller",
+    held="command",
+    gains=(Gain("controller.kp", 0.0, 0.03), Gain("controller.kd", -5e-4, 5e-4)),  # kd < 0: the sign as printed
+    gentle={**PLAIN, "controller.kp": 3e-3, "controller.ki": 1e-3},  # ki empties the integral
+    step=1.0,
+    points={
+        "middle": {"AF": 4.0, "MF": 3.0, "AE": 1.0},
+        "small": {"AF": 0.3, "MF": 0.3, "AE": 0.3},  # F_min
+        "full": {"AF": 12.0, "MF": 8.0, "AE": 8.0},  # F_max
+    },
+    controllers=(
+        Controller("PD", (KP, KD), PLAIN),
+        Controller("PD, filtered", (KP, KD, TAU_D), PLAIN),
+        Controller("PI, reference filter", (KP, KI, TAU_R), PLAIN),
+        Controller("PID, both filters", (KP, KI, KD, TAU_D, TAU_R), PLAIN),
+        Controller("P, feed-forward", (KP, TAU_R, FEED), PLAIN, COMPLIANCE),
+        Controller("PI, feed-forward", (KP, KI, TAU_R, FEED), PLAIN, COMPLIANCE),
+    ),
+    actuated="stroke_read",
+    latency="timing.command_latency.frames",
+    resolution="sensor.q_F",
+    nonlinear={"motor.dead_zone": {}, "tendon.coulomb_friction": {}},
+)
+
 
 AXES = Axes(("AF", "MF", "AE"), ("MCP", "PIP", "DIP"))
 
@@ -78,8 +198,6 @@ def noise_std(parameter: Callable[[str], float]) -> dict[str, float]:
     }
 
 
-STILL = 2e-4  # m/s: slower tendons count as at rest; a few encoder counts a second
-SLACK = 0.15  # N: half the anti-slack reference of 0.3 N
 COLOURS = {
     **{"AF": "#0072b2", "MF": "#009e73", "AE": "#d55e00"},  # Okabe and Ito: distinct to all eyes
     **{"MCP": "#332288", "PIP": "#aa4499", "DIP": "#999933"},  # Tol's muted scheme
@@ -107,9 +225,9 @@ def machine() -> Machine:
         command_link=COMMAND_LINK,
         observer=Observer("speed_cmd", "stroke", ("motor", "theta"), "motor.r", gain=0.2),
         variants_available={
-            "controller_as_printed": ("controller.damping", controller_as_printed.damping),
-            "finger_at_rest": ("tendon_finger.rests_before", finger_at_rest.rests_before),
-            "routers_as_printed": ("routers.applied_arm", routers_as_printed.applied_arm),
+            "controller_as_printed": ("controller.damping", variants.damping),
+            "finger_at_rest": ("tendon_finger.rests_before", variants.rests_before),
+            "routers_as_printed": ("routers.applied_arm", variants.applied_arm),
         },
         reference_limits=("F_min", "F_max"),
         experiments={

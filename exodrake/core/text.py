@@ -1,8 +1,8 @@
-"""A `repr` of one line for results that hold arrays and logs."""
+"""Short texts: a `repr` of one line for results with arrays and logs, nouns after numbers, tables in Markdown."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import fields
 
 LONGEST, LONGEST_FIELD = 160, 40  # characters
@@ -29,3 +29,16 @@ def brief(value: object) -> str:
         return f"{type(value).__name__}[{len(value)}]"
     written = repr(value).splitlines()[0] if repr(value) else ""
     return written if len(written) <= LONGEST_FIELD else written[: LONGEST_FIELD - 3] + "..."
+
+
+def plural(count: int, noun: str) -> str:
+    """A noun after a number: `robot` after 1, else `robots`."""
+    return noun if count == 1 else f"{noun}s"
+
+
+def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Format a table; a heading that begins with `>` heads numbers, which are aligned right."""
+    marks = ["---:" if heading.startswith(">") else "---" for heading in headings]
+    lines = ([heading.removeprefix(">") for heading in headings], *rows)
+    head, *body = ("| " + " | ".join(map(str, cells)) + " |" for cells in lines)
+    return "\n".join([head, "|" + "|".join(marks) + "|", *body])

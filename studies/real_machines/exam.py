@@ -1,0 +1,264 @@
+"""The exam: real machines, each from its folder to a verdict, judged against the experts' fit and held-out motion.
+
+An answer agrees if its causes are of the kinds that experts fitted to the same recording, and none of these is missing
+from its effects; rivals of a cause count as it does. The error on motion that was not fitted is compared with that of
+the best simple model which those experts give. Who fitted what, and to what error: DATA/README.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import radians
+from pathlib import Path
+
+import numpy as np
+
+from exodrake.core.errors import InputError
+from exodrake.core.robot import Robot
+from exodrake.core.text import markdown_table
+from exodrake.data.case import Case, CaseLog
+from exodrake.diagnosis.pipeline import diagnose
+from exodrake.diagnosis.result import CAUSE, Diagnosis
+from exodrake.machines.library import reader
+from exodrake.machines.recording_tools import halves
+from exodrake.machines.robot_file import load_robot
+
+LATENCY, LAG, SPEED = "delay", "lag", "speed limit"
+DRY, VISCOUS, OFFSET, PLAY = "dry friction", "viscous friction", "offset", "backlash"
+SAG, INERTIA, GAIN, COUPLING = "load", "inertia", "gain", "crosstalk"
+
+
+@dataclass(frozen=True)
+class Paper:
+    """One recording of the exam.
+
+    Attributes:
+        name: of the case.
+        fit: experts' fit in words.
+        wanted: kinds of effect that the fit has.
+        allowed: further kinds that experts name as possible, or cannot tell from those.
+        simple: column, or its beginning -> error of the best simple model on held-out motion [SI]; relative to the
+            measured signal where `relative`.
+        build: case and robot from the folder of all recordings.
+        relative: whether `simple` is relative.
+    """
+
+    name: str
+    fit: str
+    wanted: tuple[str, ...]
+    allowed: tuple[str, ...]
+    simple: Mapping[str, float]
+    build: Callable[[Path], tuple[Case, Robot]]
+    relative: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """What an answer is worth.
+
+    Attributes:
+        paper: the recording.
+        found: the answer.
+        agrees: whether its causes are those of the experts' fit.
+        errors: column -> error on held-out motion of the nominal and of the improved robot, and of the simple model.
+    """
+
+    paper: Paper
+    found: Diagnosis
+    agrees: bool
+    errors: Mapping[str, tuple[float, float, float]]
+
+    @property
+    def no_worse(self) -> bool:
+        """Whether the error on held-out motion is no larger than the simple model's, RMS over the columns."""
+        return sum((a / s) ** 2 for _, a, s in self.errors.values()) <= len(self.errors)
+
+
+def owner(data: Path, name: str) -> tuple[Robot, Callable[[str], CaseLog]]:
+    """Robot of an owner's machine folder, and a reader of its recordings by name."""
+    from exodrake.core.plugins import add_plugin
+    from exodrake.data.foreign.import_log import import_log
+
+    add_plugin(data / name / name)
+
+    def read(recording: str) -> CaseLog:
+        file = f"{recording}.csv"
+        return CaseLog(
+            import_log(data / name / file, data / name / name / "mapping.yaml"), recording, "fit", None, file
+        )
+
+    return load_robot(str(data / name / name / "robot.yaml")), read
+
+
+def split(name: str, fitted: Sequence[str], held: Sequence[str]) -> Callable[[Path], tuple[Case, Robot]]:
+    """Some recordings of an owner's machine fitted, others held out."""
+
+    def build(data: Path) -> tuple[Case, Robot]:
+        robot, read = owner(data, name)
+        logs = (*map(read, fitted), *(replace(read(r), role="holdout") for r in held))
+        return Case(name, {}, logs, robot.machine.frame), robot
+
+    return build
+
+
+def halved(name: str, recordings: Sequence[str]) -> Callable[[Path], tuple[Case, Robot]]:
+    """First halves of an owner's recordings fitted, second halves held out."""
+
+    def build(data: Path) -> tuple[Case, Robot]:
+        robot, read = owner(data, name)
+        logs = tuple(part for r in recordings for part in halves(read(r).log, r))
+        return Case(name, {}, logs, robot.machine.frame), robot
+
+    return build
+
+
+def ours(name: str, folder: str, *runs: str) -> Callable[[Path], tuple[Case, Robot]]:
+    """A set that the project has a reader for; runs: some folders of it, as the reader splits them."""
+
+    def build(data: Path) -> tuple[Case, Robot]:
+        places = [data / folder / run for run in runs] or [data / folder]
+        cases = [reader(name)(place) for place in places]
+        return replace(cases[0], logs=tuple(item for case in cases for item in case.logs)), load_robot(name)
+
+    return build
+
+
+def other_motion(fitted: str, held: str) -> Callable[[Path], tuple[Case, Robot]]:
+    """One run of the SO-101 fitted whole, another one held out."""
+
+    def build(data: Path) -> tuple[Case, Robot]:
+        parts = [reader("so101")(data / "sage_so101" / run) for run in (fitted, held)]
+        roles = zip(parts, ("fit", "holdout"), strict=True)
+        logs = tuple(replace(item, role=role) for case, role in roles for item in case.logs)
+        return replace(parts[0], logs=logs), load_robot("so101")
+
+    return build
+
+
+def joints(*errors: float) -> dict[str, float]:
+    """Errors of the SO-101's joints [mrad] as columns [rad]."""
+    names = ("Rotation", "Pitch", "Elbow", "WristPitch", "WristRoll", "Jaw")
+    return {f"angle_{name}": error * 1e-3 for name, error in zip(names, errors, strict=True)}
+
+
+HOBBY = "chirp1 prbs1 prbs2 ramp1 ramp2 triangle1 triangle2 square1 square2 square3"
+HOBBY_HELD = "prbs3 ramp5 triangle5 square6 step8"
+XL330 = tuple(
+    f"xl_{n}" for n in ("200_sin_sin", "400_sin_sin", "400_sin_time_square", "800_sin_time_square", "800_up_and_down")
+)
+HSM150 = ("hsm_neg_0.045_1", "hsm_pos_0.065_1", "hsm_neg_0.04_1")
+SERVO = (LATENCY, LAG, PLAY, SAG)
+PAPERS = (
+    Paper("wam", "Coulomb and viscous friction on both joints", (DRY, VISCOUS), (OFFSET,),
+          {"effort_J2": 2.05, "effort_J4": 0.36}, halved("wam", ("wam_1", "wam_2"))),
+    Paper("hsm150", "Coulomb, viscous, offset", (DRY, VISCOUS, OFFSET), (), {"effort": 2.2e-3},
+          split("hsm150", HSM150, ("hsm_pos_0.06_1",))),
+    Paper("hobby_servo", "delay and speed limit", (LATENCY, SPEED), (),
+          {"angle": float(np.sqrt(np.mean(np.square([0.079, 0.017, 0.042, 0.110, 0.042]))))},
+          split("hobby_servo", *([f"hobby_{n}" for n in names.split()] for names in (HOBBY, HOBBY_HELD)))),
+    Paper("xl330", "Coulomb, viscous, inertia, torque constant and mass off; nothing closes it", (DRY,),
+          (VISCOUS, INERTIA, GAIN, SAG, OFFSET), {"effort": 0.132}, split("xl330", XL330, ("xl_800_sin_sin",))),
+    Paper("fairino", "dry friction; more terms help little", (DRY,), (VISCOUS, OFFSET), {"effort": 2.75},
+          split("fairino", ("fai_S",), ("fai_zhixian",))),
+    Paper("emps", "Coulomb, viscous, offset or friction by direction", (DRY, VISCOUS), (OFFSET,),
+          {"force": 0.0408}, ours("emps", "emps/DATA_EMPS.mat"), relative=True),
+    Paper("tendon sheath", "play that grows with bend, offset", (PLAY,), (OFFSET, GAIN),
+          {"angle": radians(1.9)}, ours("tendon_sheath", "tendon_sheath")),
+    Paper("dVRK wrist", "offset, play of the joint's own cable, neighbours", (OFFSET, PLAY),
+          (GAIN, COUPLING, "friction"), {"angle": radians(1.2)}, ours("dvrk_wrist", "dvrk_wrist")),
+    Paper("SO-101, two motions", "latency, dead band, sag, lag", SERVO, ("hysteresis", SPEED),
+          {k: float(np.hypot(a, b) / np.sqrt(2.0)) for (k, a), b in zip(
+              joints(9.3, 17.0, 19.0, 2.4, 2.1, 1.5).items(), joints(9.0, 42.2, 38.9, 9.9, 11.2, 30.0).values(),
+              strict=True)},
+          ours("so101", "sage_so101", "friction_gravity", "prbs_excitation")),
+    Paper("SO-101, backlash run", "latency, dead band, sag", (LATENCY, PLAY, SAG), (LAG, OFFSET, SPEED, "hysteresis"),
+          joints(2.8, 5.3, 9.5, 7.7, 9.1, 11.7), other_motion("backlash_detection", "friction_gravity")),
+    Paper("SO-101, multisine", "latency, dead band, sag, lag", SERVO, ("hysteresis", SPEED), {},
+          ours("so101", "sage_so101", "multisine")),
+)  # fmt: skip
+
+
+def marked(paper: Paper, data: Path) -> Mark:
+    """The mark of one recording. InputError where it cannot be diagnosed."""
+    case, robot = paper.build(data)
+    found = diagnose(case, robot)
+    kinds = {e.id: e.kind for e in found.effects}
+    known = {e.id: e for e in robot.machine.effects}
+    causes = [e for e in found.effects if e.role == CAUSE]
+    classes = [{e.kind, *(kind(known[r.id]) for r in e.rivals)} for e in causes]
+    expected = {*paper.wanted, *paper.allowed}
+    fits = bool(causes) and all(c & expected for c in classes)
+    seen = {*kinds.values(), *(k for c in classes for k in c)}
+    errors = {}
+    for column, gap in found.closure.signals.items():
+        limit = next((v for name, v in paper.simple.items() if column.startswith(name)), None)
+        if limit is not None and found.problem is not None and found.problem.holdout:
+            i = found.problem.columns.index(column)
+            size = np.sqrt(np.nanmean(np.concatenate([t.measured[:, i] for t in found.problem.holdout]) ** 2))
+            limit = limit * size if paper.relative else limit
+            errors[column] = (gap.before, gap.after, float(limit))
+    return Mark(paper, found, fits and seen >= set(paper.wanted), errors)
+
+
+def kind(effect: object) -> str:
+    """Kind of an effect in words."""
+    from exodrake.diagnosis.search import kind_of
+
+    return kind_of(effect)  # pyright: ignore[reportArgumentType]
+
+
+def answer(mark: Mark) -> str:
+    """The answer in a cell: verdict, causes, refinements."""
+    effects = mark.found.effects
+    causes = [f"**{e.id}**" + (f" (or {', '.join(r.id for r in e.rivals)})" if e.rivals else "")
+              for e in effects if e.role == CAUSE]  # fmt: skip
+    rest = [e.id for e in effects if e.role != CAUSE]
+    return f"{mark.found.verdict}: {', '.join(causes) or 'no cause'}" + (f"; {', '.join(rest)}" if rest else "")
+
+
+def rms(mark: Mark) -> str:
+    """Held-out errors in a cell: nominal, improved and simple model, RMS over the columns, relative to the latter."""
+    if not mark.errors:
+        return "not compared"
+    before, after = (np.sqrt(np.mean([(e[k] / e[2]) ** 2 for e in mark.errors.values()])) for k in (0, 1))
+    return f"{before:.3g} -> {after:.3g}" + ("" if mark.no_worse else " (worse)")
+
+
+def table(marks: Sequence[Mark]) -> str:
+    """The exam as a table, wrong answers first."""
+    order = sorted(marks, key=lambda m: (m.agrees, m.no_worse))
+    head = (
+        "recording",
+        "experts' fit",
+        "answer: causes; refinements",
+        "left",
+        "error [simple model's]",
+        "agrees",
+    )
+    rows = [
+        (
+            m.paper.name,
+            m.paper.fit,
+            answer(m),
+            f"{m.found.remainder.value:.1%}",
+            rms(m),
+            "yes" if m.agrees else "**no**",
+        )
+        for m in order
+    ]
+    return markdown_table(head, rows)
+
+
+def exam(data: Path, only: Sequence[str] = (), progress: Callable[[str], None] = lambda step: None) -> list[Mark]:
+    """Marks of all recordings whose folders are there."""
+    found = []
+    for paper in PAPERS:
+        if only and paper.name not in only:
+            continue
+        progress(paper.name)
+        try:
+            found.append(marked(paper, data))
+        except InputError as error:
+            progress(f"{paper.name}: {error}")
+    return found
