@@ -5,8 +5,7 @@ from time import perf_counter
 import numpy as np
 
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.gp import fit
-from exodrake.estimator.prior import POINTS
+from exodrake.estimator.gp import POINTS, fit
 from exodrake.physics.gp_estimator import predict_into, scratch
 
 SAMPLES = 20_000

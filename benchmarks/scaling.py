@@ -24,12 +24,12 @@ from time import process_time
 import click
 import numpy as np
 
-from exodrake.blind.case_mix import CasePlan
-from exodrake.blind.make import case_and_label
 from exodrake.core.parallel import each
 from exodrake.core.threads import one_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
+from exodrake.reference.cases import CasePlan
+from exodrake.reference.make import case_and_label
 
 FRICTION = ("single", ("tendon.capstan_friction",))
 KINDS = {

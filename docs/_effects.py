@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 from _figures import Shown, effect_figure
 
-from exodrake.cli.effects import describe, plausible
-from exodrake.cli.new_arm import SCAFFOLD
+from exodrake.cli.new_machine import ARM_SCAFFOLD
+from exodrake.cli.robot import describe, plausible
 from exodrake.core.display import display_of
 from exodrake.core.effect import Effect
 from exodrake.core.machine import Machine
@@ -69,7 +69,7 @@ def arms_page() -> str:
     """Effects of arms in all forms on a page, but for those of their sensors, which any signal has."""
     found: dict[str, tuple[Machine, Effect]] = {}
     for form in FORMS:
-        machine = arm_machine("cable_arm", {"urdf": "cable_arm.urdf", "form": form}, SCAFFOLD, "cable_arm")
+        machine = arm_machine("cable_arm", {"urdf": "cable_arm.urdf", "form": form}, ARM_SCAFFOLD, "cable_arm")
         own = (effect for effect in machine.effects if effect.block in ("arm", "cable", "gear_motor"))
         found = {effect.id: (machine, effect) for effect in own} | found
     page = ARMS

@@ -15,7 +15,7 @@ from _notebook import page as notebook_page
 
 from exodrake import PUBLIC
 from exodrake.cli.main import COMMANDS, cli
-from exodrake.report.assumed import decision_numbers
+from exodrake.report.diagnosis_html import decision_numbers
 
 if TYPE_CHECKING:
     from mkdocs.structure.files import Files

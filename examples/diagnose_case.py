@@ -21,8 +21,8 @@ def some_case() -> Path:
     """The case named, else one of the reference simulator, a robot with friction in its sheaths."""
     if len(sys.argv) > 2:
         return Path(sys.argv[2])
-    from exodrake.blind.case_mix import CasePlan
-    from exodrake.blind.make import make_case
+    from exodrake.reference.cases import CasePlan
+    from exodrake.reference.make import make_case
 
     make_case(CasePlan("case", (1, 1), "single", ("tendon.viscous_friction",), False), MADE)
     return MADE / "case"

@@ -10,9 +10,8 @@ import matplotlib
 
 import exodrake as exo
 from exodrake.data.plot import STYLE, new_figure, save_png
-from exodrake.estimator.quick_estimator import quick_estimator
-from exodrake.grasping.posture_loop import posture_controller
-from exodrake.grasping.run import run_plan
+from exodrake.estimator.file import quick_estimator
+from exodrake.grasping.run import posture_controller, run_plan
 
 robot = exo.load_robot()
 plan = exo.plan_grasp("caging", 0.050, robot)

@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import exodrake as exo
 from exodrake.estimator.dataset import sweeps_from_logs
-from exodrake.estimator.estimate import estimate
-from exodrake.estimator.gp import condition
-from exodrake.estimator.prior import learn
-from exodrake.estimator.stroke_zeros import learn_strokes
-from exodrake.estimator.validate import validate
+from exodrake.estimator.gp import condition, learn, learn_strokes
+from exodrake.estimator.validate import estimate, validate
 
 robot = exo.load_robot()
 training = sweeps_from_logs([exo.simulate(robot, exo.sweeps(robot), seed=0)])

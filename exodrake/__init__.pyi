@@ -9,10 +9,9 @@ from exodrake.core.plain import save as save, to_dict as to_dict
 from exodrake.core.plugins import add_plugin as add_plugin
 from exodrake.core.robot import Robot as Robot
 from exodrake.data.case import Case as Case, CaseLog as CaseLog, read_case as read_case, write_case as write_case
-from exodrake.data.clock import regularise as regularise
 from exodrake.data.compare import Comparison as Comparison, compare as compare
 from exodrake.data.log import Log as Log
-from exodrake.data.log_file import read_log as read_log, write_log as write_log
+from exodrake.data.log_file import read_log as read_log, regularise as regularise, write_log as write_log
 from exodrake.diagnosis.pipeline import diagnose as diagnose
 from exodrake.diagnosis.result import Diagnosis as Diagnosis
 from exodrake.diagrams.block_diagram import wiring_svg as wiring_svg
@@ -26,8 +25,8 @@ from exodrake.diagrams.exo_index import add_exo_index as add_exo_index
 from exodrake.diagrams.finger_view import FingerView as FingerView
 from exodrake.diagrams.multibody_finger import MultibodyFinger as MultibodyFinger
 from exodrake.grasping.plan import plan_grasp as plan_grasp
-from exodrake.grasping.posture_loop import posture_controller as posture_controller
-from exodrake.identification.maximum_tension import find_maximum_tension as find_maximum_tension
+from exodrake.grasping.run import posture_controller as posture_controller
+from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
 from exodrake.simulation.diagram_log import diagram_log as diagram_log
 from exodrake.simulation.protocols import (

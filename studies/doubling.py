@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from exodrake.blind.matching import causes_of, rivals_of
 from exodrake.cli.main import OneLineErrors
+from exodrake.reference.measures import causes_of, rivals_of
 
 if TYPE_CHECKING:
     from exodrake.data.case import Case

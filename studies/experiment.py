@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from exodrake.blind.matching import found_ids
 from exodrake.cli.main import OneLineErrors
+from exodrake.reference.measures import found_ids
 from studies.experiment_page import DESIGNED, MOTIONS, page, said
 
 if TYPE_CHECKING:
-    from exodrake.blind.robot_spec import RobotSpec
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Rival
     from exodrake.experiment.contest import Contest
+    from exodrake.reference.robot import RobotSpec
 
 LOG_SEED = 9  # of the noise of further logs
 SAME = 1.0  # T of two laws that write the same log: less than noise
@@ -111,11 +111,11 @@ def explained(case: Case, effects: frozenset[str]) -> tuple[dict[str, Any], tupl
 
 def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
     """The case with the log that its robot leaves on a reference (frames, tendons) [N]."""
-    from exodrake.blind.make import rounded
-    from exodrake.blind.robot_spec import Protocol
-    from exodrake.blind.simulator import simulate
     from exodrake.data.case import EXPERIMENT, CaseLog
     from exodrake.data.log import Log
+    from exodrake.reference.make import rounded
+    from exodrake.reference.robot import Protocol
+    from exodrake.reference.simulator import simulate
 
     columns = rounded(simulate(spec, Protocol(EXPERIMENT, reference), LOG_SEED))
     time = columns.pop("time")
@@ -126,8 +126,8 @@ def with_log(case: Case, spec: RobotSpec, reference: np.ndarray) -> Case:
 
 def ambiguous(folder: Path) -> list[Path]:
     """Cases of a set whose stored answer is ambiguous."""
-    from exodrake.blind.run import ANSWER, cases_of
     from exodrake.core.json_file import read_json
+    from exodrake.reference.answers import ANSWER, cases_of
 
     answered = [case for case in cases_of(folder) if (case / ANSWER).is_file()]
     return [case for case in answered if read_json(case / ANSWER).get("verdict") == "AMBIGUOUS"]
@@ -182,12 +182,12 @@ def of_case(
     row: dict[str, Any], case: Path, labels: dict[str, Any], duration: float | None, motions: tuple[str, ...]
 ) -> Iterator[dict[str, Any]]:
     """Results of a case folder (`measured`)."""
-    from exodrake.blind.run import ANSWER
     from exodrake.core.json_file import read_json
     from exodrake.core.threads import one_blas_thread
     from exodrake.data.case import read_case
     from exodrake.diagnosis.problem import required_of
     from exodrake.machines.robot_file import load_robot
+    from exodrake.reference.answers import ANSWER
     from studies.transfer.study import withheld
 
     label, machine = labels.get("cases", labels)[case.name], load_robot().machine

@@ -18,9 +18,6 @@ from pathlib import Path
 
 import click
 
-from exodrake.blind.case_mix import CaseMix, CasePlan
-from exodrake.blind.catalogue import ENTRIES, blocks_of
-from exodrake.blind.make import case_and_label
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case
 from exodrake.diagnosis.discovery.discover import discover
@@ -29,7 +26,10 @@ from exodrake.diagnosis.discovery.missing_law import MissingLaw
 from exodrake.diagnosis.isolation import isolate
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
-from exodrake.report import number_format as n
+from exodrake.reference.cases import CaseMix, CasePlan
+from exodrake.reference.faults import ENTRIES, blocks_of
+from exodrake.reference.make import case_and_label
+from exodrake.report import wording as w
 from studies.missing_law_page import Row, page, restored
 
 SEED = 552031
@@ -142,7 +142,7 @@ def main(out: Path, cases: str, healthy: int, seed: int, real: Path | None) -> N
             with store.open("a") as file:
                 file.write(json.dumps(row.__dict__) + "\n")
             click.echo(
-                f"{name}: {row.law} {n.percent(row.share)} {n.closure(row.closure)} {row.seconds:.0f} s {row.reason}"
+                f"{name}: {row.law} {w.percent(row.share)} {w.closure(row.closure)} {row.seconds:.0f} s {row.reason}"
             )
     rows = [restored(known[n]) for n in every if n in known]
     options = f"--seed {seed} --healthy {healthy} --out docs/missing_law.md --real DIR"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.diagnosis.discovery.discover import LEAD, lead
-from exodrake.report.number_format import closure, percent, rounds_below
+from exodrake.report.wording import closure, percent, rounds_below
 from studies.page_text import made, share
 
 ERROR = 0.1  # share of robots in which a law in a wrong part may count as distinguished from one in the right part

@@ -4,7 +4,7 @@
     python -m studies.since --keep kept --out docs/since.md --exo 3   # and 3 of the Exo-Index, half a minute each
 
 Each robot is drawn within its tolerances and diagnosed as any case. Of the Exo-Index the reference simulator of
-the blind package makes them. What is said is kept robot by robot, so the command can be repeated.
+the reference simulator makes them. What is said is kept robot by robot, so the command can be repeated.
 """
 
 from __future__ import annotations

@@ -13,14 +13,13 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 import exodrake as exo
-from exodrake.blind.make import rounded
-from exodrake.blind.parameters import draw_parameters
-from exodrake.blind.protocols import wander
-from exodrake.blind.robot_spec import InjectedFault, RobotSpec
-from exodrake.blind.simulator import simulate as simulate_reference
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.log import Log
 from exodrake.diagnosis.healthy import healthy_robot
+from exodrake.reference.cases import wander
+from exodrake.reference.make import rounded
+from exodrake.reference.robot import InjectedFault, RobotSpec, draw_parameters
+from exodrake.reference.simulator import simulate as simulate_reference
 from exodrake.simulation import protocols
 from exodrake.simulation.references import on_machine
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from command_line import run
 
 import exodrake as exo
-from exodrake.cli.new_arm import SCAFFOLD
+from exodrake.cli.new_machine import ARM_SCAFFOLD
 
-CABLE = SCAFFOLD / "cable_arm.urdf"
+CABLE = ARM_SCAFFOLD / "cable_arm.urdf"
 LINK = '<link name="{0}"><inertial>{1}<mass value="{2}"/><inertia {3}/></inertial></link>'
 TENSOR = 'ixx="{}" ixy="0.001" ixz="-0.002" iyy="{}" iyz="0.0015" izz="{}"'
 # all kinds of joints, a plate that is welded on, tilted frames, an axis that is no unit vector

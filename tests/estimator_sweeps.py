@@ -142,9 +142,7 @@ def as_log(data, source="worn.csv"):
 @cache
 def trained():
     """(prior, estimator, training sweeps): the paper's 48 sweeps, 500 points. Trained once a session: seconds."""
-    from exodrake.estimator.gp import condition
-    from exodrake.estimator.prior import learn
-    from exodrake.estimator.stroke_zeros import learn_strokes
+    from exodrake.estimator.gp import condition, learn, learn_strokes
 
     sweeps = as_sweeps(worn_sweeps(48, seed=3))
     prior = learn(sweeps)

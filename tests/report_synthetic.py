@@ -28,7 +28,7 @@ from exodrake.diagnosis.result import (
     Rival,
 )
 from exodrake.machines.robot_file import load_robot
-from exodrake.report.simulated_logs import SimulatedLog, SimulatedLogs
+from exodrake.report.diagnosis_html import SimulatedLog, SimulatedLogs
 
 VERDICTS = (NO_GAP, RETUNE, NAMED, AMBIGUOUS, PARTLY, UNKNOWN)
 TENDONS, JOINTS = ("AF", "MF", "AE"), ("MCP", "PIP", "DIP")

@@ -4,8 +4,8 @@ import json
 from functools import cache
 
 import exodrake as exo
-from exodrake.blind.commitment import write_committed
 from exodrake.data.case import Case, CaseLog, write_case
+from exodrake.reference.answers import write_committed
 
 FRAMES = 150  # 3 s
 RUSTY = {"mu_phi": 0.3}

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from exodrake.blind.chain import inverse_dynamics, mass_matrix
-from exodrake.blind.parameters import draw_parameters
-from exodrake.blind.robot_spec import RobotSpec
-from exodrake.blind.simulator import assemble
+from exodrake.reference.dynamics import inverse_dynamics, mass_matrix
+from exodrake.reference.robot import RobotSpec, draw_parameters
+from exodrake.reference.simulator import assemble
 
 GRAVITY = (1.5, -9.0)
 

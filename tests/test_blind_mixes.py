@@ -7,24 +7,23 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import protocols
-from exodrake.blind.case_mix import MASKED, MIXES, CasePlan, draw_case, plan
-from exodrake.blind.catalogue import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
-from exodrake.blind.commitment import read_committed
-from exodrake.blind.gap import WEAKEST, gap_in_noise
-from exodrake.blind.make import case_and_label
-from exodrake.blind.robot_spec import InjectedFault
-from exodrake.blind.score import score
-from exodrake.blind.simulator import simulate
 from exodrake.cli.main import cli
 from exodrake.data.case import read_case
+from exodrake.reference import cases
+from exodrake.reference.answers import read_committed
+from exodrake.reference.cases import MASKED, MIXES, CasePlan, draw_case, plan
+from exodrake.reference.faults import ENTRIES, LIBRARY, WITHOUT_STRENGTH, block_of, weakened
+from exodrake.reference.make import WEAKEST, case_and_label, gap_in_noise
+from exodrake.reference.robot import InjectedFault
+from exodrake.reference.score import score
+from exodrake.reference.simulator import simulate
 
 
 @pytest.fixture
 def short(monkeypatch):
     """Motions of a few seconds."""
     for name, seconds in (("SWEEPS", 15.0), ("CHIRP", 3.0), ("HOLDS", 4.0), ("GRASPS", 6.0)):
-        monkeypatch.setattr(protocols, name, seconds)
+        monkeypatch.setattr(cases, name, seconds)
 
 
 def test_the_standard_set_of_a_seed_stays_as_published():

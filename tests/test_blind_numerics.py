@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from exodrake.blind.records import INPUT_SIZE, STATE_SIZE, tolerance_vector
-from exodrake.blind.robot_spec import InjectedFault, RobotSpec
-from exodrake.blind.simulator import assemble, initial_state
+from exodrake.reference.robot import INPUT_SIZE, STATE_SIZE, InjectedFault, RobotSpec, tolerance_vector
+from exodrake.reference.simulator import assemble, initial_state
 
 
 def test_integrator_agrees_with_radau():
     from scipy.integrate import solve_ivp
 
-    from exodrake.blind.dynamics import derivative
-    from exodrake.blind.integrate import advance, workspace
+    from exodrake.reference.dynamics import derivative
+    from exodrake.reference.integrate import advance, workspace
 
     effects = (
         InjectedFault("tendon.capstan_friction", parameters={"mu_phi": 0.3}),

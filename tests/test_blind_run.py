@@ -11,19 +11,19 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import MIXES
-from exodrake.blind.commitment import read_committed
-from exodrake.blind.score import score
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
 from exodrake.data.case import read_case
 from exodrake.diagnosis import many
 from exodrake.diagnosis.many import diagnose_one
+from exodrake.reference import make
+from exodrake.reference.answers import read_committed, run
+from exodrake.reference.cases import MIXES
+from exodrake.reference.score import score
 from tests.short_sets import RUN, answers, write_set
 
 HEALTHY = (MIXES["healthy"],)
-PACKAGE = Path(running.__file__).parents[2]
+PACKAGE = Path(make.__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def uninterrupted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("blind") / "set"
     write_set(folder, healthy=3, rusty=1)
     steps = []
-    assert running.run(folder, progress=lambda *step: steps.append(step)) == {}
+    assert run(folder, progress=lambda *step: steps.append(step)) == {}
     assert steps[0] == (0, 0, 4) and steps[-1] == (4, 0, 4)
     return answers(folder)
 
@@ -72,7 +72,7 @@ def test_killed_and_taken_up_again_gives_the_same_answers(uninterrupted, tmp_pat
         assert process.returncode == 130 and f"interrupted; {len(before)} of 4 done" in said
         assert "Traceback" not in said
     kept = written(tmp_path / "set")
-    assert running.run(tmp_path / "set", jobs=2) == {}
+    assert run(tmp_path / "set", jobs=2) == {}
     assert answers(tmp_path / "set") == uninterrupted
     assert kept.items() <= written(tmp_path / "set").items()
 
@@ -87,7 +87,7 @@ def test_an_answer_written_as_the_interruption_comes_is_counted(tmp_path, monkey
 
     monkeypatch.setattr(many, "write_folder", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        running.run(tmp_path / "set", progress=lambda *count: counts.append(count))
+        run(tmp_path / "set", progress=lambda *count: counts.append(count))
     assert counts == [(0, 0, 2), (1, 0, 2)]
 
 
@@ -97,30 +97,30 @@ def test_a_case_that_fails_is_recorded_tried_again_and_counted(tmp_path):
     log = folder / "case_01" / "fit.csv"
     whole = log.read_text()
     log.write_text(whole[: len(whole) // 2].rsplit("\n", 1)[0] + "\n0.1,what,is,this\n")
-    failed = running.run(folder)
+    failed = run(folder)
     assert list(failed) == ["case_01"] and "fit.csv" in failed["case_01"]
     assert json.loads((folder / "case_01" / "failed.json").read_text())["reason"] == failed["case_01"]
     result = score(folder, labels)
     assert result.failed == ("case_01",) and result.missing == () and result.cases == 2
     assert next((s.hits, s.total) for s in result.groups[0].shares if s.name == "false alarm on healthy") == (1, 2)
     log.write_text(whole)
-    assert running.run(folder) == {}
+    assert run(folder) == {}
     assert sorted(answers(folder)) == ["case_00", "case_01"] and not list(folder.glob("*/failed.json"))
 
 
 def test_answers_of_another_configuration_are_refused_or_redone(tmp_path):
     folder = tmp_path / "set"
     labels = write_set(folder, healthy=2)
-    running.run(folder)
+    run(folder)
     page = folder / "case_00" / "diagnosis.json"
     answer = json.loads(page.read_text())
     page.write_text(json.dumps(answer | {"configuration": answer["configuration"] | {"code": "of yesterday"}}))
     with pytest.raises(InputError, match=r"case_00: answered with .*code of yesterday.*1 of 2.*--redo"):
-        running.run(folder)
+        run(folder)
     with pytest.raises(InputError, match="several configurations"):
         score(folder, labels)
     kept = (folder / "case_01" / "diagnosis.json").stat().st_mtime_ns
-    running.run(folder, redo=True)
+    run(folder, redo=True)
     assert answers(folder)["case_00"] == {key: value for key, value in answer.items() if key not in RUN}
     assert (folder / "case_01" / "diagnosis.json").stat().st_mtime_ns == kept
 
@@ -136,20 +136,20 @@ def contents(folder):
 
 
 def test_a_set_is_the_same_whatever_made_it_and_an_interrupted_one_is_completed(tmp_path):
-    labels = making.make(tmp_path / "one", 5, 3, mixes=HEALTHY)
-    in_two = making.make(tmp_path / "two", 5, 3, mixes=HEALTHY, jobs=2)
+    labels = make.make(tmp_path / "one", 5, 3, mixes=HEALTHY)
+    in_two = make.make(tmp_path / "two", 5, 3, mixes=HEALTHY, jobs=2)
 
     def stop(done, failed, total):
         if done == 1:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        making.make(tmp_path / "cut", 5, 3, mixes=HEALTHY, progress=stop)
+        make.make(tmp_path / "cut", 5, 3, mixes=HEALTHY, progress=stop)
     assert len(list((tmp_path / "cut").glob("case_*"))) == 1 and not (tmp_path / "cut-labels.json").exists()
     (tmp_path / "cut" / ".case_02.123.part").mkdir()  # as a killed process leaves it
     with pytest.raises(InputError, match="started with another seed"):
-        making.make(tmp_path / "cut", 6, 3, mixes=HEALTHY)
-    completed = making.make(tmp_path / "cut", 5, 3, mixes=HEALTHY)
+        make.make(tmp_path / "cut", 6, 3, mixes=HEALTHY)
+    completed = make.make(tmp_path / "cut", 5, 3, mixes=HEALTHY)
     assert contents(tmp_path / "one") == contents(tmp_path / "two") == contents(tmp_path / "cut")
     committed = [
         read_committed(path, tmp_path / name / "seal.txt")

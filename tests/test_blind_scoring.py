@@ -6,18 +6,26 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from exodrake.blind import make as making
-from exodrake.blind.answers import Answered
-from exodrake.blind.case_mix import CaseMix
-from exodrake.blind.commitment import read_committed, write_committed
-from exodrake.blind.matching import is_in_class, is_kind_right, is_truth
-from exodrake.blind.measures import exactly_named, names_too_much, shares_of
-from exodrake.blind.parameter_intervals import interval_score, intervals_of, scale_of
-from exodrake.blind.score import score
-from exodrake.blind.score_table import as_json, as_markdown, as_tables
-from exodrake.blind.shares import Paired, Share, paired
 from exodrake.core.confidence import binomial_interval
 from exodrake.core.errors import InputError
+from exodrake.reference import make
+from exodrake.reference.answers import Answered, read_committed, write_committed
+from exodrake.reference.cases import CaseMix
+from exodrake.reference.measures import (
+    Paired,
+    Share,
+    exactly_named,
+    interval_score,
+    intervals_of,
+    is_in_class,
+    is_kind_right,
+    is_truth,
+    names_too_much,
+    paired,
+    scale_of,
+    shares_of,
+)
+from exodrake.reference.score import as_json, as_markdown, as_tables, score
 
 
 def truth(effect_id, gap=10.0, exact=True, blocks=(), wires=(), joints=(), **parameters):
@@ -405,7 +413,7 @@ def test_missing_diagnoses_are_counted(tiny):
 def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
     from exodrake.data.case import read_case
 
-    labels = making.make(tmp_path / "set", seed=1, cases=1, mixes=[CaseMix(weights={"unknown": 1.0})])
+    labels = make.make(tmp_path / "set", seed=1, cases=1, mixes=[CaseMix(weights={"unknown": 1.0})])
     case = read_case(tmp_path / "set" / "case_00")
     assert [item.role for item in case.logs] == ["fit"] * 4 + ["holdout"]
     assert case.repeat_groups[0][1].file == "sweeps_2.csv.gz"
@@ -413,8 +421,8 @@ def test_made_cases_are_read_back_and_labels_stay_outside(tmp_path):
     assert label["kind"] == "unknown" and label["gap"] >= 2.0
     assert not any("outside" in path.read_text() for path in (tmp_path / "set").rglob("*.yaml"))
     with pytest.raises(InputError, match="already there"):
-        making.make(tmp_path / "set", seed=1, cases=1)
+        make.make(tmp_path / "set", seed=1, cases=1)
     with pytest.raises(InputError, match="already committed"):
-        making.make(tmp_path / "set", seed=1, cases=1, labels=tmp_path / "elsewhere.json")
+        make.make(tmp_path / "set", seed=1, cases=1, labels=tmp_path / "elsewhere.json")
     with pytest.raises(InputError, match="inside the cases"):
-        making.make(tmp_path / "other", seed=1, cases=1, labels=tmp_path / "other" / "labels.json")
+        make.make(tmp_path / "other", seed=1, cases=1, labels=tmp_path / "other" / "labels.json")

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from shared_data import data_folder, needs_data
 
-from exodrake.blind.case_mix import CaseMix, draw_case, plan
-from exodrake.blind.catalogue import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
-from exodrake.blind.gap import gap_in_noise
-from exodrake.blind.parameters import draw_parameters
-from exodrake.blind.protocols import grasps, protocols_of
-from exodrake.blind.robot_spec import FRAME, InjectedFault, Protocol, RobotSpec
-from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
 from exodrake.machines.exo_index.machine import machine as exo_index
+from exodrake.reference.cases import CaseMix, draw_case, grasps, plan, protocols_of
+from exodrake.reference.faults import ENTRIES, LIBRARY, OUTSIDE, draw_effect, without_entry
+from exodrake.reference.make import gap_in_noise
+from exodrake.reference.robot import FRAME, InjectedFault, Protocol, RobotSpec, draw_parameters
+from exodrake.reference.simulator import simulate
 
 REFERENCES = ("sweeps", "chirp", "holds", "grasps")
 NEAR = {"tension": 3e-3, "stroke": 3e-6, "angle": 6e-4}  # N, m, rad
@@ -125,7 +123,7 @@ def test_parameters_bear_the_librarys_names():
 
 def test_friction_gains_no_energy_from_a_load_that_changes():
     """In under 2 N, out under 10 N, within the presliding travel: work done on the contact never falls below 0."""
-    from exodrake.blind.tendons import held, rub_rate
+    from exodrake.reference.dynamics import held, rub_rate
 
     friction, stiffness, dt = 0.2, 4000.0, 2e-5
     force = work = least = 0.0

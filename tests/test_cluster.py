@@ -6,12 +6,12 @@ import time
 
 import pytest
 
-from exodrake.blind import make as making, run as running
-from exodrake.blind.case_mix import MIXES
-from exodrake.blind.commitment import read_committed
 from exodrake.core import parallel
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
+from exodrake.reference import make
+from exodrake.reference.answers import read_committed, run
+from exodrake.reference.cases import MIXES
 from tests.short_sets import answers, write_set
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
@@ -78,15 +78,15 @@ def test_blind_run_with_a_killed_worker_answers_as_one_process_does(cluster, tmp
             os.kill(victims.pop(), signal.SIGKILL)
         counted.append((done, failed, total))
 
-    assert running.run(tmp_path / "there", cluster=cluster.scheduler_address, progress=progress) == {}
+    assert run(tmp_path / "there", cluster=cluster.scheduler_address, progress=progress) == {}
     assert counted == [(done, 0, CASES) for done in range(CASES + 1)]
-    assert running.run(tmp_path / "here") == {}
+    assert run(tmp_path / "here") == {}
     assert answers(tmp_path / "there") == answers(tmp_path / "here") and len(answers(tmp_path / "here")) == CASES
 
 
 def test_a_set_made_there_is_the_set_made_here(cluster, tmp_path):
     made = {
-        where: making.make(tmp_path / where, 5, 2, mixes=[MIXES["healthy"]], cluster=address)
+        where: make.make(tmp_path / where, 5, 2, mixes=[MIXES["healthy"]], cluster=address)
         for where, address in (("here", None), ("there", cluster.scheduler_address))
     }
     logs = {

@@ -179,8 +179,8 @@ def test_demo_reveals_the_label_and_says_if_it_was_found(tmp_path, verdict, word
 
     from rich.console import Console
 
-    from exodrake.blind.commitment import write_committed
     from exodrake.cli.demo import COMMITMENT, LABELS, reveal
+    from exodrake.reference.answers import write_committed
 
     truth = {"id": "tendon.capstan_friction", "block": "tendon", "wires": ["AF"], "joints": [], "exact": False}
     truth |= {"parameters": {"mu_phi": 0.3}, "gap": 5.0}

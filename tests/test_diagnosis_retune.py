@@ -2,12 +2,12 @@
 
 from collections import defaultdict
 
-from exodrake.blind.case_mix import MIXES, CasePlan
-from exodrake.blind.make import case_and_label
 from exodrake.diagnosis.isolation import retune
 from exodrake.diagnosis.likelihood import likelihood_of
 from exodrake.diagnosis.problem import make_problem
 from exodrake.machines.robot_file import load_robot
+from exodrake.reference.cases import MIXES, CasePlan
+from exodrake.reference.make import case_and_label
 
 
 def test_a_robot_whose_finger_snaps_over_is_retuned_to_its_noise():

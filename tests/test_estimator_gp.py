@@ -7,11 +7,8 @@ import pytest
 from estimator_sweeps import JOINTS, as_sweeps, trained, worn_sweeps
 from sklearn.gaussian_process import GaussianProcessRegressor
 
-from exodrake.estimator.baselines import fit_ridge
-from exodrake.estimator.gp import condition, leave_one_sweep_out
-from exodrake.estimator.kernels import sweep_kernel
-from exodrake.estimator.prior import JITTER
-from exodrake.estimator.validate import HELD_OUT, RANDOM, score, validate
+from exodrake.estimator.gp import JITTER, condition, leave_one_sweep_out, sweep_kernel
+from exodrake.estimator.validate import HELD_OUT, RANDOM, fit_ridge, score, validate
 from exodrake.physics.gp_estimator import predict, predict_into, scratch
 
 

@@ -16,8 +16,8 @@ from estimator_sweeps import (
 )  # fmt: skip
 
 from exodrake.core.errors import InputError
-from exodrake.identification import stiffness
-from exodrake.identification.stiffness import compliance, determinant, router_arms, tension_map
+from exodrake.identification import statics as stiffness
+from exodrake.identification.statics import compliance, determinant, router_arms, tension_map
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.tendon_finger import Parameters
 from studies.paper.comparison import compare

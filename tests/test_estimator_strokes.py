@@ -8,10 +8,8 @@ from estimator_sweeps import as_log, as_sweeps, trained, worn_sweeps
 from scipy.linalg import lstsq
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.estimate import estimate
-from exodrake.estimator.gp import condition
-from exodrake.estimator.stroke_zeros import FALSE, TOLERANCE, hotelling, stroke_rows
-from exodrake.estimator.validate import score
+from exodrake.estimator.gp import FALSE, TOLERANCE, condition, hotelling, stroke_rows
+from exodrake.estimator.validate import estimate, score
 
 SESSIONS, SWEEPS = 40, 3  # of three sweeps each: one per wire
 WIRES = np.eye(3)

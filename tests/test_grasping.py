@@ -12,11 +12,9 @@ import exodrake as exo
 from exodrake.cli.grasp import parse_size
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.grasping.hand import CAGING, MODES, Hand, mode_of
-from exodrake.grasping.inverse_kinematics import candidates
-from exodrake.grasping.inverse_statics import tensions_for
+from exodrake.grasping.hand import CAGING, MODES, Hand, candidates, mode_of
+from exodrake.grasping.plan import at_hold, tensions_for
 from exodrake.grasping.run import run_plan
-from exodrake.grasping.trial import at_hold
 from exodrake.physics import finger_statics as statics
 from exodrake.physics.finger_statics import parameters_of
 

@@ -30,8 +30,8 @@ BELOW = {
     "diagrams": ENGINES | {"systems"},
     "simulation": ENGINES | {"diagrams"},  # simulate(engine="drake")
     **dict.fromkeys(("analysis", "identification", "estimator", "grasping", "diagnosis"), METHODS),
-    **dict.fromkeys(("monitor", "preflight", "experiment", "report", "blind"), RESULTS),
-    "cli": RESULTS | {"monitor", "preflight", "experiment", "report", "blind"},
+    **dict.fromkeys(("monitor", "preflight", "experiment", "report", "reference"), RESULTS),
+    "cli": RESULTS | {"monitor", "preflight", "experiment", "report", "reference"},
     "__main__": {"cli"},
 }
 

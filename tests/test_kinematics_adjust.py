@@ -6,11 +6,10 @@ from scipy.optimize import least_squares
 
 from exodrake.identification.kinematics import adjust as module
 from exodrake.identification.kinematics.adjust import FREE, Finger, adjust, fit_frames, moved
-from exodrake.identification.kinematics.axis import Axis, across, apply, inverse
 from exodrake.identification.kinematics.identify import identify, measured, measures
 from exodrake.identification.kinematics.markers import Layout, Recording
+from exodrake.identification.kinematics.rigid import Axis, across, apply, inverse, kabsch, triad_pose
 from exodrake.identification.kinematics.synthetic import Faults, Hand, Truth, synthesise
-from exodrake.identification.kinematics.triads import kabsch, triad_pose
 from studies.identification import recordings
 
 TIP = 1

@@ -16,8 +16,8 @@ from exodrake.identification.kinematics.markers import (
     read_layout,
     read_markers,
 )
+from exodrake.identification.kinematics.rigid import Swap, check_labels, relabelled
 from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise
-from exodrake.identification.kinematics.triads import Swap, check_labels, relabelled
 
 FAST = Settings(cutoff=None)
 

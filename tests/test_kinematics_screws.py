@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm, logm
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import (
+from exodrake.identification.kinematics.rigid import (
     Axis,
     across,
     angle_about,
@@ -15,6 +15,7 @@ from exodrake.identification.kinematics.axis import (
     hat,
     inverse,
     joint_points,
+    kabsch,
     motion,
     rotation,
     turned_by,
@@ -31,7 +32,6 @@ from exodrake.identification.kinematics.screws import (
     rotation_vector,
     velocity,
 )
-from exodrake.identification.kinematics.triads import kabsch
 from studies.paper.printed_equations import g_inverse_as_printed
 
 TILTED = np.array([2.0, -1.0, 2.0]) / 3.0

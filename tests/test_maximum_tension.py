@@ -8,7 +8,7 @@ from command_line import run
 
 import exodrake as exo
 from exodrake.core.errors import InputError
-from exodrake.identification.maximum_tension import saturation
+from exodrake.identification.statics import saturation
 
 ROBOT = exo.load_robot()
 

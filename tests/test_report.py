@@ -20,13 +20,19 @@ from exodrake.data.log import Log
 from exodrake.data.plot import envelope, stretch_of
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
-from exodrake.report import number_format, wording
-from exodrake.report.diagnosis_html import html_of
-from exodrake.report.how_far import LEVELS, MOST, curves, spectra
-from exodrake.report.simulated_logs import SimulatedLogs
+from exodrake.report import wording
+from exodrake.report.diagnosis_html import (
+    CURVE_LEVELS,
+    MOST_SAMPLES,
+    SimulatedLogs,
+    binned,
+    curves,
+    html_of,
+    retuned_tables,
+    spectra,
+    top_condition,
+)
 from exodrake.report.terminal import print_profile, print_summary
-from exodrake.report.where import binned, top_condition
-from exodrake.report.which import retuned_tables
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 ROBOTS = ("nominal", "improved")
@@ -55,7 +61,7 @@ def said(verdict, width=120):
 def unpacked(curve):
     """The samples of a curve, as `curves.js` reads them; NaN where none was measured."""
     levels = np.frombuffer(b64decode(curve["levels"]), "<u2")
-    return np.where(levels > LEVELS, np.nan, curve["least"] + curve["height"] * levels)
+    return np.where(levels > CURVE_LEVELS, np.nan, curve["least"] + curve["height"] * levels)
 
 
 def visible(html):
@@ -156,7 +162,7 @@ def test_what_is_left_stands_beside_the_closure(pages):
     rms = diagnosis().closure.rms
     assert rms["after"] == pytest.approx(1.05) and rms["retuned"] == pytest.approx(0.8 * rms["before"])
     for text in (visible(pages(NAMED)), said(NAMED)):
-        assert number_format.digits(rms["before"]) in text and "1.05" in text and "noise standard deviations" in text
+        assert wording.digits(rms["before"]) in text and "1.05" in text and "noise standard deviations" in text
 
 
 def test_page_is_well_formed_and_ids_do_not_clash(pages):
@@ -301,7 +307,7 @@ def test_long_logs_are_drawn_by_their_envelope_and_lose_no_peak():
     runs = simulated_logs(frames=60_000)
     runs.judged[0].trial.measured[31_234, 0] = 99.0  # N, one sample
     (log,) = curves(runs, ROBOTS)["logs"]
-    assert log["stretch"] > 1 and log["samples"] <= MOST
+    assert log["stretch"] > 1 and log["samples"] <= MOST_SAMPLES
     assert log["samples"] * log["step"] == pytest.approx(60_000 * runs.period, rel=0.01)
     names = ("measured", *ROBOTS, *(f"error_{robot}" for robot in ROBOTS))
     read = unpacked(log["columns"][0]["measured"])
@@ -346,18 +352,14 @@ def test_figure_of_a_long_log_shows_mean_and_range_of_each_channel():
 
 
 def test_quantities_have_a_unit_and_as_many_digits_as_they_deserve():
-    assert number_format.quantity(0.0123, "m") == "12.3 mm"
-    assert number_format.quantity(np.pi / 4, "rad") == "45.0°"
-    assert number_format.quantity(2700.0, "N/m") == "2.70 N/mm"
-    assert number_format.quantity(np.inf, "N/m") == "∞ N/mm"
-    assert number_format.interval(Interval(0.31234, 0.281, 0.3432)) == ("0.312", "0.281 to 0.343")
-    assert number_format.interval(Interval(8000.0, 4000.0, np.inf, "N/m"))[1] == "4.00 to ∞"
-    assert number_format.digits(np.nan) == "none"
-    assert (
-        number_format.percent(0.99953) == "99.9 %"
-        and number_format.percent(1.0) == "100 %"
-        and number_format.percent(0.5) == "50 %"
-    )
+    assert wording.quantity(0.0123, "m") == "12.3 mm"
+    assert wording.quantity(np.pi / 4, "rad") == "45.0°"
+    assert wording.quantity(2700.0, "N/m") == "2.70 N/mm"
+    assert wording.quantity(np.inf, "N/m") == "∞ N/mm"
+    assert wording.interval(Interval(0.31234, 0.281, 0.3432)) == ("0.312", "0.281 to 0.343")
+    assert wording.interval(Interval(8000.0, 4000.0, np.inf, "N/m"))[1] == "4.00 to ∞"
+    assert wording.digits(np.nan) == "none"
+    assert wording.percent(0.99953) == "99.9 %" and wording.percent(1.0) == "100 %" and wording.percent(0.5) == "50 %"
 
 
 def test_closure_per_kind_counts_in_noise_standard_deviations():
@@ -388,7 +390,7 @@ def test_machine_says_label_and_unit_of_its_columns():
     found = replace(diagnosis(), robots=dict.fromkeys(diagnosis().robots, other))
     tension = wording.kind_gaps(found)[0]
     assert tension.display.axis == "Pull [mN]"
-    assert number_format.quantity(tension.gap.noise_std, "N", tension.display.unit) == "10.0 mN"
+    assert wording.quantity(tension.gap.noise_std, "N", tension.display.unit) == "10.0 mN"
 
 
 def test_answer_as_json_has_the_keys_of_its_page():
@@ -428,11 +430,11 @@ GREW = Interval(-47018.64, -405258.23, -16610.85)  # closure of a robot's logs j
 
 def test_an_error_that_grows_is_called_so_and_never_a_percentage():
     """Of a closure C the excess error is 1 - C of what it was."""
-    assert number_format.closure(GREW.value) == "grew by a factor of 47,000"
-    assert number_format.closure_span(GREW) == "grew by a factor of 17,000 to 410,000"
-    assert number_format.closure_span(Interval(-0.2, -1.5, 0.3)) == "grew by a factor of 2.5 to 30 % gone"
-    assert number_format.closure(-0.001) == "0 %" and number_format.closure(0.962) == "96 %"
-    assert number_format.closure_span(Interval(0.96, 0.93, 0.98)) == "93 to 98 %"
+    assert wording.closure(GREW.value) == "grew by a factor of 47,000"
+    assert wording.closure_span(GREW) == "grew by a factor of 17,000 to 410,000"
+    assert wording.closure_span(Interval(-0.2, -1.5, 0.3)) == "grew by a factor of 2.5 to 30 % gone"
+    assert wording.closure(-0.001) == "0 %" and wording.closure(0.962) == "96 %"
+    assert wording.closure_span(Interval(0.96, 0.93, 0.98)) == "93 to 98 %"
 
 
 def test_no_place_prints_a_percentage_below_minus_100():

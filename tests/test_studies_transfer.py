@@ -7,16 +7,14 @@ import pytest
 from click.testing import CliRunner
 
 import exodrake as exo
-from exodrake.blind.case_mix import CasePlan, DrawnCase
-from exodrake.blind.catalogue import ENTRIES, draw_effect
-from exodrake.blind.commitment import write_committed
-from exodrake.blind.make import label_of
-from exodrake.blind.parameters import TENSION_MAX, draw_parameters
-from exodrake.blind.protocols import clock
-from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
-from exodrake.blind.simulator import assemble
 from exodrake.core.errors import InputError
 from exodrake.machines.robot_file import write_robot
+from exodrake.reference.answers import write_committed
+from exodrake.reference.cases import CasePlan, DrawnCase, clock
+from exodrake.reference.faults import ENTRIES, draw_effect
+from exodrake.reference.make import label_of
+from exodrake.reference.robot import TENSION_MAX, InjectedFault, Protocol, RobotSpec, draw_parameters
+from exodrake.reference.simulator import assemble
 from studies.transfer import control_task, study as transferring
 from studies.transfer.__main__ import command
 from studies.transfer.control_task import by_cost, cost, motion, own_gains, predicted

@@ -1,1 +1,1 @@
-"""Commands, a module each; every module holds a click command named `command`. `exodrake.cli.main` lists them."""
+"""Commands, a module for each group; `exodrake.cli.main` lists them."""

@@ -62,7 +62,7 @@ def command(file, parameters, effects, parts, at, draws, diagnosis, seed, out, t
     from exodrake.analysis.closed_loop import analyse, model_bytes, to_plain
     from exodrake.analysis.figures import draw_figures
     from exodrake.analysis.limit_cycles import limit_cycles
-    from exodrake.cli.run_summary import warn
+    from exodrake.cli.simulate import warn
     from exodrake.core.files import make_folder, write_bytes
 
     robot, point = robot_of(file, parameters, effects, parts), point_of(at)

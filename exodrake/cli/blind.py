@@ -31,10 +31,10 @@ def make(
 
     The same seed makes the same set, whatever --jobs is. If it is interrupted, the same command goes on from there.
     """
-    from exodrake.blind.case_mix import named_mixes
-    from exodrake.blind.catalogue import without_entry
-    from exodrake.blind.make import make as make_set
     from exodrake.machines.robot_file import load_robot
+    from exodrake.reference.cases import named_mixes
+    from exodrake.reference.faults import without_entry
+    from exodrake.reference.make import make as make_set
 
     if lacking := without_entry(effect.id for effect in load_robot().machine.effects):
         click.echo(
@@ -56,7 +56,7 @@ def run(folder: Path, jobs: int, cluster: str | None, redo: bool) -> None:
     Each answer is written as soon as it is there. If it is interrupted, the same command goes on from there; a case
     that fails leaves its reason in failed.json, and is tried again.
     """
-    from exodrake.blind.run import run as run_set
+    from exodrake.reference.answers import run as run_set
 
     with counted("diagnosing") as count:
         failed = run_set(folder, jobs, cluster, count, redo)
@@ -81,9 +81,8 @@ def score(folder: Path, labels: Path, against: Path | None, json_file: Path | No
 
     from rich.console import Console
 
-    from exodrake.blind.score import score as score_set
-    from exodrake.blind.score_table import as_json, as_markdown, as_tables
     from exodrake.core.files import write_text
+    from exodrake.reference.score import as_json, as_markdown, as_tables, score as score_set
 
     result = score_set(folder, labels, against)
     console = Console()

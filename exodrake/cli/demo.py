@@ -86,9 +86,9 @@ def grasp(console: Console, folder: Path) -> None:
 
 def hide(console: Console, out: Path, seed: int) -> None:
     """Makes one case with one injected effect by the reference simulator, and commits to its label."""
-    from exodrake.blind.commitment import write_committed
-    from exodrake.blind.make import make_case
-    from exodrake.blind.simulator import warm_up
+    from exodrake.reference.answers import write_committed
+    from exodrake.reference.make import make_case
+    from exodrake.reference.simulator import warm_up
 
     with console.status("the reference simulator runs"):
         warm_up()
@@ -102,8 +102,8 @@ def case_plan(seed: int) -> Any:
     """The plan of a case with a single effect, drawn by the seed."""
     import numpy as np
 
-    from exodrake.blind.case_mix import CasePlan
-    from exodrake.blind.catalogue import LIBRARY
+    from exodrake.reference.cases import CasePlan
+    from exodrake.reference.faults import LIBRARY
 
     identity = str(np.random.default_rng([seed, 0]).choice(list(LIBRARY)))
     return CasePlan(CASE, (seed, 1), "single", (identity,), False)
@@ -130,9 +130,9 @@ def diagnose(out: Path) -> Diagnosis:
 
 def reveal(console: Console, out: Path, found: Diagnosis) -> None:
     """Reads the label, and prints whether the verdict was right."""
-    from exodrake.blind.commitment import read_committed
-    from exodrake.blind.matching import accepted_ids, found_ids
-    from exodrake.report.number_format import listed
+    from exodrake.reference.answers import read_committed
+    from exodrake.reference.measures import accepted_ids, found_ids
+    from exodrake.report.wording import listed
 
     label = read_committed(out / LABELS, out / COMMITMENT)[CASE]
     for truth in label["effects"]:

@@ -1,19 +1,24 @@
-"""`exodrake diagnose`: where, which and how far, from a case folder."""
+"""`exodrake diagnose`, of a case or of many side by side; `fleet`, of many answers; `calibrate`, its error rates."""
 
 from __future__ import annotations
 
 import os
+import shlex
+from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from exodrake.cli.options import AnyPath, command_line, robot_option, tried_of
+from exodrake.core.errors import InputError
+from exodrake.core.progress import counted, where_to_run
 
 if TYPE_CHECKING:
     from exodrake.core.robot import Robot
     from exodrake.data.case import Case
     from exodrake.diagnosis.result import Diagnosis
+
 
 FOLDER = {"type": AnyPath(), "default": None}
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
@@ -46,8 +51,6 @@ def command(
     into --out: FOLDER/CASE/diagnosis.json as soon as it is there; the same command goes on where it was interrupted.
     """
     if len(cases) != 1 or out is not None:
-        from exodrake.cli.diagnose_many import diagnose_many
-
         refuse_files(json_file, report, out_robot, out_law)
         if discover:
             raise click.UsageError("--discover is for one case")
@@ -190,3 +193,177 @@ def say_written(files: list[Path]) -> None:
     """Prints where the files are."""
     for path in files:
         click.echo(f"written {path}")
+
+
+def diagnose_many(
+    cases: tuple[str, ...], out: Path | None, robot: str, jobs: int, cluster: str | None, redo: bool,
+    tried: frozenset[str] | None, allow_outside: bool = False,
+) -> None:  # fmt: skip
+    """Diagnose cases in parallel. Exit status 1 if some fail; UsageError or InputError before the work starts."""
+    from rich.console import Console
+
+    from exodrake.core.progress import counted
+    from exodrake.diagnosis.many import diagnose_all, stored
+
+    if out is None:
+        raise click.UsageError("several cases need --out FOLDER")
+    places = places_of(cases, out)
+    with counted("diagnosing") as count:
+        failed = diagnose_all(places, jobs, cluster, count, redo, robot, tried, allow_outside)
+    Console().print(verdicts({place.name: stored(place) for place in places.values()}))
+    for name, reason in failed.items():
+        click.echo(f"{name}: {reason}", err=True)
+    if failed:
+        raise SystemExit(1)
+
+
+def places_of(cases: tuple[str, ...], out: Path) -> dict[Path, Path]:
+    """Map each case to the folder for its answer. InputError for a missing case, and for two of one name."""
+    from exodrake.data.formats import stem
+
+    places: dict[Path, Path] = {}
+    for name in cases:
+        case = Path(name)
+        if not case.exists():
+            raise InputError(f"{name}: no such folder")
+        place = out / (case.resolve().name if case.is_dir() else stem(name))
+        namesake = next((other for other, taken in places.items() if taken == place), None)
+        if namesake is not None:
+            raise InputError(f"{name}: has the same name as {namesake}, and so would its answer")
+        places[case] = place
+    return places
+
+
+def verdicts(answers: dict[str, dict[str, Any] | None]) -> Any:
+    """Tabulate case, verdict, causes with their share of the gap, and closure."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    from exodrake.diagnosis.result import CAUSE
+    from exodrake.report.wording import closure
+
+    table = Table("case", "verdict", "causes", "closure")
+    for name, answer in answers.items():
+        name = escape(name)
+        if answer is None:
+            table.add_row(name, "[red]failed[/red]", "", "")
+            continue
+        effects = ", ".join(map(cause, (e for e in answer["effects"] if e.get("role", CAUSE) == CAUSE)))
+        value = answer["closure"]["overall"].get("value") if effects else None
+        said = "" if value is None else closure(value)
+        refuted = " (not confirmed)" if answer.get("confirmed") is False else ""
+        table.add_row(name, answer["verdict"] + refuted, effects, said)
+    return table
+
+
+def cause(effect: dict[str, Any]) -> str:
+    """A cause with its rivals and its share of the gap, which answers of older versions lack."""
+    from exodrake.report.wording import share
+
+    names = " or ".join([effect["id"], *(rival["id"] for rival in effect.get("rivals") or ())])
+    value = (effect.get("share") or {}).get("value")
+    return names if value is None else f"{names} {share(value)}"
+
+
+LISTED, CAUSE = 4, 2  # columns of the report's table that the terminal shows, and the one that is wrapped
+
+
+@click.command()
+@click.argument("source", type=AnyPath(), metavar="FOLDER_OR_TABLE")
+@click.option("--out", **FILE, help="Write the report: which robots, which causes, since when.")
+@click.option("--table", **FILE, help="Write the table, a row each case, as Parquet.")
+def summarise_fleet(source: Path, out: Path | None, table: Path | None) -> None:
+    """Say of many diagnosed cases which robots have which causes, and since when.
+
+    FOLDER_OR_TABLE is the folder that `exodrake diagnose CASE... --out FOLDER` wrote, or a table made from it by
+    --table. Cases belong to the robot that `serial:` names in their case.yaml, and are ordered by `date:`.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+
+    from exodrake.core.files import write_bytes, write_text
+    from exodrake.diagnosis.fleet import read_answers, read_table, table_bytes
+    from exodrake.report.fleet import fleet_html, members, robot_table
+    from exodrake.report.terminal import table as table_of
+
+    for path in (out, table):
+        check_target(path)
+    rows = read_answers(source) if source.is_dir() else read_table(source)
+    if table is not None:
+        write_bytes(table, table_bytes(rows))
+    if out is not None:
+        write_text(out, fleet_html(rows, source.resolve().name))
+    shown = robot_table(members(rows))
+    titles, cells = (
+        shown.header[:LISTED],
+        [[escape(cell.replace("`", "")) for cell in row[:LISTED]] for row in shown.rows],
+    )
+    Console(highlight=False).print(table_of(titles, cells, wrapped=CAUSE))
+    for path in (table, out):
+        if path is not None:
+            click.echo(f"written {path}")
+
+
+@click.command()
+@robot_option()
+@click.option("--case", "folder", default=None, metavar="CASE", help="Folder or log whose motion the robots follow.")
+@click.option("--cases", default=60, show_default=True, type=click.IntRange(min=1), help="How many robots at most.")
+@click.option("--minutes", default=9.0, show_default=True, type=click.FloatRange(min=0.0), help="Time for them.")
+@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0), help="Of everything that is drawn.")
+@where_to_run
+@click.option("--write", type=AnyPath(), metavar="FILE", help="calibration.yaml of the machine's folder.")
+def count_errors(
+    robot: str, folder: str | None, cases: int, minutes: float, seed: int, jobs: int, cluster: str | None,
+    write: Path | None,
+) -> None:  # fmt: skip
+    """Count how often the diagnosis of a machine errs, on simulated robots.
+
+    The robots' parameters are drawn within their tolerances; two of three have an effect of the library. Without
+    --case they follow the machine's own experiments. The same seed gives the same robots, whatever --jobs is; fewer
+    where the time ends before.
+    """
+    from rich.console import Console
+
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_text
+    from exodrake.core.provenance import configuration
+    from exodrake.data.case import read_case
+    from exodrake.diagnosis.calibrate import calibrate, rates_of
+    from exodrake.diagnosis.calibration import RATES, Calibration, calibration_text, rate_of
+    from exodrake.diagnosis.problem import required_of
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.report import wording as w
+    from exodrake.report.terminal import table
+
+    check_target(write)
+    machine = load_robot(robot).machine
+    case = read_case(folder, required_of(machine), machine.frame) if folder else None
+    with counted("calibrating", "nothing is kept") as count:
+        records, failed = calibrate(robot, cases, seed, case, jobs, cluster, count, 60.0 * minutes)
+    if failed:
+        first = min(failed)
+        click.echo(f"{len(failed)} robots failed; robot {first}: {failed[first]}", err=True)
+    if not records:
+        raise InputError("no robot could be diagnosed")
+    counted_robots = len(records) + len(failed)
+    if counted_robots < cases:
+        click.echo(f"{counted_robots} of {cases} robots in {minutes:g} minutes", err=True)
+    motion = ["--case", Path(folder).name] if folder else []
+    words = ["exodrake", "calibrate", "--robot", Path(robot).name, *motion, "--cases", str(counted_robots)]
+    source = f"{shlex.join([*words, '--seed', str(seed)])}, {date.today()}"
+    found = Calibration(source, configuration()["code"], rates_of(records))
+    rows = [
+        (
+            name,
+            RATES[name],
+            f"{k} of {total}",
+            w.percent(k / total),
+            "{low:.0%} .. {high:.0%}".format(**rate_of(k, total)),
+        )
+        for name, (k, total) in (found.rates or {}).items()
+        if total
+    ]
+    Console(highlight=False).print(table(("rate", "meaning", ">count", ">share", ">95 % interval"), rows, wrapped=1))
+    if write:
+        write_text(write, calibration_text(found))
+        click.echo(f"wrote {write}")

@@ -42,8 +42,7 @@ def command(mode: str, size: str, file: Path | None, robot: str, seed: int, out:
 
     from exodrake.core.files import check_folder, write_folder
     from exodrake.data.log_file import log_bytes
-    from exodrake.estimator.file import load
-    from exodrake.estimator.quick_estimator import quick_estimator
+    from exodrake.estimator.file import load, quick_estimator
     from exodrake.grasping.plan import plan_grasp
     from exodrake.grasping.run import run_plan
     from exodrake.machines.robot_file import load_robot
@@ -111,7 +110,7 @@ def show(plan: Plan, log: Log, folder: Path, names: list[str]) -> None:
     from rich.console import Console
     from rich.markup import escape
 
-    from exodrake.grasping.trial import at_hold
+    from exodrake.grasping.plan import at_hold
     from exodrake.report.terminal import table
 
     console = Console()

@@ -1,4 +1,7 @@
-"""`exodrake identify`: kinematics from marker recordings, synthetic ones with known truth, and maximum tensions."""
+"""`exodrake identify`: kinematics from marker recordings, synthetic ones with known truth, and maximum tensions.
+
+`exodrake workspace`: areas that the fingertip reaches.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, robot_option
+from exodrake.cli.options import AnyPath, OutputFile, OutputFolder, refuse_others, robot_option
 
 if TYPE_CHECKING:
     from exodrake.identification.kinematics.identify import Kinematics
@@ -41,7 +44,7 @@ def kinematics(file: Path, out: Path, markers: Path | None, cutoff: float, repai
     from exodrake.identification.kinematics.identify import Settings, identify
     from exodrake.identification.kinematics.markers import Layout, read_layout, read_markers
     from exodrake.identification.kinematics.report import write_report
-    from exodrake.identification.kinematics.triads import check_labels, relabelled
+    from exodrake.identification.kinematics.rigid import check_labels, relabelled
 
     recording = read_markers(file)
     layout = read_layout(markers) if markers else Layout()
@@ -95,8 +98,8 @@ def synthesise(
     """Write a synthetic 14-marker recording, CSV or C3D by its name, and its truth into FILE.truth.yaml."""
     from exodrake.core.errors import InputError
     from exodrake.core.files import write_bytes
+    from exodrake.identification.kinematics.rigid import Swap, relabelled
     from exodrake.identification.kinematics.synthetic import Faults, Hand, synthesise, truth_yaml
-    from exodrake.identification.kinematics.triads import Swap, relabelled
 
     recording, truth = synthesise(Hand(), Faults(1e-3 * noise, 1e-3 * artefact, dropouts), duration, rate, seed)
     if swap:
@@ -128,7 +131,7 @@ def maximum_tension(log: Path, robot: str) -> None:
     exodrake identify maximum-tension ramps/log.csv
     """
     from exodrake.data.log_file import read_log
-    from exodrake.identification.maximum_tension import find_maximum_tension
+    from exodrake.identification.statics import find_maximum_tension
     from exodrake.machines.robot_file import load_robot
 
     found = find_maximum_tension(read_log(log), load_robot(robot))
@@ -138,3 +141,43 @@ def maximum_tension(log: Path, robot: str) -> None:
         click.echo(f"{one.tendon}: {one.tension:.1f} N, moved {moved} rad{state}")
     limits = ", ".join(f"{one.tendon}: {one.tension:.1f}" for one in found)
     click.echo(f"robot file: limits: {{F_max: {{{limits}}}}}")
+
+
+@click.command()
+@robot_option()
+@click.option(
+    "--out",
+    type=OutputFolder(),
+    default=Path("workspace"),
+    show_default=True,
+    help="Folder for the results.",
+)
+@click.option("--samples", type=int, default=40_000, show_default=True, help="Points of the Monte Carlo areas.")
+@click.option("--steps", type=int, default=25, show_default=True, help="Tensions per tendon in the assisted workspace.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True)
+def find_workspace(robot: str, out: Path, samples: int, steps: int, seed: int) -> None:
+    """Areas that fingertip and distal phalanx reach, by polygon union and Monte Carlo.
+
+    Writes workspace.csv and workspace.png; `make paper` compares them with the paper's Table 2.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+
+    from exodrake.core.files import write_folder
+    from exodrake.identification.workspace import HEAD, SPONTANEOUS, areas, areas_csv, assisted, workspace_figure
+    from exodrake.machines.robot_file import load_robot
+    from exodrake.report.terminal import table
+
+    loaded = load_robot(robot)
+    refuse_others("workspace", loaded, "finger.length")
+    lengths = tuple(loaded.channels("finger.length").tolist())
+    wired = assisted(loaded, steps)
+    rows = areas(lengths, SPONTANEOUS, wired, samples, seed)
+    contents = {
+        "workspace.csv": areas_csv(rows).encode(),
+        "workspace.png": workspace_figure(lengths, SPONTANEOUS, wired),
+    }
+    files = write_folder(out, contents)
+    marks = [f">{heading}" if "[" in heading else heading for heading in HEAD]
+    Console().print(table([escape(heading).replace(" \\[", "\n\\[") for heading in marks], rows))
+    click.echo("wrote " + ", ".join(str(name) for name in files))

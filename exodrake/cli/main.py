@@ -1,4 +1,4 @@
-"""The command line: `exodrake COMMAND`, a module of `exodrake/cli` each, imported when it is called."""
+"""The command line: `exodrake COMMAND`, whose module of `exodrake/cli` is imported when it is called."""
 
 import errno
 import shlex
@@ -17,35 +17,36 @@ from exodrake.cli.options import ARGUMENTS, plugin_added, without_machine
 from exodrake.core.errors import InputError, printable, shortened
 from exodrake.core.progress import INTERRUPTED
 
-# command -> (module with a click command named `command`, its line in --help); those without a module are not listed
+# command -> (module, with the name of the click command if it is not `command`; its line in --help); those without a
+# module are not listed
 COMMANDS = {
-    "demo": ("exodrake.cli.demo", "From a robot with a hidden fault to its name."),
-    "simulate": ("exodrake.cli.simulate", "Run a robot, with or without effects, and write its log."),
-    "compare": ("exodrake.cli.compare", "Two logs over each other, with the RMS of each difference."),
-    "robot": ("exodrake.cli.robot", "A robot's parameters: value, range, tolerance, source."),
-    "check": ("exodrake.cli.check", "Before a diagnosis: what a case can tell, and what is wrong."),
-    "diagnose": ("exodrake.cli.diagnose", "Where, which and how far: a robot's logs against its model."),
-    "experiment": ("exodrake.cli.experiment", "The motion that tells apart what a diagnosis could not."),
-    "fleet": ("exodrake.cli.fleet", "Many diagnosed cases: which robots, which causes, since when."),
-    "calibrate": ("exodrake.cli.calibrate", "Error rates of a machine's diagnosis."),
-    "new-machine": ("exodrake.cli.new_machine", "A folder with a machine of your own, which runs at once."),
-    "effects": ("exodrake.cli.effects", "The effect library: what the nominal robot leaves out."),
-    "draw": ("exodrake.cli.draw", "Draw the robot's block diagram with its signals and slots."),
-    "analyse": ("exodrake.cli.analyse", "Closed loop: steps, poles, margins, robustness."),
-    "tune": ("exodrake.cli.tune", "Choose the controller's gains within requirements."),
-    "feedforward": ("exodrake.cli.feedforward", "Commands that make a robot do what is wanted, by its model."),
-    "identify": ("exodrake.cli.identify", "Find the finger's kinematics in a marker recording."),
-    "workspace": ("exodrake.cli.workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
-    "train": ("exodrake.cli.train", "Train the joint-angle estimator on logs."),
-    "estimate": ("exodrake.cli.estimate", "Joint angles from stroke and tension, with their uncertainty."),
-    "grasp": ("exodrake.cli.grasp", "From grasp mode and object size to joint targets and tensions."),
-    "blind": ("exodrake.cli.blind", "Make, commit to and score cases from the reference simulator."),
-    "import": ("exodrake.cli.import_", "Turn a foreign recording into a log, by a mapping file."),
-    "export": ("exodrake.cli.export", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
-    "watch": ("exodrake.cli.watch", "Follow a growing log: the gap per block, and an alarm."),
-    "alarm-limits": ("exodrake.cli.alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
-    "show": ("exodrake.cli.show", "Write a log as HTML with the moving robot."),
-    "warm-up": ("exodrake.cli.warm_up", "Compile the kernels now, not at first use."),
+    "demo": ("demo", "From a robot with a hidden fault to its name."),
+    "simulate": ("simulate", "Run a robot, with or without effects, and write its log."),
+    "compare": ("logs:compare_logs", "Two logs over each other, with the RMS of each difference."),
+    "robot": ("robot:list_parameters", "A robot's parameters: value, range, tolerance, source."),
+    "check": ("check", "Before a diagnosis: what a case can tell, and what is wrong."),
+    "diagnose": ("diagnose", "Where, which and how far: a robot's logs against its model."),
+    "experiment": ("experiment", "The motion that tells apart what a diagnosis could not."),
+    "fleet": ("diagnose:summarise_fleet", "Many diagnosed cases: which robots, which causes, since when."),
+    "calibrate": ("diagnose:count_errors", "Error rates of a machine's diagnosis."),
+    "new-machine": ("new_machine", "A folder with a machine of your own, which runs at once."),
+    "effects": ("robot:list_effects", "The effect library: what the nominal robot leaves out."),
+    "draw": ("robot:draw", "Draw the robot's block diagram with its signals and slots."),
+    "analyse": ("analyse", "Closed loop: steps, poles, margins, robustness."),
+    "tune": ("tune", "Choose the controller's gains within requirements."),
+    "feedforward": ("tune:find_commands", "Commands that make a robot do what is wanted, by its model."),
+    "identify": ("identify", "Find the finger's kinematics in a marker recording."),
+    "workspace": ("identify:find_workspace", "Areas that the fingertip reaches, alone and pulled by tendons."),
+    "train": ("estimate:train_estimator", "Train the joint-angle estimator on logs."),
+    "estimate": ("estimate:estimate_angles", "Joint angles from stroke and tension, with their uncertainty."),
+    "grasp": ("grasp", "From grasp mode and object size to joint targets and tensions."),
+    "blind": ("blind", "Make, commit to and score cases from the reference simulator."),
+    "import": ("import_", "Turn a foreign recording into a log, by a mapping file."),
+    "export": ("logs:export_log", "Turn a log into MCAP, Parquet, MAT, NPZ or CSV."),
+    "watch": ("watch", "Follow a growing log: the gap per block, and an alarm."),
+    "alarm-limits": ("watch:find_alarm_limits", "Gaps that healthy robots stay below, for the alarm of watch."),
+    "show": ("logs:show_log", "Write a log as HTML with the moving robot."),
+    "warm-up": ("simulate:compile_kernels", "Compile the kernels now, not at first use."),
 }
 
 
@@ -106,7 +107,8 @@ class LazyGroup(OneLineErrors, click.Group):
         """The command, its module imported; None if there is none such."""
         if cmd_name not in COMMANDS or not _exists(cmd_name):
             return None
-        return without_machine(cmd_name, import_module(COMMANDS[cmd_name][0]).command)
+        module, _, function = COMMANDS[cmd_name][0].partition(":")
+        return without_machine(cmd_name, getattr(import_module(f"exodrake.cli.{module}"), function or "command"))
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does; the arguments are kept as they were typed, for `command_line`."""
@@ -130,7 +132,7 @@ class LazyGroup(OneLineErrors, click.Group):
 
 def _exists(name: str) -> bool:
     """A look at the file, since importlib would import the parent packages."""
-    module = COMMANDS[name][0].rsplit(".", 1)[1]
+    module = COMMANDS[name][0].partition(":")[0]
     folder = Path(__file__).parent
     return (folder / f"{module}.py").is_file() or (folder / module / "__init__.py").is_file()
 

@@ -36,10 +36,9 @@ from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.text import short_repr
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.data.clock import regularise
 from exodrake.data.formats import ending, stem
 from exodrake.data.log import MODEL, Log, check_columns
-from exodrake.data.log_file import log_bytes, read_table
+from exodrake.data.log_file import log_bytes, read_table, regularise
 
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot

@@ -99,7 +99,10 @@ def draw_panels(
     for kind, axes in panels.items():
         draw_panel(axes, log, kind, machine)
         if other is not None:
-            draw_other(axes, other, kind, machine)
+            factor = display_in(other, kind, machine).factor
+            for i, name in enumerate(other.names(kind)):
+                colour = colour_of(name, i, machine)
+                axes.plot(other.time, factor * other[f"{kind}_{name}"], color=colour, ls=(0, (1, 1.2)), lw=1.3)
         axes.set_title(remarks.get(kind, ""), loc="right", fontsize=7.5, color="#445", pad=3)
     *_, last = panels.values()
     last.set_xlabel("Time [s]")
@@ -159,14 +162,6 @@ def draw_estimate(axes: Any, log: Log, kind: str, name: str, colour: str, factor
     if log.has(f"{kind}{DEVIATION}_{name}"):
         band = 2.0 * factor * log[f"{kind}{DEVIATION}_{name}"]
         axes.fill_between(log.time, mean - band, mean + band, color=colour, alpha=0.2, lw=0)
-
-
-def draw_other(axes: Any, other: Log, kind: str, machine: Machine | None) -> None:
-    """Draws the second log's columns of this kind, dotted."""
-    factor = display_in(other, kind, machine).factor
-    for i, name in enumerate(other.names(kind)):
-        colour = colour_of(name, i, machine)
-        axes.plot(other.time, factor * other[f"{kind}_{name}"], color=colour, ls=(0, (1, 1.2)), lw=1.3)
 
 
 def add_legends(rows: Any, kinds: list[str], log: Log, names: tuple[str, str] | None) -> None:

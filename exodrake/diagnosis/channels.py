@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-LEAK = 0.12  # of the largest amplitude, into channels without the effect: development cases of the blind package
+LEAK = 0.12  # of the largest amplitude, into channels without the effect: development cases of the reference simulator
 SPREAD = 0.2  # of the largest amplitude, between channels with one cause: as the parameters of two laws differ
 ONE_OR_ALL = 0.4  # prior probability of one channel, and of all of them; other sets share what is left: assumed
 

@@ -1,11 +1,14 @@
 """Estimator files: arrays and one JSON record in an .npz, without pickle, written whole or not at all.
 
 The record names wires, joints, units, training logs and the robot. An estimator is refused for a log of other wires or
-joints, and for a robot file of another signature.
+joints, and for a robot file of another signature. `quick_estimator` trains one on some simulated sweeps.
 """
+
+from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +16,16 @@ import numpy as np
 
 from exodrake.core.errors import InputError
 from exodrake.core.files import read_bytes, write_bytes
+from exodrake.core.provenance import robot_digest
+from exodrake.core.robot import Robot
 from exodrake.data.formats.npz import read_arrays
-from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.gp import Estimator
-from exodrake.estimator.kernels import sweep_kernel
-from exodrake.estimator.stroke_zeros import StrokeModel
+from exodrake.estimator.dataset import Sweeps, sweeps_from_logs
+from exodrake.estimator.gp import Estimator, StrokeModel, fit, sweep_kernel
 from exodrake.physics.gp_estimator import Weights
 
 FORMAT = "exodrake estimator 1"
 STROKES = ("strokes_tension", "strokes_stroke", "strokes_sweep", "strokes_time", "strokes_theta")
+QUICK_POINTS = 250  # of a quick estimator: some s of training
 UNITS = {"tension": "N", "stroke": "m", "angle": "rad", "time": "s"}
 
 
@@ -146,3 +150,22 @@ def _check_shapes(estimator: Estimator, path: str | Path) -> None:
             raise InputError(
                 f"{path}: damaged estimator file ({name} has shape {array.shape}, wanted {shape}, all finite)"
             )
+
+
+def quick_estimator(robot: Robot, cache: Path | None = None) -> Estimator:
+    """An estimator trained on simulated sweeps, or the one kept in a file.
+
+    Args:
+        robot: to be simulated; it should have no effects.
+        cache: file of an estimator. It is used if it belongs to the same robot; it is never written.
+    """
+    from exodrake.simulation.protocols import sweeps
+    from exodrake.simulation.simulate import simulate
+
+    if cache is not None and cache.is_file():
+        try:
+            return load(cache, robot_digest(robot))
+        except InputError:
+            pass
+    training = sweeps_from_logs([simulate(robot, sweeps(robot), seed=0)])
+    return replace(fit(training, QUICK_POINTS), robot=robot_digest(robot))

@@ -1,32 +1,326 @@
-"""Gaussian process over sweeps: closed-form leave-one-sweep-out, and the flat arrays for prediction.
+"""Gaussian process over sweeps: covariance, zeros of the strokes, leave-one-sweep-out, the flat arrays for prediction.
 
-`prior.learn` fits the covariance; `condition` conditions on the training rows and calibrates; `fit` does both, and
-learns the strokes that show the zeros of a session (`stroke_zeros`).
+Covariance of the angles: a function of the inputs, plus a random offset and drift per sweep, plus noise.
 
-The prediction of sweep B from the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section
-5.4.2, with a block in place of a point):
+    k = v_lin (1 + z . z') + v_rbf exp(-|(z - z') / ell|^2 / 2)
+        + [same sweep] (v_sweep + v_drift exp(-|t - t'| / tau)) + v_noise [same row]
+
+It is a composition of scikit-learn's kernels and two more: a kernel on some columns, and an indicator of equal labels.
+Rows are (z (m columns), sweep label, time [s]). Without the middle terms the length scales absorb the correlated error
+of a sweep, and more data makes a new sweep worse. `learn` fits the hyperparameters with scikit-learn's
+GaussianProcessRegressor (marginal likelihood summed over the outputs, which share the covariance up to scale). Inputs
+are rotated to the principal axes of their correlation, since combinations such as s - T / k carry the information.
+
+`condition` conditions on the training rows and calibrates; `fit` learns and conditions. The prediction of sweep B from
+the other sweeps follows from K = L L' without a new fit (Rasmussen and Williams, section 5.4.2, with a block in place
+of a point):
 
     y_B - mu_B = [K^-1]_BB^-1 [K^-1 y]_B          Cov(y_B | the other sweeps) = [K^-1]_BB^-1
 
 The residuals scale the standard deviation of each joint, and the variances set the limit beyond which a sample is
 flagged.
+
+Re-donning shifts the zero of each wire's stroke, which the estimator would read as motion (`physics.md` 4.G: 0.5 to
+3 mm, some 0.1 rad per mm). The zeros are found, tested and corrected without measured angles: a second process with the
+same covariance predicts strokes from tensions, and generalised least squares finds the constants z that a session adds.
+With residuals r (rows, wires) and their covariance C (rows, rows) up to the scale of each wire,
+
+    z = r' C^-1 1 / kappa      Cov(z) = Sigma / kappa      kappa = 1' C^-1 1
+
+For a training sweep B given the others, C^-1 = [K^-1]_BB and C^-1 r = [K^-1 y]_B, so sqrt(kappa) z of the training
+sweeps in turn estimates Sigma. z counts as moved if z' (Cov(z) + TOLERANCE^2 I)^-1 z exceeds the quantile of
+Hotelling's T^2. Corrected strokes are s - z: since inputs enter linearly, a shift of the estimator's center. A changed
+rest posture of the wearer looks like a shift and is corrected as one. A session whose residuals a constant does not
+explain (contact, another wearer) is reported as unlike the training and left alone.
 """
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.stats import f as fisher
+from sklearn.gaussian_process.kernels import (
+    RBF,
+    ConstantKernel,
+    DotProduct,
+    Hyperparameter,
+    Kernel,
+    Matern,
+    Sum,
+    WhiteKernel,
+)
 
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.core.text import short_repr
 from exodrake.core.threads import thread_limit
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.kernels import parts
-from exodrake.estimator.prior import JITTER, POINTS, Prior, learn
-from exodrake.estimator.stroke_zeros import StrokeModel, Zeros, learn_strokes
 from exodrake.physics.gp_estimator import Weights, predict_rows
+
+
+class OnColumns(Kernel):
+    """Kernel on some columns of its input."""
+
+    def __init__(self, kernel, columns):
+        self.kernel = kernel
+        self.columns = columns
+
+    def get_params(self, deep=True):
+        """Parameters, those of the inner kernel as `kernel__...`."""
+        inner = {f"kernel__{name}": value for name, value in self.kernel.get_params().items()} if deep else {}
+        return {"kernel": self.kernel, "columns": self.columns, **inner}
+
+    @property
+    def hyperparameters(self):
+        """Hyperparameters of the inner kernel."""
+        return [
+            Hyperparameter(f"kernel__{h.name}", h.value_type, h.bounds, h.n_elements)
+            for h in self.kernel.hyperparameters
+        ]
+
+    @property
+    def theta(self):
+        """Logarithms of the hyperparameters."""
+        return self.kernel.theta
+
+    @theta.setter
+    def theta(self, theta):
+        self.kernel.theta = theta
+
+    @property
+    def bounds(self):
+        """Bounds (p, 2) of theta."""
+        return self.kernel.bounds
+
+    def __call__(self, X, Y=None, eval_gradient=False):
+        """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
+        columns = list(self.columns)
+        return self.kernel(X[:, columns], None if Y is None else Y[:, columns], eval_gradient)
+
+    def diag(self, X):
+        """Prior variances (n,)."""
+        return self.kernel.diag(X[:, list(self.columns)])
+
+    def is_stationary(self):
+        """Tell whether the inner kernel is stationary."""
+        return self.kernel.is_stationary()
+
+
+class SameLabel(Kernel):
+    """Kernel that is 1 for equal labels in a column and 0 otherwise."""
+
+    def __init__(self, column):
+        self.column = column
+
+    def __call__(self, X, Y=None, eval_gradient=False):
+        """Covariance (n, m) of rows X (n, columns) and Y (m, columns)."""
+        other = X if Y is None else Y
+        value = (X[:, self.column, None] == other[None, :, self.column]).astype(float)
+        return (value, np.empty((*value.shape, 0))) if eval_gradient else value
+
+    def diag(self, X):
+        """Ones (n,)."""
+        return np.ones(len(X))
+
+    def is_stationary(self):
+        """Return False."""
+        return False
+
+
+def sweep_kernel(inputs: int) -> Sum:
+    """Build the covariance for `inputs` columns z and angles of unit variance, with start values and bounds."""
+    z, sweep, time = tuple(range(inputs)), inputs, (inputs + 1,)
+    linear = ConstantKernel(1.0, (1e-3, 1e3)) * OnColumns(DotProduct(1.0, "fixed"), z)
+    length = RBF(np.full(inputs, 2.0), (5e-2, 1e2))  # pyright: ignore
+    curved = ConstantKernel(1.0, (1e-4, 1e3)) * OnColumns(length, z)
+    shared = ConstantKernel(1e-2, (1e-6, 1.0)) * SameLabel(sweep)
+    drift = ConstantKernel(1e-2, (1e-6, 1.0)) * SameLabel(sweep) * OnColumns(Matern(1.0, (5e-2, 50.0), nu=0.5), time)
+    return linear + curved + shared + drift + WhiteKernel(1e-3, (1e-7, 1.0))
+
+
+def parts(kernel: Sum) -> tuple[float, float, np.ndarray, float]:
+    """Read (v_lin, v_rbf, ell (m,), v_sweep + v_drift + v_noise) of a `sweep_kernel` [-]."""
+    without_noise, noise = kernel.k1, kernel.k2
+    without_drift, drift = without_noise.k1, without_noise.k2
+    explained, shared = without_drift.k1, without_drift.k2
+    linear, curved = explained.k1, explained.k2
+    rest = shared.k1.constant_value + drift.k1.k1.constant_value + noise.noise_level
+    return linear.k1.constant_value, curved.k1.constant_value, np.atleast_1d(curved.k2.kernel.length_scale), rest
+
+
+POINTS = 500
+JITTER = 1e-10  # scikit-learn's default, added to the diagonal
+EVALUATIONS = 60  # of the marginal likelihood, which has converged by then
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Covariance and scaling: kernel over (z, sweep, time) with z = rotation (x - center), angle = offset + gain y."""
+
+    kernel: Any
+    center: np.ndarray
+    rotation: np.ndarray
+    offset: np.ndarray
+    gain: np.ndarray
+
+    def rows(self, sweeps: Sweeps) -> np.ndarray:
+        """Inputs of the kernel (n, m + 2): z [-], sweep label, time [s]."""
+        return np.column_stack([(sweeps.inputs - self.center) @ self.rotation.T, sweeps.sweep, sweeps.time])
+
+    def targets(self, sweeps: Sweeps) -> np.ndarray:
+        """Scaled angles (n, joints) [-]."""
+        return (sweeps.angle - self.offset) / self.gain
+
+
+def learn(sweeps: Sweeps, points: int = POINTS) -> Prior:
+    """Fit scaling and hyperparameters by marginal likelihood, from the start values of `sweep_kernel`."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+
+    chosen = sweeps.equispaced(points)
+    prior = scaled(chosen)
+    process = GaussianProcessRegressor(prior.kernel, alpha=JITTER, optimizer=_minimise)  # pyright: ignore
+    with thread_limit(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # a variance at its lower bound is an effect that is absent
+        process.fit(prior.rows(chosen), prior.targets(chosen))
+    return replace(prior, kernel=process.kernel_)
+
+
+def scaled(sweeps: Sweeps) -> Prior:
+    """Scale inputs and angles to unit variance; constant ones keep unit scale."""
+    center, width = sweeps.inputs.mean(axis=0), sweeps.inputs.std(axis=0)
+    width = np.where(width > 0, width, 1.0)
+    unit = (sweeps.inputs - center) / width
+    _, axes = np.linalg.eigh(unit.T @ unit)
+    gain = sweeps.angle.std(axis=0)
+    gain = np.where(gain > 0, gain, 1.0)
+    return Prior(sweep_kernel(len(center)), center, axes.T / width, sweeps.angle.mean(axis=0), gain)
+
+
+def _minimise(objective, start, bounds):
+    """Optimizer of scikit-learn: L-BFGS-B with a bounded number of evaluations, each of which costs n^3."""
+    from scipy.optimize import minimize
+
+    options = {"maxfun": EVALUATIONS}
+    found = minimize(objective, start, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+    return found.x, found.fun
+
+
+STROKE_POINTS = 250  # training rows: strokes follow tensions smoothly
+ROWS = 200  # rows of a session, equispaced
+TOLERANCE = 7e-5  # m; a shift as small costs up to 0.01 rad (MF 0.14 rad/mm), a third of the paper's 0.03 rad
+FALSE = 0.01  # probability that zeros which have not moved count as moved
+UNLIKE = 4.0  # standard deviations by which the reduced chi-square of a session exceeds that of training sweeps
+
+
+@dataclass(frozen=True)
+class Zeros:
+    """Shift of the stroke zeros of a session against training.
+
+    Attributes:
+        wires: Names of the wires.
+        shift: (wires,) [m].
+        covariance: (wires, wires) [m2].
+        moved: Whether the shift is more than variation between sweeps, and a constant explains the residuals.
+        unlike: Whether a constant does not explain the residuals: contact, another wearer or robot.
+    """
+
+    wires: tuple[str, ...]
+    shift: np.ndarray
+    covariance: np.ndarray
+    moved: bool
+    unlike: bool
+
+    @property
+    def half_widths(self) -> np.ndarray:
+        """95 % half widths (wires,) [m]."""
+        return NORMAL_95 * np.sqrt(np.diag(self.covariance))
+
+
+@dataclass(frozen=True, eq=False)
+class StrokeModel:
+    """Strokes that training sweeps show at their tensions.
+
+    Attributes:
+        rows: Training rows: tensions [N] as inputs, strokes [m] as outputs (`angle`).
+        theta: Logarithms of the hyperparameters of the covariance.
+    """
+
+    rows: Sweeps
+    theta: np.ndarray
+
+    @cached_property
+    def prior(self) -> Prior:
+        """Covariance and scaling."""
+        start = scaled(self.rows)
+        return replace(start, kernel=start.kernel.clone_with_theta(self.theta))
+
+    @cached_property
+    def inverse(self) -> np.ndarray:
+        """K^-1 of the training rows (n, n) [-]."""
+        covariance = self.prior.kernel(self.prior.rows(self.rows)) + JITTER * np.eye(len(self.rows))
+        return cho_solve(cho_factor(covariance), np.eye(len(covariance)))
+
+    @cached_property
+    def held_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sigma (wires, wires) and the reduced chi-square (sweeps,) of each training sweep given the others [-]."""
+        weighted, labels = self.inverse @ self.prior.targets(self.rows), np.unique(self.rows.sweep)
+        shifts, left = [], []
+        for label in labels:
+            own = self.rows.sweep == label
+            precision, pulled = self.inverse[np.ix_(own, own)], weighted[own]
+            shift, kappa, chi2 = _constant(precision, np.linalg.solve(precision, pulled))
+            shifts.append(np.sqrt(kappa) * shift)
+            left.append(chi2)
+        return np.stack(shifts).T @ np.stack(shifts) / len(labels), np.array(left)
+
+    def zeros(self, session: Sweeps) -> Zeros:
+        """Estimate and test the zeros of a session from its tensions and strokes."""
+        prior, sigma, left = self.prior, *self.held_out
+        chosen = stroke_rows(session).equispaced(ROWS)
+        chosen = replace(chosen, sweep=chosen.sweep - chosen.sweep.min() + self.rows.sweep.max() + 1)
+        known, new = prior.rows(self.rows), prior.rows(chosen)
+        with thread_limit():
+            cross = prior.kernel(new, known)
+            residual = prior.targets(chosen) - cross @ (self.inverse @ prior.targets(self.rows))
+            covariance = prior.kernel(new) - cross @ self.inverse @ cross.T + JITTER * np.eye(len(new))
+            shift, kappa, chi2 = _constant(np.linalg.inv(covariance), residual)
+        spread = np.outer(prior.gain, prior.gain) * sigma / kappa
+        shift = prior.gain * shift
+        distance = shift @ np.linalg.solve(spread + TOLERANCE**2 * np.eye(len(shift)), shift)
+        unlike = bool(chi2 > left.mean() + UNLIKE * left.std() / np.sqrt(chosen.count))
+        moved = bool(distance > hotelling(len(shift), self.rows.count))
+        return Zeros(self.rows.wires, shift, spread, moved and not unlike, unlike)
+
+
+def learn_strokes(sweeps: Sweeps, points: int = STROKE_POINTS) -> StrokeModel:
+    """Learn the strokes of training sweeps from their tensions, from at most `points` rows."""
+    rows = stroke_rows(sweeps).equispaced(points)
+    return StrokeModel(rows, learn(rows, points).kernel.theta)
+
+
+def stroke_rows(sweeps: Sweeps) -> Sweeps:
+    """Rows with tensions [N] as inputs and strokes [m] as outputs."""
+    return replace(sweeps, inputs=sweeps.tension, angle=sweeps.stroke)
+
+
+def hotelling(wires: int, sweeps: int) -> float:
+    """Quantile of Hotelling's T^2 for the shift of some wires, its covariance about 0 estimated from some sweeps."""
+    free = max(sweeps - wires + 1, 1)
+    return wires * sweeps / free * float(fisher.ppf(1 - FALSE, wires, free))
+
+
+def _constant(precision: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Constant (wires,), kappa and reduced chi-square of the rest, from precision (n, n) and residuals (n, wires)."""
+    pulled = precision @ residual
+    kappa = float(precision.sum())
+    shift = pulled.sum(axis=0) / kappa
+    left = residual - shift
+    return shift, kappa, float(np.einsum("iw,ij,jw->", left, precision, left)) / left.size
+
 
 # Quantile of the held-out variances that is the limit; new sweeps at trained levels exceed it about 1 % of the time
 OWN = 0.975

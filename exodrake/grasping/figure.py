@@ -10,9 +10,8 @@ from exodrake.core.display import colour_of, display_of
 from exodrake.core.robot import Robot
 from exodrake.data.log import Log
 from exodrake.data.plot import STYLE, draw_estimate, draw_panel, new_figure
-from exodrake.grasping.inverse_kinematics import joints
-from exodrake.grasping.plan import Plan
-from exodrake.grasping.trial import at_hold
+from exodrake.grasping.hand import joints
+from exodrake.grasping.plan import Plan, at_hold
 from exodrake.physics.finger_statics import parameters_of
 
 if TYPE_CHECKING:

@@ -1,7 +1,20 @@
-"""The thumb and the three grasp modes: the geometry of a grasp, before the tendons come in.
+"""The thumb, the three grasp modes, and the postures that hold a round object of radius R, in closed form.
 
 The splint holds the thumb (paper, Section 2.1), but the paper does not say where: place and pad below are assumed, so
 that the nominal finger, which the tendons bend by some 0.7 rad at the MCP, meets objects of 20 to 90 mm.
+
+The object's centre C is fixed to the finger by its contacts, in a frame of the straight proximal phalanx (MCP = 0):
+
+    pinch    the pad of the distal phalanx, at s along it: C = L1 + L2 e^{i q2} + (s + i (R + r3)) e^{i (q2 + q3)}
+    caging   all phalanges touch; s along the middle one, rho_i = R + r_i:
+             q2 = pi - atan2(rho_2, s) - asin(rho_1 / h),       h^2 = s^2 + rho_2^2,  contact t = sqrt(h^2 - rho_1^2)
+             q3 = pi - atan2(rho_2, L2 - s) - asin(rho_3 / h'), C = L1 - t + i rho_1      before the PIP joint
+
+and the MCP turns it against the thumb's tip T of radius r_T (law of cosines; of both solutions the one in front of it):
+
+    q1 = arg T - acos((|C|^2 + |T|^2 - (R + r_T)^2) / (2 |C| |T|)) - arg C
+
+What is left free (q2 and q3; s and how far a cage stays off the thumb) is a grid, so that a posture can be chosen.
 """
 
 from __future__ import annotations
@@ -85,3 +98,105 @@ def check_size(size: float, hand: Hand, n: Parameters) -> float:
             f"object size is {shown}, wanted more than 0 and at most {span:.3f} m: finger and thumb span that"
         )
     return float(size)
+
+
+GRID = 81  # points along each free direction
+OFF = 0.9  # rad, how far a cage may stay off the thumb
+DEPTH = 0.02  # m of penetration or of an open cage that count like 1 rad beyond a limit
+REACH = 1.2  # rad beyond rest that the PIP bends at most in a pinch
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Postures that touch the object.
+
+    Attributes:
+        angles: (k, 3) joint angles [rad].
+        centre: (k,) complex centre of the object [m].
+        gap: (k,) distance of the object to the thumb [m].
+        miss: (k,) by how much a posture violates limits of joints or mode, penetrates a phalanx or lets the object out
+            [rad, or m / DEPTH]; 0 for an admissible one.
+    """
+
+    angles: np.ndarray
+    centre: np.ndarray
+    gap: np.ndarray
+    miss: np.ndarray
+
+
+def candidates(mode: Mode, size: float, hand: Hand, n: Parameters) -> Candidates:
+    """All postures of a mode about an object of a size [m], admissible (miss = 0) or not."""
+    radius, thumb = size / 2.0, complex(*hand.thumb)
+    bend, held, off = wrapped(radius, n) if mode.wraps else pinched(mode, radius, hand, n)
+    touch = radius + hand.thumb_radius
+    cosine = (np.abs(held) ** 2 + abs(thumb) ** 2 - touch**2) / (2.0 * np.abs(held) * abs(thumb))
+    beyond = np.maximum(np.abs(cosine) - 1.0, 0.0)
+    mcp = np.angle(thumb) - np.arccos(np.clip(cosine, -1.0, 1.0)) - np.angle(held) - off
+    angles = np.column_stack([mcp, bend])
+    centre = held * np.exp(1j * mcp)
+    gap = np.abs(centre - thumb) - touch
+    low, high = bounds(mode, hand, n)
+    miss = np.maximum(np.maximum(low - angles, angles - high), 0.0).sum(axis=1)
+    miss += np.maximum(pierced(angles, centre, radius, n) - hand.soft, 0.0) / DEPTH
+    if mode.wraps:
+        miss += np.where(cosine < 0.0, beyond, 0.0) + np.maximum(opening(angles, hand, n) - size, 0.0) / DEPTH
+    else:
+        miss += beyond
+    return Candidates(angles, centre, gap, miss)
+
+
+def bounds(mode: Mode, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest joint angles (3,) [rad] of a mode."""
+    low, high = hand.limits(n)
+    rest = np.array(n.q0)
+    return np.maximum(low, rest + mode.low), np.minimum(high, rest + mode.high)
+
+
+def pinched(mode: Mode, radius: float, hand: Hand, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """PIP and DIP (k, 2) [rad], centre (k,) [m] before the MCP turns, and nothing off the thumb (k,)."""
+    low, high = bounds(mode, hand, n)
+    spans = [np.linspace(low[i], min(high[i], n.q0[i] + REACH), GRID) for i in (1, 2)]
+    pip, dip = (axis.ravel() for axis in np.meshgrid(*spans))
+    pad = hand.pad * n.length[2] + 1j * (radius + n.radius[2])
+    held = n.length[0] + n.length[1] * np.exp(1j * pip) + pad * np.exp(1j * (pip + dip))
+    return np.column_stack([pip, dip]), held, np.zeros(len(pip))
+
+
+def wrapped(radius: float, n: Parameters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """PIP and DIP (k, 2) [rad], centre (k,) [m] and how far off the thumb (k,) [rad], all phalanges tangent."""
+    first, second, third = radius + np.array(n.radius)
+    shortest = np.sqrt(max(first**2 - second**2, 0.0))
+    along = np.linspace(min(shortest, n.length[1]), n.length[1], 2 * GRID)
+    far = np.maximum(np.hypot(along, second), first)
+    rest = n.length[1] - along
+    beyond = np.maximum(np.hypot(rest, second), third)
+    pip = np.pi - np.arctan2(second, along) - np.arcsin(first / far)
+    dip = np.pi - np.arctan2(second, rest) - np.arcsin(third / beyond)
+    near, end = np.sqrt(far**2 - first**2), np.sqrt(beyond**2 - third**2)
+    on = (near <= n.length[0]) & (end <= n.length[2])
+    on = on if on.any() else np.ones_like(on)
+    held, bend = n.length[0] - near[on] + 1j * first, np.column_stack([pip, dip])[on]
+    off = np.linspace(0.0, OFF, GRID // 2)
+    return np.repeat(bend, len(off), axis=0), np.repeat(held, len(off)), np.tile(off, len(bend))
+
+
+def joints(angles: np.ndarray, n: Parameters) -> np.ndarray:
+    """MCP, PIP, DIP and fingertip (..., 4) complex [m]; angles (..., 3) [rad]."""
+    bones = np.array(n.length) * np.exp(1j * np.cumsum(angles, axis=-1))
+    return np.concatenate([np.zeros_like(bones[..., :1]), np.cumsum(bones, axis=-1)], axis=-1)
+
+
+def pierced(angles: np.ndarray, centre: np.ndarray, radius: float, n: Parameters) -> np.ndarray:
+    """Largest depth of the object in a phalanx (k,) [m]; 0 for none."""
+    ends, deepest = joints(angles, n), np.zeros(len(angles))
+    for i in range(3):
+        bone = ends[:, i + 1] - ends[:, i]
+        along = (centre - ends[:, i]) * bone.conj() / np.abs(bone)
+        away = np.abs(along - np.clip(along.real, 0.0, np.abs(bone)))
+        deepest = np.maximum(deepest, radius + n.radius[i] - away)
+    return deepest
+
+
+def opening(angles: np.ndarray, hand: Hand, n: Parameters) -> np.ndarray:
+    """Clear width between fingertip and thumb (k,) [m]."""
+    return np.abs(joints(angles, n)[..., 3] - complex(*hand.thumb)) - n.radius[2] - hand.thumb_radius

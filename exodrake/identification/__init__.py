@@ -2,9 +2,9 @@
 
 kinematics.identify     axes, centres and angles from markers, by bundle adjustment
 kinematics.screws       the paper's way: product of exponentials, Newton's iteration (Eq. 7-18, corrected)
-stiffness               joint stiffness and rest posture by nonlinear statics (Eq. 19-20), and at
-                        constant stiffness the map from tension to angle and its inverse (Eq. 21-22, corrected)
-maximum_tension         the tension of each tendon that maximises the movement (Section 2.3)
-sync                    the controller's clock from a record of the sync pulse (Fig. 5 and 8a)
+kinematics.markers      marker recordings; the controller's clock from the sync pulse (Fig. 5 and 8a)
+statics                 joint stiffness and rest posture by nonlinear statics (Eq. 19-20), and at
+                        constant stiffness the map from tension to angle and its inverse (Eq. 21-22, corrected);
+                        the tension of each tendon that maximises the movement (Section 2.3)
 workspace               areas that the fingertip reaches (Fig. 13)
 """

@@ -1,14 +1,81 @@
-"""Building blocks of HTML reports: tables, bars, drawings, headings; set by `templates/kit.html` in `base.html`."""
+"""Building blocks of HTML reports: tables, bars, headings, drawings; set by `templates/kit.html` in `base.html`.
+
+Matplotlib figures become inline SVG: the fonts of the report, no ids that clash, no reference to the outside.
+"""
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from exodrake.core import templates
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+INK, SOFT, RULE, LINE, BAND = "#1c2430", "#667085", "#e4e7ec", "#98a2b3", "#dfe5ec"
+MEASURED, BEFORE, AFTER = "#30363f", "#d9691e", "#1d5fd1"
+# colours that are variables of the report's style sheet, so that figures follow a dark scheme
+VARIABLES = {INK: "ink", SOFT: "soft", RULE: "rule", LINE: "line", BAND: "band", BEFORE: "before", AFTER: "after"}
+STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "axes.linewidth": 0.6,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": LINE, "axes.labelcolor": INK,
+    "text.color": INK, "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.minor.size": 0, "ytick.minor.size": 0,
+    "axes.titlesize": 9, "axes.titleweight": "bold",
+    "axes.titlelocation": "left", "axes.labelsize": 8.5, "legend.frameon": False, "axes.axisbelow": True,
+    "lines.solid_joinstyle": "round", "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
+}  # fmt: skip
+DPI = 220  # of what is drawn as pixels inside an SVG
+
+
+def house_style() -> Any:
+    """Context manager under which figures of a report are drawn."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def svg_of(figure: Figure, name: str, label: str) -> str:
+    """The figure as an SVG element.
+
+    Args:
+        figure: drawn under `house_style`.
+        name: unique in the report; its ids are derived from it.
+        label: what the figure shows, for screen readers.
+    """
+    import matplotlib
+
+    stream = StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, **STYLE}):
+        figure.savefig(stream, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
+    return inline(stream.getvalue(), label)
+
+
+def inline(svg: str, label: str) -> str:
+    """An SVG file as an element of HTML: without prologue, metadata, name spaces and unused ids."""
+    from html import escape
+
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg).replace("xlink:href", "href")
+    used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', svg))
+    for colour, name in VARIABLES.items():
+        svg = svg.replace(colour, f"var(--{name})")
+    svg = re.sub(r'\sid="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
+    return re.sub(
+        r'<svg[^>]*viewBox="([^"]*)"[^>]*>',
+        rf'<svg viewBox="\1" role="img" aria-label="{escape(label)}">',
+        svg,
+        count=1,
+    )
+
 
 TEMPLATES = Path(__file__).parent / "templates"
 

@@ -2,22 +2,567 @@
 
 problem = make_problem(read_case(folder), load_robot())
 write_text("report.html", report_html(diagnosis, problem))
+
+The logs of the case are simulated as three robots would have run them: nominal, retuned and improved. Sections: how
+far, where, which, what was assumed. Curves are compact data for `templates/curves.js`, which draws them with uPlot. A
+sample takes two bytes: its level between the least and the largest value of its curve, in base 64. Logs that are too
+long for the report are given by their envelope, so that no peak is lost.
 """
 
 from __future__ import annotations
 
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
 from exodrake import __version__
-from exodrake.diagnosis.problem import Problem
-from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis
-from exodrake.report import number_format, wording
-from exodrake.report.assumed import assumed
-from exodrake.report.blocks import render
-from exodrake.report.how_far import how_far
+from exodrake.core.display import SYMBOLS, Display, display_of
+from exodrake.data.case import Case, CaseLog
+from exodrake.data.plot import envelope, new_figure, stretch_of
+from exodrake.diagnosis import regime
+from exodrake.diagnosis.filters import mismatch
+from exodrake.diagnosis.gap import SignalGap
+from exodrake.diagnosis.isolation import SAMPLING
+from exodrake.diagnosis.parameter import nominal_parameters
+from exodrake.diagnosis.problem import Problem, Trial
+from exodrake.diagnosis.result import (
+    AMBIGUOUS,
+    NAMED,
+    NO_GAP,
+    PARTLY,
+    RETUNE,
+    UNKNOWN,
+    Candidate,
+    Diagnosis,
+    NamedEffect,
+)
+from exodrake.diagnosis.search import GAIN, LAW, NATS, NEGLIGIBLE
+from exodrake.diagnosis.verdict import EXPLAINED, LARGE, MOST
+from exodrake.report import wording as w
+from exodrake.report.blocks import (
+    AFTER,
+    BAND,
+    BEFORE,
+    RULE,
+    SOFT,
+    Bars,
+    Drawing,
+    Table,
+    house_style,
+    render,
+    shares,
+    svg_of,
+)
 from exodrake.report.missing_law import missing_law
-from exodrake.report.simulated_logs import SimulatedLogs, simulate_logs
 from exodrake.report.since import since
-from exodrake.report.where import where
-from exodrake.report.which import which
+from exodrake.report.wording import split_column
+
+NOMINAL, RETUNED, IMPROVED = "nominal", "retuned", "improved"
+ROBOTS: tuple[str, ...] = (NOMINAL, RETUNED, IMPROVED)
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLog:
+    """A log and the same motion simulated.
+
+    Attributes:
+        trial: what was measured.
+        simulated: robot -> (n, columns) array [SI], noise-free and unquantised.
+        noise_std: (columns,) noise standard deviations [SI].
+    """
+
+    trial: Trial
+    simulated: dict[str, np.ndarray]
+    noise_std: np.ndarray
+
+    @cached_property
+    def residuals(self) -> dict[str, np.ndarray]:
+        """Robot -> normalised residuals (n, columns), NaN where nothing was measured or the robot diverged."""
+        found = {name: (self.trial.measured - rows) / self.noise_std for name, rows in self.simulated.items()}
+        return {name: np.where(np.isfinite(rows), rows, np.nan) for name, rows in found.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedLogs:
+    """The logs of a case and the same motion simulated.
+
+    Attributes:
+        problem: trials, columns and their noise standard deviations.
+        logs: fitted ones, then held-out ones.
+    """
+
+    problem: Problem
+    logs: tuple[SimulatedLog, ...]
+
+    @property
+    def judged(self) -> tuple[SimulatedLog, ...]:
+        """Logs that the closure is measured on; none where no column is compared."""
+        judged = {trial.name for trial in self.problem.judged}
+        return tuple(log for log in self.logs if log.trial.name in judged) if self.problem.columns else ()
+
+    @property
+    def period(self) -> float:
+        """Length of a frame [s]."""
+        return self.problem.robot.machine.frame
+
+    @cached_property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Kind and channel of each column."""
+        return tuple(split_column(column, self.problem.robot.machine) for column in self.problem.columns)
+
+    @property
+    def loop_answer(self) -> str:
+        """Kind of signal by which the control loop answers an error of the plant; empty if the machine has none."""
+        observer = self.problem.robot.machine.observer
+        return observer.measured_input if observer else ""
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of signals, in the order of the columns; the loop's answer last."""
+        kinds = dict.fromkeys(kind for kind, _ in self.parts)
+        return tuple(sorted(kinds, key=lambda kind: kind == self.loop_answer))
+
+    def display(self, kind: str) -> Display:
+        """Display of a kind of signal."""
+        return display_of(kind, self.problem.robot.machine)
+
+    def of_kind(self, kind: str) -> list[int]:
+        """Indices of the columns of one kind."""
+        return [i for i, (own, _) in enumerate(self.parts) if own == kind]
+
+    def rms(self, log: SimulatedLog, robot: str) -> float:
+        """RMS error of a robot on a log [noise_std], in the band of a tremor its strength alone, as for the closure."""
+        gaps = mismatch(log.trial.measured, log.simulated[robot], self.problem.notched, self.period) / log.noise_std
+        return float(np.sqrt(np.nanmean(gaps**2))) if gaps.size else float("nan")
+
+
+def simulate_logs(diagnosis: Diagnosis, problem: Problem) -> SimulatedLogs:
+    """Simulates the logs of a case with the nominal, the retuned and the improved robot."""
+    plain = replace(problem, detected=())  # the robots hold what was detected
+    rows = np.array([plain.silent(diagnosis.robots[name]) for name in ROBOTS])
+    runs = ((t, dict(zip(ROBOTS, problem.predict(rows, t)))) for t in (*problem.fit, *problem.holdout))
+    return SimulatedLogs(problem, tuple(SimulatedLog(t, simulated, problem.noise_std) for t, simulated in runs))
+
+
+CURVE_LEVELS = 65534  # of a curve; the next one marks a missing sample
+SIZE = 900_000  # characters that all curves of a report may take
+CHARACTERS = 8 / 3  # that a sample takes
+FEWEST_SAMPLES, MOST_SAMPLES = 600, 8000  # samples of a curve: least, however many logs there are, and most
+NOISE_BAND = 2.0  # noise standard deviations to either side of no error
+
+
+def how_far(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+    """Values of the section's template."""
+    drawn = dict([(NOMINAL, BEFORE), (IMPROVED, AFTER)][: len(w.robots_of(diagnosis))])
+    return {
+        "errors": error_by_robot(diagnosis),
+        "curves": curves(runs, list(drawn)) if runs.judged else None,
+        "gaps": gap_table(diagnosis),
+        "spectrum": Drawing(spectrum_svg(runs, drawn), wide=True) if runs.judged else None,
+    }
+
+
+def error_by_robot(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows from the nominal robot to noise: RMS error [noise_std] with its share of the largest, and closures."""
+    closure, robots, rms = diagnosis.closure, w.robots_of(diagnosis), diagnosis.closure.rms
+    overall = {"retuned": closure.retune, "after": closure.overall}
+    effect = {"after": closure.effect} if np.isfinite(closure.effect.value) else {}
+    largest = max((rms[key] for key in robots if np.isfinite(rms[key])), default=1.0)
+    rows = [(key, name, rms[key]) for key, name in robots.items()] + [("noise", "noise alone", 1.0)]
+    return [
+        {"key": key, "name": name, "rms": w.digits(value), "length": min(value / largest, 1.0)}
+        | {"overall": overall.get(key), "effect": effect.get(key)}
+        for key, name, value in rows
+    ]
+
+
+def gap_table(diagnosis: Diagnosis) -> Table:
+    """Gap of each signal and of each kind with each robot, noise, closure."""
+    machine, robots = w.machine_of(diagnosis), list(w.robots_of(diagnosis))
+    kinds = {found.kind: found for found in w.kind_gaps(diagnosis)}
+    rows = []
+    for name, gap in diagnosis.closure.signals.items():
+        kind, channel = w.split_column(name, machine)
+        rows.append(gap_row(f"{kinds[kind].display.label} {channel}", gap, kinds[kind].display.unit, robots))
+    totals = [gap_row(f"{k.display.label}, all", k.gap, k.display.unit, robots) for k in kinds.values()]
+    titles = w.robot_titles(diagnosis)
+    header = ("Signal", *titles, "Noise std", f"{titles[-1]} / noise std", *(["Closure"] if len(robots) > 1 else []))
+    return Table(header, [*rows, *totals], totals=len(totals))
+
+
+def gap_row(title: str, gap: SignalGap, unit: str, robots: list[str]) -> tuple[str, ...]:
+    """Cells of a row of the gap table."""
+    gaps = [getattr(gap, name) for name in robots]
+    closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std and np.isfinite(gap.closure) else "–"
+    cells = [w.quantity(x, gap.unit, unit) for x in (*gaps, gap.noise_std)]
+    return (title, *cells, f"{gaps[-1] / gap.noise_std:.2f}", *([closed] if len(robots) > 1 else []))
+
+
+def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency [Hz] and mean power density [1/Hz] of the normalised residuals of one kind, over judged logs."""
+    columns = [log.residuals[robot][:, i] for log in runs.judged for i in runs.of_kind(kind)]
+    found = [regime.spectrum(np.nan_to_num(column), runs.period) for column in columns]
+    frequency = min((frequency for frequency, _ in found), key=len)
+    return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
+
+
+def spectrum_svg(runs: SimulatedLogs, drawn: dict[str, str]) -> str:
+    """Spectra of the normalised residuals of robots, each in its colour, a panel per kind of signal."""
+    with house_style():
+        figure = new_figure(9.6, 2.35)
+        panels = figure.subplots(1, len(runs.kinds), sharey=True, squeeze=False)[0]
+        white = 2.0 * runs.period  # density of white noise of unit variance up to the Nyquist frequency
+        for axes, kind in zip(panels, runs.kinds):
+            for robot, colour in drawn.items():
+                frequency, power = spectra(runs, robot, kind)
+                axes.loglog(frequency[1:], power[1:], color=colour, lw=1.2)
+            axes.axhline(white, color=SOFT, lw=0.9, ls=(0, (4, 2)))
+            axes.set_title(runs.display(kind).label)
+            axes.set_xlabel("Frequency [Hz]")
+            axes.grid(color=RULE, lw=0.5)
+        panels[0].set_ylabel("Density [1/Hz]")
+        return svg_of(figure, "spectrum", "power density of normalised residuals")
+
+
+def curves(runs: SimulatedLogs, robots: Sequence[str]) -> dict[str, Any]:
+    """Curves of the report over time: for each judged log what was measured, and each robot with its error.
+
+    Returns:
+        Plain data: `kinds` (name, label, unit), `robots`, and `logs` (name, samples, step [s], stretch, columns).
+    """
+    count = (1 + 2 * len(robots)) * max(len(runs.problem.columns), 1) * max(len(runs.judged), 1)
+    most = int(np.clip(SIZE / (CHARACTERS * count), FEWEST_SAMPLES, MOST_SAMPLES))
+    shown = {kind: runs.display(kind) for kind in runs.kinds}
+    return {
+        "kinds": [{"name": k, "label": d.label, "unit": SYMBOLS.get(d.unit, d.unit)} for k, d in shown.items()],
+        "robots": list(robots),
+        "logs": [log_curves(runs, log, robots, most) for log in runs.judged],
+    }
+
+
+def log_curves(runs: SimulatedLogs, log: SimulatedLog, robots: Sequence[str], most: int) -> dict[str, Any]:
+    """The curves of a log, of at most so many samples each."""
+    stretch = stretch_of(len(log.trial.measured), most)
+    rows = {"measured": log.trial.measured}
+    for name in robots:
+        rows[name] = np.where(np.isfinite(log.simulated[name]), log.simulated[name], np.nan)
+        rows[f"error_{name}"] = log.residuals[name] * log.noise_std
+    short = {name: envelope(values, stretch) for name, values in rows.items()}
+    columns = []
+    for i, (kind, channel) in enumerate(runs.parts):
+        factor = runs.display(kind).factor
+        found = {name: packed(factor * values[:, i]) for name, values in short.items()}
+        columns.append(
+            {"kind": kind, "channel": channel, "band": NOISE_BAND * factor * float(log.noise_std[i]), **found}
+        )
+    return {
+        "name": log.trial.name, "samples": len(short["measured"]), "stretch": stretch,
+        "step": runs.period * (stretch / 2 if stretch > 1 else 1), "columns": columns,
+    }  # fmt: skip
+
+
+def packed(values: np.ndarray) -> dict[str, Any]:
+    """A curve (n,) as least value, height of a level, and levels in base 64; NaN is the level after the last."""
+    known = np.isfinite(values)
+    least = float(values[known].min()) if known.any() else 0.0
+    height = float(values[known].max() - least) / CURVE_LEVELS if known.any() else 0.0
+    levels = np.full(len(values), CURVE_LEVELS + 1, "<u2")
+    levels[known] = np.round((values[known] - least) / (height or 1.0))
+    return {"least": least, "height": height, "levels": b64encode(levels.tobytes()).decode()}
+
+
+BINS = 14  # of a condition
+DOTS = 2500  # of a scatter, at most
+JITTER = 0.12  # half the width of a cloud of samples over one of a few levels
+# conditions with two or three levels, and how these are called
+LEVELS = {(0.0, 1.0): ("no", "yes"), (-1.0, 0.0, 1.0): ("negative", "at rest", "positive")}
+
+
+def where(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+    """Values of the section's template; nothing where there is no place."""
+    found = diagnosis.where
+    if found.block == "none":
+        return {"wiring": None, "blocks": None, "conditions": None, "scatter": None}
+    by = "the effects of each block take up" if diagnosis.effects else "the best effect of each block takes up alone"
+    caption = f"Share of the gap that {by}."
+    condition = top_condition(diagnosis, runs)
+    return {
+        "wiring": wiring(diagnosis, runs),
+        "blocks": shares(found.shares, caption) if found.shares else None,
+        "conditions": shares(found.regime) if found.regime else None,
+        "scatter": None if condition is None else scatter(condition, w.last_robot(diagnosis)),
+    }
+
+
+def wiring(diagnosis: Diagnosis, runs: SimulatedLogs) -> Drawing:
+    """The machine's parts and signals, parts coloured by their share."""
+    from exodrake.diagrams.block_diagram import wiring_svg
+
+    svg = wiring_svg(runs.problem.robot.machine, diagnosis.where.shares, schedule=False)
+    caption = "The fuller the colour of a part, the larger its share of the gap."
+    return Drawing(svg, caption, wide=True, alt="parts and signals of the robot")
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """Residuals of a signal against a condition.
+
+    Attributes:
+        name: of the condition, with its unit.
+        signal: column whose residuals these are.
+        at: (n,) values of the condition [its unit].
+        before, after: (n,) normalised residuals of the retuned and of the improved robot.
+    """
+
+    name: str
+    signal: str
+    at: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+
+def top_condition(diagnosis: Diagnosis, runs: SimulatedLogs) -> Condition | None:
+    """The condition with the largest correlation ratio for the worst signal of the worst judged log, if there is one.
+
+    The loop's answer to an error does not count.
+    """
+    if not diagnosis.where.regime or not runs.judged:
+        return None
+    log = max(runs.judged, key=lambda log: np.nanmean(log.residuals[NOMINAL] ** 2))
+    power = np.nanmean(log.residuals[RETUNED] ** 2, axis=0)
+    plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
+    column = max(plain or range(len(power)), key=lambda i: power[i])
+    name = runs.problem.columns[column]
+    table = regime.conditions(runs.problem, log.trial, regime.channel_of(runs.problem, name))
+    before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
+    known = np.isfinite(before) & np.isfinite(after)
+    explained = {condition: regime.explained(before[known], at[known]) for condition, at in table.items()}
+    best = max(explained, key=lambda condition: explained[condition])
+    label, factor = condition_label(best, runs)
+    return Condition(label, name, factor * table[best][known], before[known], after[known])
+
+
+def condition_label(name: str, runs: SimulatedLogs) -> tuple[str, float]:
+    """A condition with the unit in which it is shown, where the machine declares it, and its factor from SI."""
+    declared = runs.problem.robot.machine.regime
+    if name.startswith("time"):
+        return f"{name} [s]", 1.0
+    if declared is None or name not in ("load", "joint angle", "speed"):
+        return name, 1.0
+    shown = runs.display({"load": declared.load, "joint angle": declared.joint}.get(name, declared.position))
+    unit = SYMBOLS.get(shown.unit, shown.unit)
+    return f"{name} [{unit}/s]" if name == "speed" else f"{name} [{unit}]", shown.factor
+
+
+def binned(at: np.ndarray, values: np.ndarray, bins: int = BINS) -> tuple[np.ndarray, np.ndarray]:
+    """Mean condition and mean value in bins of equal count (or of equal condition, where it has few values)."""
+    levels = np.unique(at)
+    if len(levels) <= bins:
+        return levels, np.array([values[at == level].mean() for level in levels])
+    groups = np.array_split(np.argsort(at, kind="stable"), bins)
+    return np.array([at[g].mean() for g in groups]), np.array([values[g].mean() for g in groups])
+
+
+def scatter(found: Condition, last: str) -> Drawing:
+    """Residuals against a condition: samples, and means of bins, before and after."""
+    levels = tuple(np.unique(found.at).tolist())
+    with house_style():
+        figure = new_figure(4.6, 2.6)
+        axes = figure.subplots()
+        axes.axhspan(-2.0, 2.0, color=BAND, lw=0)
+        step, dots = max(1, len(found.at) // DOTS), jittered(found.at)
+        for values, colour, label in ((found.before, BEFORE, "retuned robot"), (found.after, AFTER, last)):
+            axes.plot(dots[::step], values[::step], ".", ms=1.6, mew=0, color=colour, alpha=0.35, rasterized=True)
+            axes.plot(*binned(found.at, values), "o-", ms=3, lw=1.2, color=colour, label=label, mew=0)
+        axes.axhline(0.0, color=SOFT, lw=0.4)
+        limit = 1.1 * max(np.percentile(np.abs(np.concatenate([found.before, found.after])), 99.5), 3.0)
+        axes.set_ylim(-limit, limit)
+        if levels in LEVELS:
+            axes.set_xticks(levels, LEVELS[levels])
+        axes.set_xlabel(found.name)
+        axes.set_ylabel(f"error of {found.signal} / noise std")
+        figure.legend(loc="outside upper left", ncols=2, handlelength=1.6)
+        svg = svg_of(figure, "condition", f"error of {found.signal} against {found.name}")
+    caption = (
+        "Error of the worst signal against the strongest condition: samples, and means of bins. "
+        "The band is ± 2 noise standard deviations."
+    )
+    return Drawing(svg, caption)
+
+
+def jittered(at: np.ndarray) -> np.ndarray:
+    """Conditions (n,) with few levels, moved at random so that samples over one level do not hide each other."""
+    if len(np.unique(at)) > max(map(len, LEVELS)):
+        return at
+    return at + np.random.default_rng(0).uniform(-JITTER, JITTER, len(at))
+
+
+SHOWN = 12  # retuned parameters that are shown at once
+LEAST = 0.005  # standard deviations of its tolerance: a smaller change is not listed
+AT_BOUND = 0.999  # of the bound, from which a change counts as limited by it
+
+
+def which(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+    """Values of the section's template."""
+
+    def described(effects: list[NamedEffect]) -> list[tuple[Any, ...]]:
+        return [(e, w.effect_of(diagnosis, e.id), effect_table(e)) for e in effects]
+
+    return {
+        "shares": share_bars(diagnosis),
+        "causes": described(w.causes(diagnosis)),
+        "refinements": described(w.refinements(diagnosis)),
+        "sets": set_table(diagnosis),
+        "retuned": retuned_tables(diagnosis, runs),
+    }
+
+
+def share_bars(diagnosis: Diagnosis) -> Bars | None:
+    """Shares of the gap: each cause with its rivals beneath, the refinements, and what remains."""
+    rows = []
+    for effect in (*w.causes(diagnosis), *w.refinements(diagnosis)):
+        strong = effect in w.causes(diagnosis)
+        rows.append((f"`{effect.id}`", length(effect.share.value), w.share_span(effect.share), strong))
+        rows += [(f"or `{r.id}`", length(r.share.value), w.share(r.share.value), False) for r in effect.rivals]
+    if not rows:
+        return None
+    left = diagnosis.remainder
+    noise = f", {w.digits(left.noise_std, 2)} noise std" if np.isfinite(left.noise_std) else ""
+    rows.append(("remains", length(left.value), w.share(left.value) + noise, False))
+    caption = (
+        "Share of the gap beyond retuning, fitted logs: what is left without the effect less what is left with it. "
+        "Causes in colour, rivals of a cause beneath it. Effects that partly replace each other do not add up to 100 %."
+    )
+    return Bars(rows, caption)
+
+
+def length(fraction: float) -> float:
+    """A fraction as the length of a bar."""
+    return float(np.clip(np.nan_to_num(fraction), 0.0, 1.0))
+
+
+def effect_table(effect: NamedEffect) -> Table:
+    """Parameters of an effect with intervals, channel by channel where there are several."""
+    rows = []
+    for name, item in effect.parameters.items():
+        channels = effect.channels.get(name, {})
+        several = len(channels) > 1
+        if not several or np.isfinite(item.value):
+            rows.append((f"`{name}`{' (common value)' if several else ''}", *w.interval(item)))
+        rows += [(f"`{name}` {channel}", *w.interval(one)) for channel, one in channels.items() if several]
+    return Table(("Parameter", "Value", "90 % interval"), rows, wide=False)
+
+
+def set_table(diagnosis: Diagnosis) -> Table | None:
+    """All sets that were fitted, folded."""
+    rows = [set_row(one) for one in diagnosis.candidates]
+    header = ("Effects", "Explains", "chi-square, closed loop", "chi-square, prediction error", "Evidence [nats]")
+    return Table(header, rows, folded=f"All {len(rows)} fitted sets in numbers") if rows else None
+
+
+def set_row(one: Candidate) -> tuple[str, ...]:
+    """Cells of a fitted set."""
+    chi2 = [w.digits(x) if np.isfinite(x) else "–" for x in (one.chi2, one.prediction_chi2)]
+    evidence = f"{one.evidence:,.1f}" if np.isfinite(one.evidence) else "–"
+    return (f"`{one.id or 'retune'}`", w.closure(one.share), *chi2, evidence)
+
+
+def retuned_tables(diagnosis: Diagnosis, runs: SimulatedLogs) -> list[Table]:
+    """Nominal parameters that the last robot changes, the largest change first; the smaller changes folded."""
+    improved = diagnosis.robots[IMPROVED].values
+    changes = [(p, p.coordinate(float(improved[p.index[0]]))) for p in nominal_parameters(runs.problem.robot)]
+    changes = [(p, x) for p, x in changes if abs(x) > LEAST * p.prior_std]
+    rows = []
+    for p, x in sorted(changes, key=lambda change: -abs(change[1] / change[0].prior_std)):
+        unit = runs.problem.robot.machine.parameters[p.index[0]].unit
+        bound = " (its bound)" if abs(x) >= AT_BOUND * max(map(abs, p.bounds)) else ""
+        deviations = f"{x / p.prior_std:+.2f}{bound}"
+        rows.append((f"`{p.name}`", w.quantity(p.base, unit), w.quantity(p.value(x), unit), deviations))
+    header, rest = ("Parameter", "Nominal", "Fitted", "Change in std of its tolerance"), rows[SHOWN:]
+    tables = [Table(header, rows[:SHOWN], wide=False)] if rows else []
+    return tables + ([Table(header, rest, wide=False, folded=f"{len(rest)} smaller changes")] if rest else [])
+
+
+DIGITS = 12  # of a file's hash that are shown; the JSON has them all
+
+
+def assumed(diagnosis: Diagnosis, runs: SimulatedLogs) -> dict[str, Any]:
+    """Values of the section's template."""
+    return {
+        "logs": log_table(diagnosis, runs),
+        "numbers": Table(("Number", "Value"), decision_numbers(), words=1, folded="The numbers of the decisions"),
+        "provenance": provenance_table(diagnosis),
+    }
+
+
+def log_table(diagnosis: Diagnosis, runs: SimulatedLogs) -> Table:
+    """Every log of the case: role, length, missing samples, RMS error with each robot, hash of its file."""
+    case, simulated = runs.problem.case, {log.trial.name: log for log in runs.logs}
+    titles = w.robot_titles(diagnosis)
+    robots = ROBOTS[: len(titles)]
+    rows = []
+    for item in case.logs:
+        log = simulated.get(item.file)
+        errors = ["–"] * len(robots) if log is None else [w.digits(runs.rms(log, robot)) for robot in robots]
+        length = f"{len(item.log) * runs.period:.0f} s"
+        rows.append((f"`{item.file}`", role(item, case), length, missing(item, runs), *errors, digest(case, item.file)))
+    header = ("Log", "Role", "Length", "Missing", *titles, "SHA-256")
+    return Table(header, rows, words=2)
+
+
+def role(item: CaseLog, case: Case) -> str:
+    """Use of a log in the diagnosis."""
+    if case.is_copy(item):
+        return f"noise: repeats {item.repeats}"
+    return "held out: closure" if item.role == "holdout" else "fitted"
+
+
+def missing(item: CaseLog, runs: SimulatedLogs) -> str:
+    """Part of the compared samples that a log lacks."""
+    samples = [item.log[column] for column in runs.problem.columns]
+    share = float(np.mean(~np.isfinite(samples))) if samples else 0.0
+    return "none" if share == 0.0 else f"{100 * share:.2g} %"
+
+
+def digest(case: Case, file: str) -> str:
+    """First digits of a file's hash."""
+    found = case.hashes.get(file, "")
+    return f"`{found[:DIGITS]}`" if found else "–"
+
+
+def decision_numbers() -> list[tuple[str, str]]:
+    """Each number of the search and of the verdict: its meaning and value with unit."""
+    return [
+        ("a gap is negligible below, in every channel", f"{NEGLIGIBLE:g} noise standard deviations RMS beyond noise"),
+        ("and below, so that sampling shows no gap", f"{SAMPLING:g} standard errors of a mean square"),
+        ("one effect more adds evidence of at least", f"{NATS:g} nats"),
+        ("and takes up of what is left at least", w.percent(GAIN)),
+        ("a cause takes up of the gap at least", w.percent(LARGE)),
+        ("or of what is left without it at least", w.percent(MOST)),
+        ("a law of an effect may err by", w.percent(LAW)),
+        ("causes are named that explain of the gap at least", w.percent(EXPLAINED)),
+        ("causes explain part of it (PARTLY) from", w.percent(MOST)),
+    ]
+
+
+def provenance_table(diagnosis: Diagnosis) -> Table | None:
+    """With what, from what and when the answer was made."""
+    made = diagnosis.provenance
+    if made is None:
+        return None
+    rows = [
+        ("Date", made.date.replace("T", " ").replace("+00:00", " UTC")),
+        ("Command", f"`{made.command}`" if made.command else "called from Python"),
+        ("exodrake", f"{made.version}, code `{made.code}`"),
+        ("Robot", f"`{made.robot}`, parameters `{made.parameters}`"),
+        ("Calibration", made.calibration),
+    ]
+    return Table((), rows, words=2, wide=False)
+
 
 COLOURS = {
     NO_GAP: "#18794e", RETUNE: "#0b7285", NAMED: "#1d4ed8", AMBIGUOUS: "#a15c00", PARTLY: "#7a3e9d", UNKNOWN: "#b42318",
@@ -40,6 +585,6 @@ def html_of(diagnosis: Diagnosis, runs: SimulatedLogs) -> str:
     return render(
         "diagnosis.html",
         title=f"{diagnosis.case}: diagnosis", version=__version__, colour=COLOURS.get(diagnosis.verdict, "#1d4ed8"),
-        found=diagnosis, runs=runs, w=wording, n=number_format, **sections, **assumed(diagnosis, runs),
+        found=diagnosis, runs=runs, w=w, **sections, **assumed(diagnosis, runs),
         **missing_law(diagnosis),
     )  # fmt: skip

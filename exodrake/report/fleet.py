@@ -19,7 +19,7 @@ from exodrake.core.text import plural
 from exodrake.diagnosis.change_point import DAY, RAMP, STEP
 from exodrake.diagnosis.fleet import FAILURE, Row, Trend, trends
 from exodrake.diagnosis.result import AMBIGUOUS, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN
-from exodrake.report import number_format as n
+from exodrake.report import wording as w
 from exodrake.report.blocks import Bars, Table, render
 from exodrake.report.diagnosis_html import COLOURS
 from exodrake.report.since import timeline
@@ -123,7 +123,7 @@ def robot_table(robots: Sequence[Member]) -> Table:
     for m in robots:
         counts = Counter(effect for row in m.rows for effect in row.effects)
         causes = m.last.effects or tuple(effect for effect, _ in counts.most_common(1) if m.changed)
-        cause = n.listed([f"`{effect}`" for effect in causes], "or" if m.last.verdict == AMBIGUOUS else "and")
+        cause = w.listed([f"`{effect}`" for effect in causes], "or" if m.last.verdict == AMBIGUOUS else "and")
         trend = next((t for t in m.changed if t.effect in causes), next(iter(m.changed), None))
         cells = (words(trend), amount(trend)) if trend else ("–", "–")
         last = m.last.date.date().isoformat() if m.last.date else "no date"
@@ -135,7 +135,7 @@ def robot_table(robots: Sequence[Member]) -> Table:
 def last_verdict(row: Row) -> str:
     """Verdict of a case; what held-out logs hold against it, and whether the error grew."""
     refuted = " (not confirmed)" if row.confirmed is False else ""
-    grew = f": the error {n.closure(row.closure)}" if n.rounds_below(row.closure) else ""
+    grew = f": the error {w.closure(row.closure)}" if w.rounds_below(row.closure) else ""
     return row.verdict + refuted + grew
 
 
@@ -151,10 +151,10 @@ def words(trend: Trend) -> str:
 def amount(trend: Trend) -> str:
     """Size of an amplitude's change, in words."""
     assert trend.change is not None
-    before, after = (n.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
+    before, after = (w.quantity(item[0], trend.unit) for item in (trend.change.before, trend.change.after))
     if trend.change.shape != RAMP:
         return f"{before} to {after}"
-    return f"{before} to {after}, {n.quantity(trend.change.rate[0], trend.unit)} a day"
+    return f"{before} to {after}, {w.quantity(trend.change.rate[0], trend.unit)} a day"
 
 
 def causes(robots: Sequence[Member]) -> Bars | None:

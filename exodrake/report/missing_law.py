@@ -10,9 +10,8 @@ from exodrake.core.display import PALETTE, SYMBOLS, shown_unit
 from exodrake.data.plot import new_figure
 from exodrake.diagnosis.discovery.missing_law import Curve, MissingLaw
 from exodrake.diagnosis.result import Diagnosis
-from exodrake.report import number_format as n
-from exodrake.report.blocks import Drawing, Table
-from exodrake.report.svg import RULE, SOFT, house_style, svg_of
+from exodrake.report import wording as w
+from exodrake.report.blocks import RULE, SOFT, Drawing, Table, house_style, svg_of
 
 RELAXES = "relaxation"  # a law over time since a change
 
@@ -27,7 +26,7 @@ def missing_law(diagnosis: Diagnosis) -> dict[str, Any]:
         "data the curve is what smoothness makes of its neighbours."
     )
     figure = Drawing(figure_svg(law), caption, wide=len(law.curves) > 1)
-    rows = [(f"`{r.id}`", r.words, n.closure(r.share)) for r in law.others]
+    rows = [(f"`{r.id}`", r.words, w.closure(r.share)) for r in law.others]
     header = ("Law at", "what over what", "share of the excess removed, fitted logs")
     table = Table(header, rows, words=2, wide=False)
     return {
@@ -49,15 +48,15 @@ def law_lines(law: MissingLaw | None) -> list[str]:
     lines = [f"law     {law.id}: {law.words}{seat}", f"        {law.reason}"]
     if law.closure is not None and np.isfinite(law.closure.value):
         logs = "held-out logs" if law.held_out else "fitted logs"
-        lines.append(f"        {n.closure_words(law.closure, 'what retuning leaves', f'on the {logs}')}")
+        lines.append(f"        {w.closure_words(law.closure, 'what retuning leaves', f'on the {logs}')}")
     for name, curve in law.curves.items():
         if curve.formula:
             lines.append(f"        {name + ': ' if name else ''}{curve.formula}")
     if law.runner_up is not None:
         apart = "rejected" if law.distinguished else "not distinguished by these logs"
-        other = f"{law.runner_up.id} ({law.runner_up.words}, {n.closure(law.runner_up.share)})"
+        other = f"{law.runner_up.id} ({law.runner_up.words}, {w.closure(law.runner_up.share)})"
         lines.append(
-            f"        runner-up {other}: {apart} (the law takes up {n.percent(max(law.lead, 0.0))} of what it leaves)"
+            f"        runner-up {other}: {apart} (the law takes up {w.percent(max(law.lead, 0.0))} of what it leaves)"
         )
     return lines
 

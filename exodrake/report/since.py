@@ -11,7 +11,7 @@ from exodrake.data.case import date_of
 from exodrake.diagnosis.change_point import STEP, Change
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import UNKNOWN, Diagnosis
-from exodrake.report import number_format as n
+from exodrake.report import wording as w
 from exodrake.report.blocks import Table
 
 if TYPE_CHECKING:
@@ -43,11 +43,11 @@ def words(diagnosis: Diagnosis) -> list[str]:
     alike = [one for one in found.series if one.change is not None and one.name == found.clearest.name]
     lines = [sentence(found, found.clearest, found.clearest.change)]
     if len(alike) > 1:
-        lines.append(f"it changes, too, on {n.listed([one.channel for one in alike[1:]])}")
+        lines.append(f"it changes, too, on {w.listed([one.channel for one in alike[1:]])}")
     if diagnosis.verdict == UNKNOWN and found.effect:
         lines.append(
             f"no constant explanation is left, but {found.effect} alone, with a size of its own in each session, "
-            f"leaves a reduced chi-square of {n.digits(found.chi2)}"
+            f"leaves a reduced chi-square of {w.digits(found.chi2)}"
         )
     return lines
 
@@ -55,7 +55,7 @@ def words(diagnosis: Diagnosis) -> list[str]:
 def sentence(found: Since, one: Series, change: Change) -> str:
     """A change: what, when, and how much."""
     began = f"began {when(found, change)}"
-    before, after = (n.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
+    before, after = (w.interval(Interval(*item, one.unit)) for item in (change.before, change.after))
     sizes = f"{before[0]} until then, {after[0]} ({after[1]}) in the last session"
     rate = "" if change.shape == STEP else f"; it changes by {speed(found, one, change)}"
     return f"the change of {title(one)} {began}: {sizes}{rate} ({' or '.join(change.shapes)})"
@@ -72,9 +72,9 @@ def when(found: Since, change: Change) -> str:
 def speed(found: Since, one: Series, change: Change) -> str:
     """Rate by day or minute, and as a share of the value before where that is clearly not zero."""
     per, factor = ("a day", 1.0) if found.unit == "d" else ("a minute", 60.0)
-    value = n.quantity(factor * change.rate[0], one.unit)
+    value = w.quantity(factor * change.rate[0], one.unit)
     level, low, high = change.before
-    share = f", {n.percent(factor * change.rate[0] / level)} of the value before" if low * high > 0.0 else ""
+    share = f", {w.percent(factor * change.rate[0] / level)} of the value before" if low * high > 0.0 else ""
     return f"{value} {per}{share}"
 
 
@@ -106,9 +106,9 @@ def changes(found: Since) -> Table | None:
         change = one.change
         cells = ("–",) * 4
         if change is not None:
-            before, after = (n.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
+            before, after = (w.interval(Interval(*item, one.unit))[0] for item in (change.before, change.after))
             cells = (when(found, change), before, after, "–" if change.shape == STEP else speed(found, one, change))
-        rows.append((title(one), *cells[:1], n.percent(one.p), *cells[1:]))
+        rows.append((title(one), *cells[:1], w.percent(one.p), *cells[1:]))
     header = ("Quantity", "Change began", "Constant by evidence", "Before", "Last", "Rate")
     return Table(header, rows, words=2, folded=f"All {len(rows)} quantities in numbers") if rows else None
 

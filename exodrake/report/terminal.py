@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from exodrake.core.progress import Stage
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, RETUNE, UNKNOWN, Diagnosis, NamedEffect
-from exodrake.report import number_format as n, wording as w
+from exodrake.report import wording as w
 from exodrake.report.missing_law import law_lines
 from exodrake.report.since import words as since_words
 
@@ -77,7 +77,7 @@ def verdict_panel(diagnosis: Diagnosis) -> Panel:
         lines.append(f"where   {where.block}{', ' + place if place else ''}")
     if diagnosis.verdict in (UNKNOWN, PARTLY, AMBIGUOUS) and where.regime:
         top = sorted(where.regime.items(), key=lambda item: -item[1])[:REGIMES]
-        lines.append("when    " + ", ".join(f"{name} {n.percent(value)}" for name, value in top) + " of its variance")
+        lines.append("when    " + ", ".join(f"{name} {w.percent(value)}" for name, value in top) + " of its variance")
     if refined := w.refinement_words(diagnosis):
         lines.append(f"refined {escape(refined)}")
     lines += [f"because {escape(reason)}" for reason in diagnosis.reasons]
@@ -94,8 +94,8 @@ def effect_rows(effect: NamedEffect) -> list[tuple[str, ...]]:
     values = []
     for name, item in effect.parameters.items():
         channels = effect.channels.get(name, {})
-        values += [(f"{name} {channel}", *n.interval(one)) for channel, one in channels.items()]
-        values += [] if channels else [(name, *n.interval(item))]
+        values += [(f"{name} {channel}", *w.interval(one)) for channel, one in channels.items()]
+        values += [] if channels else [(name, *w.interval(item))]
     count = max(len(left), len(values))
     left, values = left + [("", "")] * (count - len(left)), values + [("", "", "")] * (count - len(values))
     return [(*a, *b) for a, b in zip(left, values, strict=True)]
@@ -107,8 +107,8 @@ def gap_table(diagnosis: Diagnosis) -> Table:
     for found in w.kind_gaps(diagnosis):
         gap = found.gap
         gaps = (gap.before, gap.after, gap.noise_std) if closes else (gap.before, gap.noise_std)
-        cells = [n.quantity(x, gap.unit, found.display.unit) for x in gaps]
-        closed = n.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
+        cells = [w.quantity(x, gap.unit, found.display.unit) for x in gaps]
+        closed = w.closure(gap.closure) if gap.before > w.SMALL * gap.noise_std else "-"
         rows.append((found.display.label.lower(), *cells, *([closed] if closes else [])))
     titles = (">before", ">after", ">noise std", ">closure") if closes else (">nominal", ">noise std")
     return table(("gap (RMS)", *titles), rows)
@@ -119,13 +119,13 @@ def closing_lines(diagnosis: Diagnosis) -> list[str]:
     lines = []
     if diagnosis.verdict != NO_GAP:
         overall, rms = diagnosis.closure.overall, diagnosis.closure.rms
-        said = n.closure_words(overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
+        said = w.closure_words(overall, "the excess error", f"with the {w.last_robot(diagnosis)}")
         lines.append(f"closure [bold]{said}[/bold]")
         step = diagnosis.closure.effect
         if diagnosis.effects and step.value == step.value:
-            lines.append(f"        {n.closure_words(step, 'what retuning alone leaves')}")
+            lines.append(f"        {w.closure_words(step, 'what retuning alone leaves')}")
         lines += [f"        {words}"] if (words := w.motion_words(diagnosis)) else []
-        robots = ", ".join(f"{name} {n.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
+        robots = ", ".join(f"{name} {w.digits(rms[key])}" for key, name in w.robots_of(diagnosis).items())
         lines.append(f"error   {robots} noise standard deviations (RMS)")
     if alike := w.alike_words(diagnosis):
         lines.append(f"moved   {alike}")
@@ -139,7 +139,7 @@ def ranking(diagnosis: Diagnosis) -> Table:
     rows = []
     for one in diagnosis.candidates[:TOP]:
         bar = "━" * round(BAR * min(max(one.share, 0.0), 1.0))
-        rows.append((one.id or "retune", w.share(one.share), n.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
+        rows.append((one.id or "retune", w.share(one.share), w.digits(one.chi2), f"{one.evidence:,.0f} nats", bar))
     return table(("fitted set", ">explains", ">chi-square", ">evidence", ""), rows, wrapped=0)
 
 

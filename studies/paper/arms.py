@@ -126,7 +126,7 @@ def claims(found: Arms) -> tuple[Claim, ...]:
 def figure(found: Arms) -> str:
     """Both versions side by side on the same axes, as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.svg import RULE, SOFT, house_style, svg_of
+    from exodrake.report.blocks import RULE, SOFT, house_style, svg_of
 
     with house_style():
         drawn = new_figure(9.6, 3.2)

@@ -190,7 +190,7 @@ def marker_count() -> Claim:
 def figure(found: Kinematics) -> str:
     """Centres and their lines, a panel per joint, as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.svg import RULE, house_style, svg_of
+    from exodrake.report.blocks import RULE, house_style, svg_of
 
     with house_style():
         drawn = new_figure(9.6, 3.1)

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.estimator.baselines import fit_ridge
 from exodrake.estimator.dataset import Sweeps
-from exodrake.estimator.gp import fit
-from exodrake.estimator.prior import POINTS
-from exodrake.identification.stiffness import Stiffness, fit_stiffness, linear
+from exodrake.estimator.gp import POINTS, fit
+from exodrake.estimator.validate import fit_ridge
+from exodrake.identification.statics import Stiffness, fit_stiffness, linear
 from exodrake.physics.finger_statics import follow, posture
 from exodrake.physics.tendon_finger import Parameters
 

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.grasping.trial import at_hold
-from exodrake.identification.kinematics.axis import Axis, chain_pose
+from exodrake.grasping.plan import at_hold
+from exodrake.identification.kinematics.rigid import Axis, chain_pose
 from exodrake.identification.kinematics.screws import g_inverse, g_matrix, joint_angles
-from exodrake.identification.maximum_tension import find_maximum_tension
-from exodrake.identification.stiffness import compliance, router_arms, tension_map
+from exodrake.identification.statics import compliance, find_maximum_tension, router_arms, tension_map
 from exodrake.machines.robot_file import load_robot
 from exodrake.physics.finger_statics import parameters_of, posture
 from exodrake.report.blocks import Drawing, Heading, Table

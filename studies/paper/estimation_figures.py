@@ -6,7 +6,7 @@ import numpy as np
 
 from exodrake.data.plot import new_figure
 from exodrake.machines.exo_index.machine import COLOURS
-from exodrake.report.svg import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, svg_of
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED, RULE, SOFT, house_style, svg_of
 from studies.paper.study import DATA, MODEL, Study
 
 DRAWN = 1000  # rows that are drawn, about

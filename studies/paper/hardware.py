@@ -128,7 +128,7 @@ def timing_claims(machine, rate: float) -> tuple[Claim, ...]:
 def figure(coarse: Staircase, fine: Staircase) -> str:
     """The staircases of both resolutions as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.svg import AFTER, BEFORE, RULE, house_style, svg_of
+    from exodrake.report.blocks import AFTER, BEFORE, RULE, house_style, svg_of
 
     names = (("0.004 N, as printed", "0.001 N, corrected"), ("0.00569 rad, 16 lines", "0.001423 rad, quadrature"))
     with house_style():

@@ -50,7 +50,7 @@ def robot_overshoot(robot) -> float:
 def figure() -> str:
     """Both signs' steps as SVG."""
     from exodrake.data.plot import new_figure
-    from exodrake.report.svg import AFTER, BEFORE, RULE, SOFT, house_style, svg_of
+    from exodrake.report.blocks import AFTER, BEFORE, RULE, SOFT, house_style, svg_of
 
     with house_style():
         drawn = new_figure(4.6, 2.5)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from exodrake.identification.kinematics.axis import hat
-from exodrake.identification.stiffness import tension_map_with
+from exodrake.identification.kinematics.rigid import hat
+from exodrake.identification.statics import tension_map_with
 
 
 def g_inverse_as_printed(axis: np.ndarray, angle: np.ndarray | float) -> np.ndarray:

@@ -55,7 +55,7 @@ def figure(wired) -> str:
     """Both workspaces as SVG."""
     from exodrake.data.plot import new_figure
     from exodrake.identification.workspace import DISTAL, FINGERTIP, LENGTHS, SPONTANEOUS, reach
-    from exodrake.report.svg import RULE, house_style, svg_of
+    from exodrake.report.blocks import RULE, house_style, svg_of
 
     with house_style():
         drawn = new_figure(9.6, 4.6)

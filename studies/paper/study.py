@@ -93,9 +93,8 @@ def parted(sweeps: Sweeps, seed: int) -> tuple[Sweeps, Sweeps]:
 
 def study(robot: Robot, effort: Effort, seed: int) -> Study:
     """Simulate, learn, judge. robot: the nominal one."""
-    from exodrake.estimator.gp import condition
-    from exodrake.estimator.prior import learn
-    from exodrake.identification.stiffness import linear
+    from exodrake.estimator.gp import condition, learn
+    from exodrake.identification.statics import linear
     from exodrake.physics.finger_statics import parameters_of, posture
     from exodrake.simulation.protocols import sweeps as protocol
     from exodrake.simulation.simulate import log_of, record
@@ -118,8 +117,7 @@ def study(robot: Robot, effort: Effort, seed: int) -> Study:
 
 def recorded_sweeps(training: Sweeps, held: Sweeps, points: int) -> tuple[Score, ...]:
     """Scores on whole held-out sweeps after training on all sweeps, on a few, and on the loading half of all."""
-    from exodrake.estimator.gp import condition
-    from exodrake.estimator.prior import learn
+    from exodrake.estimator.gp import condition, learn
 
     labels = np.unique(training.sweep)
     few = labels[:: len(labels) // FEW][:FEW]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from exodrake.data.plot import STYLE, new_figure, save_png
-from exodrake.report.svg import AFTER, BEFORE, MEASURED
+from exodrake.report.blocks import AFTER, BEFORE, MEASURED
 
 DPI = 110
 

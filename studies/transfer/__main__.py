@@ -13,12 +13,12 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from exodrake.blind.score_table import markdown as markdown_of
 from exodrake.cli.main import OneLineErrors
 from exodrake.cli.options import AnyPath
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.progress import counted
+from exodrake.reference.score import markdown as markdown_of
 from exodrake.report.terminal import table
 from studies.transfer.control_task import TUNERS
 from studies.transfer.study import transfer

@@ -14,14 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.parameters import NOMINAL, TENSION_MAX
-from exodrake.blind.protocols import grasps, holds
-from exodrake.blind.records import WIRES
-from exodrake.blind.robot_spec import Protocol
 from exodrake.compiled.inputs import Reference
 from exodrake.core.errors import InputError
 from exodrake.core.loop import Controller
 from exodrake.core.robot import Robot
+from exodrake.reference.cases import grasps, holds
+from exodrake.reference.robot import NOMINAL, TENSION_MAX, WIRES, Protocol
 from exodrake.simulation.simulate import log_of, run
 
 WEIGHT = 1.0  # of the commands' changes beside the error [assumed]

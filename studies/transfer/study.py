@@ -15,17 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.answers import read_diagnosis, read_labels
-from exodrake.blind.catalogue import ENTRIES
-from exodrake.blind.robot_spec import InjectedFault, Protocol, RobotSpec
-from exodrake.blind.run import ANSWER, cases_of
-from exodrake.blind.simulator import simulate
 from exodrake.core.errors import InputError
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
 from exodrake.core.robot import Robot
 from exodrake.diagnosis.many import IMPROVED, RETUNED
 from exodrake.machines.robot_file import load_robot
+from exodrake.reference.answers import ANSWER, cases_of, read_diagnosis, read_labels
+from exodrake.reference.faults import ENTRIES
+from exodrake.reference.robot import InjectedFault, Protocol, RobotSpec
+from exodrake.reference.simulator import simulate
 from studies.transfer.control_task import Gains, Tuner, by_cost, cost, motion, own_gains, predicted
 
 DEFAULT = "default"  # the controller as it is

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from exodrake.blind.score_table import Row, counted
-from exodrake.blind.shares import Share
 from exodrake.core.plain import plain
+from exodrake.reference.measures import Share
+from exodrake.reference.score import Row, counted
 from studies.transfer.study import DEFAULT, MODELS, Transfer, Transferred
 
 RESAMPLES = 1000  # of cases, for the interval of the rank correlation

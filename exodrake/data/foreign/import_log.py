@@ -16,14 +16,13 @@ from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
 from exodrake.core.text import plural
 from exodrake.core.units import si_unit, to_si
-from exodrake.data.clock import LONGEST, frame_of, other_rate
 from exodrake.data.foreign import lerobot
 from exodrake.data.foreign.mapping import Column, Derived, Mapped, Sync, Track, read_mapping
 from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
 from exodrake.data.foreign.tables import read_columns, slashed
 from exodrake.data.formats import ending, stem
 from exodrake.data.log import Log, check_clock, check_columns, heading, log_from_columns
-from exodrake.data.log_file import read_log
+from exodrake.data.log_file import LONGEST, frame_of, other_rate, read_log
 
 PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed

@@ -32,8 +32,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exodrake.identification.kinematics.axis import Axis, across, apply, hat, inverse, motion, rotation, turned_by
-from exodrake.identification.kinematics.triads import corners
+from exodrake.identification.kinematics.rigid import (
+    Axis,
+    across,
+    apply,
+    corners,
+    hat,
+    inverse,
+    motion,
+    rotation,
+    turned_by,
+)
 
 SEGMENTS, TRIAD = 4, 3
 COUNT = 3 * TRIAD * SEGMENTS  # coordinates of markers
@@ -199,7 +208,10 @@ def adjust(
             break
     system, variance = _Normal(points, finger, poses, angles, rest), _variance(error, points)
     covariance = np.linalg.inv(system.reduced(variance * PRIOR)[0])[:FREE, :FREE]
-    inflation = _inflation(error, block)
+    # variance of sums over blocks of frames, relative to that of independent errors
+    whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
+    sums = np.sum(whole.sum(axis=1) ** 2)
+    inflation = max(1.0, float(sums / max(np.sum(whole**2), np.finfo(float).tiny)))
     return Adjusted(finger, variance * inflation * covariance, float(np.sqrt(variance)), inflation, len(points))
 
 
@@ -297,10 +309,3 @@ def _variance(error: np.ndarray, points: np.ndarray) -> float:
     """Variance of the noise [m2]; a frame seen completely spends ten of its 36 coordinates on its own unknowns."""
     left = np.count_nonzero(np.isfinite(points)) * (1 - LOCAL / COUNT) - FREE
     return float(np.sum(error**2) / max(left, 1))
-
-
-def _inflation(error: np.ndarray, block: int) -> float:
-    """Variance of sums over blocks of frames, relative to that of independent errors (frames, 12, 3) [m]."""
-    whole = error[: len(error) // block * block].reshape(-1, block, COUNT)
-    sums = np.sum(whole.sum(axis=1) ** 2)
-    return max(1.0, float(sums / max(np.sum(whole**2), np.finfo(float).tiny)))

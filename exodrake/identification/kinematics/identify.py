@@ -25,26 +25,24 @@ from scipy.spatial.transform import Rotation
 from exodrake.core.confidence import NORMAL_95
 from exodrake.core.errors import InputError
 from exodrake.identification.kinematics.adjust import Adjusted, Finger, adjust, fit_frames
-from exodrake.identification.kinematics.axis import (
+from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
+from exodrake.identification.kinematics.rigid import (
     Axis,
+    SegmentMotion,
     across,
     angle_about,
     apply,
     centres,
+    check_labels,
     inverse,
     joint_points,
     mean_axis,
-    weight,
-)
-from exodrake.identification.kinematics.markers import JOINTS, Layout, Recording
-from exodrake.identification.kinematics.triads import (
-    SegmentMotion,
-    check_labels,
     mean_pose,
     place,
     placed,
     refuse_swaps,
     triad_pose,
+    weight,
 )
 
 FEWEST = 50  # frames in which a joint must be seen
@@ -83,7 +81,13 @@ def first_guess(segments: list[SegmentMotion], rest: np.ndarray, smallest: float
         markers.append(apply(rested, segments[k + 1].triad.shape))
         turns = before @ relative[seen] @ inverse(rested)
         axis, angle = _hinge(turns, markers[-1].mean(axis=0))
-        _refuse_still(name, angle, smallest, recording)
+        beyond = np.count_nonzero(np.abs(angle) >= smallest)
+        if beyond < FEWEST:
+            most = np.rad2deg(np.nanmax(np.abs(angle)))
+            raise InputError(
+                f"{recording.source}: {name} turns {most:.1f} deg at most and is beyond"
+                f" {np.rad2deg(smallest):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
+            )
         if k == 0:
             side = _abduction(axis, markers[-1].mean(axis=0))
             axes.append(side)
@@ -132,17 +136,6 @@ def _reference(name: str, still: np.ndarray, recording: Recording) -> np.ndarray
             " which must show the finger straight and still"
         )
     return reference
-
-
-def _refuse_still(name: str, angle: np.ndarray, smallest: float, recording: Recording) -> None:
-    """InputError for a joint that hardly moves."""
-    beyond = np.count_nonzero(np.abs(angle) >= smallest)
-    if beyond < FEWEST:
-        most = np.rad2deg(np.nanmax(np.abs(angle)))
-        raise InputError(
-            f"{recording.source}: {name} turns {most:.1f} deg at most and is beyond"
-            f" {np.rad2deg(smallest):.0f} deg in {beyond} frames; its centre needs {FEWEST} such frames"
-        )
 
 
 def _scarce(name: str, pair: list[SegmentMotion], seen: np.ndarray, recording: Recording) -> str:

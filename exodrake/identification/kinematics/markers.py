@@ -9,6 +9,11 @@ cell is a missing sample. Other columns are ignored. Positions are in the right-
 
 C3D, the exchange format of motion capture, is read and written by ezc3d. Labels may carry a subject (`Kim:B1` is read
 as B1), POINT:UNITS gives the unit, POINT:RATE the frame rate; a point with a negative residual is missing.
+
+The controller's clock on the clock of the motion capture follows from the record of the sync pulse (Fig. 5 and 8a):
+
+    start, skew = clock_from_pulses(time, level, robot.machine.frame)
+    controller_time = (capture_time - start) / (1.0 + skew)
 """
 
 from __future__ import annotations
@@ -204,15 +209,6 @@ BIG_ENDIAN = 86  # number of the processor that wrote the file: MIPS
 BLOCK = 512  # bytes
 
 
-def read_c3d(path: str | Path) -> Recording:
-    """Read the points of a C3D file. InputError for another format, or missing points, rate or unit of length.
-
-    A file that crashes ezc3d, holds it for ever or lacks frames that its header promises is refused, too.
-    """
-    data = read_bytes(path)
-    return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
-
-
 def frames_of(data: bytes) -> int:
     """Number of frames that the header promises; the format counts to 65535. 0 of a file too short for a header."""
     mark = BLOCK * (data[0] - 1) + 3 if data else 0
@@ -278,5 +274,34 @@ def _unseen(content, points: np.ndarray) -> np.ndarray:
 def read_markers(path: str | Path) -> Recording:
     """Read a `.c3d` file, or CSV under any other name. InputError names the file, and column and row if known."""
     if Path(path).suffix.lower() == ".c3d":
-        return read_c3d(path)
+        data = read_bytes(path)
+        return in_child(parse, os.fspath(path), frames_of(data), source=str(path), size=len(data))
     return parse_csv(read_bytes(path), str(path))
+
+
+def clock_from_pulses(time: np.ndarray, level: np.ndarray, frame: float) -> tuple[float, float]:
+    """Start and skew of the controller's clock, by least squares over the rising edges.
+
+    Args:
+        time: (n,) instants on the clock of the motion capture [s].
+        level: (n,) analogue record of the sync pulse, any unit.
+        frame: time between pulses on the controller's clock [s].
+
+    Returns:
+        The instant of the first pulse recorded [s], and the relative excess of a frame's duration [-]: 1e-4 where the
+        capture counts 100 us more in a second than the controller. Missed pulses are bridged.
+
+    Raises:
+        InputError: fewer than two pulses rise in the record, or time does not increase.
+    """
+    if not (np.diff(time) > 0.0).all():
+        raise InputError("sync pulse: time does not increase")
+    middle = (np.min(level) + np.max(level)) / 2.0
+    rises = np.flatnonzero((level[:-1] <= middle) & (level[1:] > middle))
+    if len(rises) < 2:
+        raise InputError(f"sync pulse: {len(rises)} rising edges, wanted 2 or more")
+    share = (middle - level[rises]) / (level[rises + 1] - level[rises])
+    edges = time[rises] + share * (time[rises + 1] - time[rises])
+    count = np.concatenate([[0], np.cumsum(np.round(np.diff(edges) / frame))])
+    slope, start = np.polyfit(count, edges, 1)
+    return float(start), float(slope / frame - 1.0)

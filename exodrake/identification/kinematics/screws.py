@@ -23,7 +23,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, chain_pose, hat, inverse, motion, rotation
+from exodrake.identification.kinematics.rigid import Axis, chain_pose, hat, inverse, motion, rotation
 
 NEWTON_STEPS, CONVERGED = 50, 1e-10  # steps at most, and rad: a step below this is the last
 SERIES = 1e-2  # rad; below this angle quotients are summed as series, whose next term is under 1e-16

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.errors import InputError
-from exodrake.identification.kinematics.axis import Axis, apply, chain_pose, motion, rotation
 from exodrake.identification.kinematics.markers import JOINTS, SEGMENTS, Layout, Recording
-from exodrake.identification.kinematics.triads import triad_pose
+from exodrake.identification.kinematics.rigid import Axis, apply, chain_pose, motion, rotation, triad_pose
 from exodrake.identification.workspace import LENGTHS, SPONTANEOUS
 from exodrake.simulation.protocols import smooth
 

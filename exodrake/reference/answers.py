@@ -1,18 +1,92 @@
-"""Answers to a blind set beside their labels."""
+"""Answers to a blind set beside their labels, to which a salted SHA-256 is published with the cases.
+
+The salt lies in the labels file: without it, guessed labels cannot be checked against the published digest. `run`
+diagnoses every case, resumably: answers lie in the cases' folders (see `diagnosis.many`).
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import secrets
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from exodrake.blind.case_mix import VISIBLE
-from exodrake.blind.commitment import COMMITMENT, read_committed
-from exodrake.blind.matching import Diagnosis, Truth
-from exodrake.blind.run import ANSWER, FAILED, cases_of
 from exodrake.core.errors import InputError
+from exodrake.core.files import read_bytes, write_text
 from exodrake.core.json_file import read_json
-from exodrake.core.schema import having, listing, names, number, optional, text
+from exodrake.core.progress import Count, no_progress
+from exodrake.core.provenance import described
+from exodrake.core.schema import anything, flag, having, listing, names, number, optional, text
+from exodrake.diagnosis.many import ANSWER, FAILED, diagnose_all
+from exodrake.reference.cases import VISIBLE
+
+Truth = dict[str, Any]  # one true effect, as the labels give it
+Diagnosis = dict[str, Any]  # an answer, as its JSON gives it
+COMMITMENT = "seal.txt"  # in the folder of a set
+
+SEATS = listing(text())
+TRUE_EFFECT = having(
+    {"id": text(), "block": text(), "blocks": SEATS, "wires": SEATS, "joints": SEATS, "parameters": names(number()),
+     "exact": flag, "gap": number()},
+    required=("id", "block", "wires", "joints", "parameters", "exact", "gap"),
+)  # fmt: skip
+LABEL = having({"kind": text(), "mix": text(), "effects": listing(TRUE_EFFECT)}, required=("kind", "effects"))
+LABELS = having({"salt": text(), "cases": anything}, required=("salt", "cases"))
+
+
+def digest(cases: dict[str, Any], salt: str) -> str:
+    """Commitment: SHA-256 over salt and canonical JSON."""
+    canonical = json.dumps(cases, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256((salt + canonical).encode(errors="surrogatepass")).hexdigest()
+
+
+def write_committed(cases: dict[str, Any], labels: Path, commitment: Path) -> None:
+    """Write labels with a fresh salt, and the commitment."""
+    salt = secrets.token_hex(32)
+    write_text(labels, json.dumps({"salt": salt, "cases": cases}, indent=1) + "\n")
+    write_text(commitment, digest(cases, salt) + "\n")
+
+
+def read_committed(labels: str | Path, commitment: str | Path) -> dict[str, Any]:
+    """Labels by case. InputError if a file is missing or malformed, or if the labels have changed."""
+    labels, commitment = Path(labels), Path(commitment)
+    for path in (labels, commitment):
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+    stored = LABELS(read_json(labels), str(labels))
+    cases, salt = stored["cases"], stored["salt"]
+    if digest(cases, salt).encode() != read_bytes(commitment).strip():
+        raise InputError(f"{labels}: the labels are not those committed in {commitment}")
+    return names(LABEL)(cases, str(labels))
+
+
+def cases_of(folder: str | Path) -> list[Path]:
+    """Case folders of a set, sorted. InputError if there is none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    cases = sorted(path.parent for path in folder.glob("*/case.yaml") if not path.parent.name.startswith("."))
+    if not cases:
+        raise InputError(f"{folder}: no case in it (a folder with case.yaml)")
+    return cases
+
+
+def run(
+    folder: str | Path,
+    jobs: int = 1,
+    cluster: str | None = None,
+    progress: Count = no_progress,
+    redo: bool = False,
+) -> dict[str, str]:
+    """Diagnose the unfinished cases of a set; arguments and errors are those of `cases_of` and `diagnose_all`.
+
+    Returns:
+        Case -> reason, for those that failed.
+    """
+    return diagnose_all({case: case for case in cases_of(folder)}, jobs, cluster, progress, redo)
+
 
 KNOWN, NAMES = optional(number()), optional(listing(text()))  # a number that is not finite is null in an answer
 BOUNDS = names(optional(having({"value": KNOWN, "low": KNOWN, "high": KNOWN})))
@@ -108,21 +182,14 @@ def read_answers(folder: Path, truths: dict[str, dict[str, Any]]) -> tuple[Answe
             answered.append(Answered(name, label, {"verdict": FAILURE}))
     if not answered:
         raise InputError(f"{folder}: no case has a diagnosis yet; run `exodrake blind run` first")
-    check_configurations(answered, folder)
+    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
+    if len(found) > 1:
+        raise InputError(
+            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
+        )
     return tuple(answered)
 
 
 def read_diagnosis(path: Path) -> Diagnosis:
     """Read one diagnosis. InputError naming file and key if it is none."""
     return ANSWERED(read_json(path), str(path))
-
-
-def check_configurations(answered: list[Answered], folder: Path) -> None:
-    """InputError if the diagnoses were made with several versions of the package or its code."""
-    from exodrake.core.provenance import described
-
-    found = {described(case.diagnosis.get("configuration")) for case in answered if case.verdict != FAILURE}
-    if len(found) > 1:
-        raise InputError(
-            f"{folder}: answered with several configurations ({'; '.join(sorted(found))}); `blind run --redo`"
-        )

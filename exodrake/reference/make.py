@@ -1,28 +1,110 @@
-"""Makes a blind set: case folders that say nothing about their contents, and labels committed to apart from them."""
+"""Makes a blind set: case folders that say nothing about their contents, and labels committed to apart from them.
+
+Effects are drawn until the gap that they leave on the held-out motion is large, or small, enough. Gap of a signal: root
+mean square of the difference between two noise-free logs, in noise standard deviations.
+"""
 
 import hashlib
 import json
 import shutil
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exodrake.blind.case_mix import MIXES, CaseMix, CasePlan, DrawnCase, plan
-from exodrake.blind.catalogue import ENTRIES, blocks_of, channels_of
-from exodrake.blind.commitment import COMMITMENT, write_committed
-from exodrake.blind.gap import Gaps, kind_of, visible_case
-from exodrake.blind.records import JOINTS, WIRES
-from exodrake.blind.simulator import simulate, warm_up
 from exodrake.core.errors import InputError
 from exodrake.core.files import write_text
 from exodrake.core.parallel import each
 from exodrake.core.progress import Count, no_progress
 from exodrake.data.case import FILE, Case, CaseLog, write_case
 from exodrake.data.log import Log
+from exodrake.reference.answers import COMMITMENT, write_committed
+from exodrake.reference.cases import MIXES, CaseMix, CasePlan, DrawnCase, draw_case, plan
+from exodrake.reference.faults import ENTRIES, blocks_of, channels_of, weakened
+from exodrake.reference.robot import JOINTS, WIRES, RobotSpec
+from exodrake.reference.simulator import simulate, warm_up
+
+Columns = dict[str, np.ndarray]  # column -> values (n,) [SI]
+Gaps = dict[str, float]  # signal -> gap [noise standard deviations]
+NOISE_STD = {"tension": 0.01, "stroke": 12.3e-6, "angle": 0.005}  # N, m, rad
+ATTEMPTS = 6  # draws of magnitudes and channels
+BISECTIONS = 12
+WEAKEST = 1e-3  # strength of an effect, relative to its draw, that counts as absent [assumed]
+
+
+def kind_of(column: str) -> str:
+    """Column name without its wire or joint."""
+    return column.rsplit("_", 1)[0] if column != "time" else column
+
+
+def gap_in_noise(with_effect: Columns, without: Columns) -> Gaps:
+    """Gap per signal between two logs."""
+    gaps = {}
+    for name, values in with_effect.items():
+        if kind_of(name) in NOISE_STD:
+            gaps[name] = float(np.sqrt(np.mean((values - without[name]) ** 2)) / NOISE_STD[kind_of(name)])
+    return gaps
+
+
+def held_out_gap(case: DrawnCase, without: RobotSpec, seed: list[int], hidden: tuple[str, ...]) -> Gaps:
+    """Gap per logged signal between a case's robot and another; the same random courses in both."""
+    robots = (case.spec, without)
+    logs = [simulate(replace(robot, noisy=False), case.protocols["grasps"], seed) for robot in robots]
+    return {name: gap for name, gap in gap_in_noise(*logs).items() if kind_of(name) not in hidden}
+
+
+def parts_gaps(case: DrawnCase, seed: list[int], hidden: tuple[str, ...] = ()) -> tuple[list[float], Gaps]:
+    """Gaps of a case.
+
+    Args:
+        case: Robot and motions.
+        seed: Seed of the random courses.
+        hidden: Kinds of columns that are not logged.
+
+    Returns:
+        What each effect adds to the others, a list of the largest signal's gap; and the gap of all by signal.
+    """
+    effects = case.spec.effects
+    whole = held_out_gap(case, case.healthy, seed, hidden)
+    if len(effects) < 2:
+        return [max(whole.values())] * len(effects), whole
+    without = [
+        replace(case.spec, effects=tuple(other for other in effects if other is not effect)) for effect in effects
+    ]
+    return [max(held_out_gap(case, spec, seed, hidden).values()) for spec in without], whole
+
+
+def small_enough(case: DrawnCase, seed: list[int], mix: CaseMix) -> tuple[DrawnCase, list[float], Gaps]:
+    """Weaken the effects of a case until their smallest gap lies in the range of the mix, by bisection in the strength.
+
+    Args:
+        case: Robot and motions.
+        seed: Seed of the random courses.
+        mix: Mix that the case belongs to.
+
+    Returns:
+        Case, gap per effect and gap per signal; the last tried where no strength gives a gap in the range.
+    """
+    found = (case, *parts_gaps(case, seed, mix.hidden))
+    low, high = WEAKEST, 1.0
+    for _ in range(BISECTIONS if min(found[1]) > mix.gap[1] else 0):
+        strength = float(np.sqrt(low * high))
+        effects = tuple(weakened(effect, strength) for effect in case.spec.effects)
+        weaker = replace(case, spec=replace(case.spec, effects=effects))
+        found = (weaker, *parts_gaps(weaker, seed, mix.hidden))
+        if distance(found[1], mix.gap) == 0.0:
+            break
+        low, high = (low, strength) if min(found[1]) > mix.gap[1] else (strength, high)
+    return found
+
+
+def distance(gaps: list[float], wanted: tuple[float, float]) -> float:
+    """Distance of the smallest gap from the wanted range [noise standard deviations]."""
+    return max(wanted[0] - min(gaps), min(gaps) - wanted[1], 0.0)
+
 
 Label = dict[str, Any]
 DECIMALS = {
@@ -76,7 +158,15 @@ def logs_of(case: DrawnCase, plan: CasePlan) -> Case:
 
 def case_and_label(plan: CasePlan) -> tuple[Case, Label]:
     """Make a planned case with its logs, and its label; all of it follows from the plan's seed."""
-    case, gaps, whole = visible_case(plan)
+    # drawn until the gap of the effects on the held-out motion is as wanted, or the attempts run out
+    best = draw_case(plan), [], {}
+    for attempt in range(ATTEMPTS if plan.ids else 0):
+        found = small_enough(draw_case(plan, attempt), [*plan.seed, 4], plan.mix)
+        if not best[1] or distance(found[1], plan.mix.gap) < distance(best[1], plan.mix.gap):
+            best = found
+        if distance(best[1], plan.mix.gap) == 0.0:
+            break
+    case, gaps, whole = best
     return logs_of(case, plan), label_of(plan, case, gaps, whole)
 
 

@@ -13,8 +13,8 @@ from math import ceil, sqrt
 import numpy as np
 from numba import njit
 
-from exodrake.blind.dynamics import derivative
-from exodrake.blind.records import INPUT_SIZE
+from exodrake.reference.dynamics import derivative
+from exodrake.reference.robot import INPUT_SIZE
 
 RELATIVE = 1e-3
 RADIUS = 1.5e4  # 1/s, guess of the spectral radius, with a margin for drawn parameters

@@ -1,0 +1,123 @@
+"""`exodrake show`, `export` and `compare`: a log as a moving robot, in another file format, and beside a second one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from exodrake.cli.options import AnyPath, log_in, robot_option
+
+if TYPE_CHECKING:
+    from exodrake.core.machine import Machine
+    from exodrake.data.compare import Comparison
+
+
+@click.command()
+@click.argument("log", type=AnyPath())
+@robot_option()
+@click.option("--out", type=AnyPath(), default=None, help="File to write [LOG with .html].")
+@click.option("--estimated", is_flag=True, help="Show the estimated joint angles, not the measured ones.")
+@click.option("--open", "show", is_flag=True, help="Open the file in the browser.")
+def show_log(log: Path, robot: str, out: Path | None, estimated: bool, show: bool) -> None:
+    """Write LOG as HTML with the moving robot, its tendons coloured by tension.
+
+    LOG is a log file, or a folder that `exodrake simulate` wrote.
+    `#t=1.5` at the end of the address stops it at that time.
+    """
+    from exodrake.core.files import write_text
+    from exodrake.data.log_file import read_log
+    from exodrake.diagrams.meshcat import recording_html
+    from exodrake.machines.robot_file import load_robot
+
+    kind = "angle_est" if estimated else ""
+    file = log_in(log)
+    html = recording_html(read_log(file), load_robot(robot), log.name or log.resolve().name, angles=kind)
+    target = out or file.with_name(file.name.split(".")[0] + ".html")
+    write_text(target, html)
+    click.echo(f"{target}: {len(html) / 1e6:.1f} MB")
+    if show:
+        click.launch(str(target))
+
+
+@click.command()
+@click.argument("log", type=AnyPath())
+@click.option("--out", required=True, type=AnyPath(), help="File to write; its ending is the format.")
+@click.option("--start", type=float, default=None, help="Leave out rows before this time [s].")
+@click.option("--end", type=float, default=None, help="Leave out rows from this time on [s].")
+def export_log(log: Path, out: Path, start: float | None, end: float | None) -> None:
+    """Turn LOG into .mcap (Foxglove, PlotJuggler), .parquet, .mat, .npz, .csv or .csv.gz.
+
+    LOG is a log file, or a folder that `exodrake simulate` wrote.
+    Every format holds the same columns in SI, and reads back to the same bits.
+    """
+    from exodrake.core.errors import InputError
+    from exodrake.data.log_file import read_log, write_log
+
+    table = read_log(log_in(log))
+    first, last = float(table.time[0]), float(table.time[-1])
+    if start is not None or end is not None:
+        table = table.between(first if start is None else start, float("inf") if end is None else end)
+    if not len(table):
+        raise InputError(f"{log}: no rows between --start and --end (the log runs from {first:g} to {last:g} s)")
+    write_log(table, out)
+    click.echo(f"{out}: {len(table)} rows, {len(table.columns)} columns")
+
+
+@click.command()
+@click.argument("first", type=AnyPath(), metavar="A")
+@click.argument("second", type=AnyPath(), metavar="B")
+@robot_option()
+@click.option("--out", type=AnyPath(), default=Path("compare.png"), show_default=True,
+              help="Figure to write.")  # fmt: skip
+@click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
+def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
+    """Overlay logs A and B, and print RMS, mean and largest difference of each signal that both have.
+
+    A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
+    samples. The robot gives labels, units and colours.
+    """
+    from exodrake.core.errors import InputError
+    from exodrake.core.files import write_bytes
+    from exodrake.core.plain import save
+    from exodrake.data.compare import compare, remarks
+    from exodrake.data.log_file import read_log
+    from exodrake.data.plot import png_of
+    from exodrake.machines.robot_file import load_robot
+
+    if out.suffix.lower() != ".png":
+        raise InputError(f"{out}: the figure is a PNG; its name ends in .png")
+    machine = load_robot(robot).machine
+    one, other = (read_log(log_in(path)) for path in (first, second))
+    found = compare(one, other)
+    figure = one.plot("", other, found.names, machine=machine, remarks=remarks(found, one, machine))
+    write_bytes(out, png_of(figure))
+    if json_file:
+        save(found, json_file)
+    show_differences(found, machine)
+    click.echo(" ".join(["written", str(out), *([str(json_file)] if json_file else [])]))
+
+
+def show_differences(found: Comparison, machine: Machine) -> None:
+    """Prints the differences in the units that people read."""
+    from rich.console import Console
+
+    from exodrake.core.display import display_of
+    from exodrake.core.units import kind_of
+    from exodrake.report.terminal import table
+
+    rows = []
+    for name, one in found.signals.items():
+        kind = kind_of(name) or name
+        display = display_of(kind, machine, one.unit)
+        cells = (f"{display.factor * x:.3g}" for x in (one.rms, one.mean, one.largest))
+        channel = name.removeprefix(kind).strip("_")
+        rows.append((f"{kind} {channel}".rstrip(), display.unit, *cells, f"{one.at:.2f} s"))
+    console = Console()
+    console.print(
+        f"B less A, {found.start:g} to {found.end:g} s; A is {found.names[0]}, B {found.names[1]}", markup=False
+    )
+    console.print(table(("signal", "unit", ">RMS", ">mean", ">largest", ">at"), rows))
+    for note in found.notes:
+        click.secho(f"note: {note}", fg="yellow", err=True)

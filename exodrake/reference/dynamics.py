@@ -1,0 +1,520 @@
+"""The reference simulator's right-hand side: finger, tendons, joint torques, motors and cells; one derivative.
+
+The finger is a planar chain of three phalanges by recursive Newton-Euler (Luh, Walker, Paul 1980). x is distal, y
+dorsal; a joint angle > 0 flexes, i.e. turns about -z. A phalanx at absolute angle phi points along (cos phi, -sin phi).
+Wires are routed by the law of cosines, with bristle friction and an elasticity with memory. Joint torques are in N m
+along +q: tissue, losses, contact, the wearer.
+"""
+
+from math import atan, cos, cosh, exp, log1p, sin, sinh, sqrt, tanh
+
+import numpy as np
+from numba import njit
+
+from exodrake.reference.robot import (
+    ANGLE,
+    BRISTLE,
+    CAPSTAN,
+    CELL,
+    CELL_SECOND,
+    COMMAND_LAG,
+    CREEP_FAST,
+    CREEP_SLOW,
+    FELT_TENSION,
+    FRAME,
+    GARMENT,
+    INPUT_SIZE,
+    INTEGRATOR,
+    JOINT_LOSS,
+    MOUNT,
+    MOUNT_RATE,
+    PULLEY,
+    RATE,
+    RELAX_FAST,
+    RELAX_SLOW,
+    REST_SHIFT,
+    ROTOR,
+    ROUTER_SHIFT,
+    STIFFENED,
+    SUPPLY,
+    THETA,
+    TREMOR_PHASE,
+    VOLUNTARY,
+    WIRE_SHIFT,
+)
+
+
+@njit(cache=True)
+def swing(sine, cosine, turn, spin):
+    """Second derivative of a phalanx's direction [1/s2]; turn [rad/s] and spin [rad/s2] are absolute."""
+    return -spin * sine - turn * turn * cosine, -spin * cosine + turn * turn * sine
+
+
+@njit(cache=True)
+def inverse_dynamics(p, sine, cosine, turn, spin, base_x, base_y):
+    """Joint torques [N m] of a motion.
+
+    Args:
+        p: Record of the robot.
+        sine: Sines of the absolute angles (3,).
+        cosine: Cosines of the absolute angles (3,).
+        turn: Absolute angular rates (3,) [rad/s].
+        spin: Absolute angular accelerations (3,) [rad/s2].
+        base_x: Distal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
+        base_y: Dorsal acceleration of the first joint [m/s2]; minus gravity for a finger with weight.
+    """
+    mass, centre, length, unit = p.mass, p.centre, p.length, p.unit_inertia
+    x0, y0 = swing(sine[0], cosine[0], turn[0], spin[0])
+    x1, y1 = swing(sine[1], cosine[1], turn[1], spin[1])
+    x2, y2 = swing(sine[2], cosine[2], turn[2], spin[2])
+    second_x, second_y = base_x + length[0] * x0, base_y + length[0] * y0
+    third_x, third_y = second_x + length[1] * x1, second_y + length[1] * y1
+    force_x0, force_y0 = mass[0] * (base_x + centre[0] * x0), mass[0] * (base_y + centre[0] * y0)
+    force_x1, force_y1 = mass[1] * (second_x + centre[1] * x1), mass[1] * (second_y + centre[1] * y1)
+    force_x2, force_y2 = mass[2] * (third_x + centre[2] * x2), mass[2] * (third_y + centre[2] * y2)
+    third = mass[2] * (unit[2] - centre[2] * centre[2]) * spin[2] - centre[2] * (
+        sine[2] * force_x2 + cosine[2] * force_y2
+    )
+    second = third + mass[1] * (unit[1] - centre[1] * centre[1]) * spin[1]
+    second -= centre[1] * (sine[1] * force_x1 + cosine[1] * force_y1) + length[1] * (
+        sine[1] * force_x2 + cosine[1] * force_y2
+    )
+    beyond_x, beyond_y = force_x1 + force_x2, force_y1 + force_y2
+    first = second + mass[0] * (unit[0] - centre[0] * centre[0]) * spin[0]
+    first -= centre[0] * (sine[0] * force_x0 + cosine[0] * force_y0) + length[0] * (
+        sine[0] * beyond_x + cosine[0] * beyond_y
+    )
+    return first, second, third
+
+
+@njit(cache=True)
+def mass_matrix(p, sine, cosine):
+    """Columns of the mass matrix [kg m2]: torques of unit accelerations of one joint each, from rest."""
+    still = (0.0, 0.0, 0.0)
+    first = inverse_dynamics(p, sine, cosine, still, (1.0, 1.0, 1.0), 0.0, 0.0)
+    second = inverse_dynamics(p, sine, cosine, still, (0.0, 1.0, 1.0), 0.0, 0.0)
+    return first, second, inverse_dynamics(p, sine, cosine, still, (0.0, 0.0, 1.0), 0.0, 0.0)
+
+
+FULL_TURN = 6.283185307179586
+TYPICAL_LOAD, LIGHTEST = 4.0, 0.2  # N; a polymer sheath's friction coefficient falls slowly with load [A]
+SLIP_TIME = 2e-3  # s, over which a contact lets go of what its load no longer holds [A]
+
+
+@njit(cache=True)
+def router(p, side, joint, sine, cosine, rise):
+    """Wire taken in [m] and moment arm [m] at one joint; side 0 palmar, 1 dorsal; rise [m] lifts both routers.
+
+    Law of cosines between the two routers seen from the joint centre (physics.md 1.1 for the geometry).
+    """
+    sign = 1.0 - 2.0 * side
+    distal, proximal = p.height_distal[side, joint] + rise, p.height_proximal[side, joint] + rise
+    along, across = p.axial_distal[side, joint], p.axial_proximal[side, joint]
+    dot = along * across - distal * proximal
+    cross = distal * across + along * proximal
+    squares = along * along + distal * distal + across * across + proximal * proximal
+    distance = sqrt(squares + 2.0 * (dot * cosine - sign * cross * sine))
+    return p.straight[side, joint] - distance, (dot * sine + sign * cross * cosine) / distance
+
+
+@njit(cache=True)
+def wound(p, wire, theta):
+    """Wire on the spool [m] and its radius there [m] at gear angle theta; layers build up like a softened staircase."""
+    radius = p.spool[wire]
+    straight = radius * theta
+    length, local = straight, radius
+    if p.growth[wire] != 0.0:
+        wave = FULL_TURN / p.growth_pitch
+        grown = 0.5 * straight * straight + 0.8 / (wave * wave) * (1.0 - cos(wave * straight))
+        length += p.growth[wire] * grown
+        local += radius * p.growth[wire] * (straight + 0.8 / wave * sin(wave * straight))
+    if p.eccentricity[wire] != 0.0:
+        phase = p.eccentric_phase[wire]
+        length += radius * p.eccentricity[wire] * (sin(theta + phase) - sin(phase))
+        local += radius * p.eccentricity[wire] * cos(theta + phase)
+    return length, local
+
+
+@njit(cache=True)
+def elastic(p, wire, stretch):
+    """Tension [N] of a stretched wire: straight line, toe (hyperbola) or parabola."""
+    stiffness = p.wire_stiffness[wire]
+    if p.toe[wire] > 0.0:
+        return stiffness * 0.5 * (stretch + sqrt(stretch * stretch + p.toe[wire] ** 2))
+    if stretch <= 0.0:
+        return 0.0
+    if p.stiffening[wire] > 0.0:
+        return stiffness * stretch * (1.0 + 0.5 * p.stiffening[wire] * stretch)
+    return stiffness * stretch
+
+
+@njit(cache=True)
+def pull(p, y, dy, u, wire, taken):
+    """Tension at the cell [N] and spool radius [m]; writes the rates of creep, garment and felt tension."""
+    length, radius = wound(p, wire, y[THETA + wire])
+    stretch = (
+        length
+        - taken
+        - p.slack[wire]
+        - y[CREEP_FAST + wire]
+        - y[CREEP_SLOW + wire]
+        - y[GARMENT + wire]
+        - y[MOUNT + wire]
+    )
+    tension = elastic(p, wire, stretch - u[WIRE_SHIFT + wire])
+    if p.creep[wire] > 0.0:
+        share = 0.5 * tension / p.creep[wire]
+        dy[CREEP_FAST + wire] = (share - y[CREEP_FAST + wire]) * 3.0 / p.creep_time[wire]
+        dy[CREEP_SLOW + wire] = (share - y[CREEP_SLOW + wire]) / (1.7 * p.creep_time[wire])
+    if p.garment[wire] > 0.0:
+        give = y[GARMENT + wire]
+        resist = p.garment[wire] * give * (1.0 + p.garment_stiffening[wire] * abs(give))
+        dy[GARMENT + wire] = (tension - resist) / (0.003 * (p.wire_stiffness[wire] + p.garment[wire]))
+    if p.slip_rate > 0.0:  # the same state, but nothing pulls it back
+        dy[GARMENT + wire] = p.slip_rate * max(0.0, tension - p.slip_load)
+    if p.router_give[wire] != 0.0 or p.abduction != 0.0:
+        dy[FELT_TENSION + wire] = (tension - y[FELT_TENSION + wire]) / 0.02
+    return tension, radius
+
+
+@njit(cache=True)
+def rise_of_routers(p, y, u, wire):
+    """Router lift [m] of one wire: follows the felt tension and saturates; plus a re-donning shift."""
+    return u[ROUTER_SHIFT] + p.router_give[wire] * 12.0 * (1.0 - exp(-y[FELT_TENSION + wire] / 12.0))
+
+
+@njit(cache=True)
+def rub_rate(force, speed, tension, level, stiffness):
+    """Rate [N/s] of the force that an elastic contact holds, whose level [N] follows the tension [N].
+
+    Ductile Dahl law (exponent 3/2) of constant stiffness [N/m]: the energy that it stores, force^2 / (2 stiffness), is
+    the same at every tension, so no course of tension and motion gains work. What the tension no longer holds is let
+    go, as all of it is where the wire is nearly slack.
+    """
+    if tension < LIGHTEST:
+        return -force / SLIP_TIME
+    left = 1.0 - (force if speed > 0.0 else -force) / level
+    rate = stiffness * speed * left * sqrt(left) if left > 0.0 else 0.0
+    return rate - (force - held(force, level)) / SLIP_TIME
+
+
+@njit(cache=True)
+def held(force, level):
+    """What of a force acts [N] where friction holds no more than `level` [N]."""
+    return min(max(force, -level), level)
+
+
+@njit(cache=True)
+def through_sheath(p, y, dy, wire, tension, taken, speed):
+    """Tension at the finger [N] after the losses in the sheath; writes bristle rates.
+
+    The losses: capstan (Dahl), Coulomb and Stribeck (LuGre), viscous (shear-thinning), and a snag.
+    """
+    if p.capstan[wire] > 0.0:
+        force = y[CAPSTAN + wire]
+        angle = p.capstan[wire] * (max(tension, LIGHTEST) / TYPICAL_LOAD) ** -0.1
+        level = tension * (1.0 - exp(-angle) if force > 0.0 else exp(angle) - 1.0)
+        stiffness = p.capstan[wire] * TYPICAL_LOAD / p.capstan_travel
+        dy[CAPSTAN + wire] = rub_rate(force, speed, tension, level, stiffness)
+        tension -= held(force, level)
+    loss = 0.0
+    if p.coulomb[wire] > 0.0:
+        z = y[BRISTLE + wire]
+        level = p.coulomb[wire]
+        if p.static[wire] > level:
+            level += (p.static[wire] - level) * exp(-abs(speed) / p.stribeck_speed)
+        dz = speed - p.bristle_stiffness * abs(speed) / level * z
+        dy[BRISTLE + wire] = dz
+        loss += p.bristle_stiffness * z + p.bristle_damping * dz
+    if p.viscous[wire] > 0.0:
+        size = abs(speed) / p.viscous_speed
+        loss += p.viscous[wire] * p.viscous_speed * log1p(size) * (1.0 if speed > 0.0 else -1.0)
+    if p.snag_force > 0.0 and wire == 0:
+        near = (taken - p.snag_place) / p.snag_width
+        loss += p.snag_force * exp(-near * near) * max(0.0, tanh(speed / 1e-3))
+    return max(0.0, tension - loss)
+
+
+@njit(cache=True)
+def at_pulley(p, y, wire, tension):
+    """Friction of the sensing pulley in the wire [N], against which the motor pulls.
+
+    The pulley turns on a plain bearing: the friction is proportional to the load, alike both ways.
+    """
+    return held(y[PULLEY + wire], 0.5 * FULL_TURN * p.pulley[wire] * tension)
+
+
+@njit(cache=True)
+def at_cell(p, y, dy, wire, tension, spool_speed):
+    """Load on the cell [N]: the mean of the pulley's two strands, of which the farther one has the wire's tension."""
+    if p.pulley[wire] == 0.0:
+        return tension
+    friction = 0.5 * FULL_TURN * p.pulley[wire]
+    stiffness = friction * TYPICAL_LOAD / p.pulley_travel[wire]
+    dy[PULLEY + wire] = rub_rate(y[PULLEY + wire], spool_speed, tension, friction * tension, stiffness)
+    return tension + 0.5 * at_pulley(p, y, wire, tension)
+
+
+@njit(cache=True)
+def splay(p, y):
+    """Cosine of the abduction angle that the all-flexor wire's tension causes; 1 in the plane."""
+    return cos(atan(p.abduction * y[FELT_TENSION])) if p.abduction != 0.0 else 1.0
+
+
+SINH_RATE = 1.6  # 1/rad, bends the exponential hardening away from a cubic [A]
+
+
+@njit(cache=True)
+def end_stops(p, joint, q):
+    """Double exponential of model.md."""
+    torque = 0.0
+    if q > p.stop_flexed[joint]:
+        torque -= p.stop_torque[joint] * (exp(p.stop_rate[joint] * (q - p.stop_flexed[joint])) - 1.0)
+    if q < p.stop_extended[joint]:
+        torque += p.stop_torque[joint] * (exp(p.stop_rate[joint] * (p.stop_extended[joint] - q)) - 1.0)
+    return torque
+
+
+@njit(cache=True)
+def tissue(p, y, dy, u, joint):
+    """Spring, damper, end stops, hardening (sinh), two relaxing branches."""
+    q, rate = y[ANGLE + joint], y[RATE + joint]
+    bent = q - p.rest[joint] - u[REST_SHIFT + joint]
+    stiffness = p.stiffness_joint[joint] * p.factor[joint] * (1.0 + u[STIFFENED + joint])
+    torque = end_stops(p, joint, q) - stiffness * bent - p.damping_joint[joint] * rate
+    if p.hardening[joint] > 0.0:
+        scale = 6.0 * p.hardening[joint] / SINH_RATE**3
+        torque -= scale * (sinh(SINH_RATE * bent) - SINH_RATE * bent)
+    if p.relaxing[joint] > 0.0:
+        dy[RELAX_FAST + joint] = (bent - y[RELAX_FAST + joint]) * 3.0 / p.relaxing_time[joint]
+        dy[RELAX_SLOW + joint] = (bent - y[RELAX_SLOW + joint]) / (1.7 * p.relaxing_time[joint])
+        branch = 0.5 * stiffness * p.relaxing[joint]
+        torque -= branch * (2.0 * bent - y[RELAX_FAST + joint] - y[RELAX_SLOW + joint])
+    return torque
+
+
+@njit(cache=True)
+def losses(p, y, dy, joint):
+    """Bouc-Wen hysteresis; its level may grow with the joint angle (posture-dependent friction)."""
+    level = p.loss[joint]
+    if p.loss_by_angle[joint] > 0.0:
+        level += p.loss_by_angle[joint] * max(0.0, y[ANGLE + joint]) ** 2
+    if level <= 0.0:
+        return 0.0
+    z, rate = y[JOINT_LOSS + joint], y[RATE + joint]
+    size = abs(z) ** p.hysteresis_power
+    dy[JOINT_LOSS + joint] = (rate - size * (0.5 * rate + 0.5 * abs(rate) * (1.0 if z > 0.0 else -1.0))) / p.loss_width[
+        joint
+    ]
+    return -level * z
+
+
+@njit(cache=True)
+def wearer(p, y, u, joint, time):
+    """Tremor with a wandering phase, voluntary bursts, catch in fast flexion (softened ramp), snap-through notch."""
+    torque = u[VOLUNTARY + joint]
+    if p.tremor_torque > 0.0:
+        phase = FULL_TURN * p.tremor_frequency * time + u[TREMOR_PHASE]
+        torque += p.tremor_torque * p.tremor_share[joint] * (sin(phase) + 0.15 * sin(2.0 * phase))
+    if p.spastic_gain[joint] > 0.0:
+        softness = 0.15 * p.spastic_threshold[joint]
+        over = (y[RATE + joint] - p.spastic_threshold[joint]) / softness
+        ramp = over if over > 30.0 else log1p(exp(over))
+        torque -= p.spastic_gain[joint] * softness * ramp
+    if p.notch_torque != 0.0 and joint == 1:
+        x = (y[ANGLE + joint] - p.notch_angle) / p.notch_width
+        torque += p.notch_torque * x / cosh(x) ** 2
+    return torque
+
+
+@njit(cache=True)
+def digital_tendon(p, y, joint):
+    """DIP tied to PIP, slightly hardening; equal and opposite work at the PIP."""
+    if p.coupling[2] == 0.0 or joint == 0:
+        return 0.0
+    apart = y[ANGLE + 2] - p.coupling_ratio[2] * y[ANGLE + 1]
+    torque = p.coupling[2] * apart * (1.0 + 0.5 * apart * apart)
+    return -torque if joint == 2 else p.coupling_ratio[2] * torque
+
+
+@njit(cache=True)
+def contact_force(p, y):
+    """Contact of the fingertip with an object, Hunt-Crossley with exponent 1.3.
+
+    Returns:
+        Dorsal force [N], and the cosines of the chain's angles times the lengths (3,) [m].
+    """
+    first = y[ANGLE]
+    second = first + y[ANGLE + 1]
+    third = second + y[ANGLE + 2]
+    depth = p.length[0] * sin(first) + p.length[1] * sin(second) + p.length[2] * sin(third)
+    reach = (p.length[0] * cos(first), p.length[1] * cos(second), p.length[2] * cos(third))
+    into = depth - p.contact_depth
+    if into <= 0.0:
+        return 0.0, reach
+    outer = reach[2] * (y[RATE] + y[RATE + 1] + y[RATE + 2])
+    speed = reach[0] * y[RATE] + reach[1] * (y[RATE] + y[RATE + 1]) + outer
+    force = p.contact_stiffness * 1e-3 * (into / 1e-3) ** 1.3 * (1.0 + 1.5 * speed)
+    return max(0.0, force), reach
+
+
+@njit(cache=True)
+def contact_torque(force, reach, joint):
+    """Torque of the dorsal fingertip force [N m]."""
+    arm = reach[2]
+    if joint <= 1:
+        arm += reach[1]
+    if joint == 0:
+        arm += reach[0]
+    return -force * arm
+
+
+MOUNT_DAMPING = 0.02  # share of critical [A]
+
+
+@njit(cache=True)
+def inputs_at(p, inputs, time, u):
+    """Time-varying inputs at one instant, linear between frames."""
+    if p.has_inputs == 0.0:
+        return
+    place = max(0.0, time / FRAME)
+    row = min(int(place), inputs.shape[0] - 2)
+    share = min(1.0, place - row)
+    for column in range(INPUT_SIZE):
+        u[column] = inputs[row, column] + share * (inputs[row + 1, column] - inputs[row, column])
+
+
+@njit(cache=True)
+def current(p, y, u, wire, wanted):
+    """Drive's current [A], limited by a clip, a soft clip or the back-EMF of a sagging supply.
+
+    Returns:
+        Current [A], and whether the integrator stands still.
+    """
+    raw = p.loop_p[wire] * wanted + y[INTEGRATOR + wire]
+    limit = p.current_max[wire]
+    if p.soft_limit[wire] > 0.0:
+        limit = p.soft_limit[wire]
+        frozen = abs(raw) > limit and raw * wanted > 0.0
+        return raw / (1.0 + (raw / limit) ** 8) ** 0.125, frozen
+    if p.supply_voltage > 0.0:
+        volts = p.supply_voltage * (1.0 + u[SUPPLY])
+        back = p.torque_constant[wire] * y[ROTOR + wire]
+        headroom = (volts - (back if raw > 0.0 else -back)) / p.winding_resistance
+        limit = min(limit, max(0.0, headroom))
+    clipped = min(limit, max(-limit, raw))
+    return clipped, clipped != raw and raw * wanted > 0.0
+
+
+@njit(cache=True)
+def shake(p, y, dy, wire, acceleration):
+    """Lightly damped mount, kicked by the wire's acceleration [m/s2]; no static give."""
+    pulsation = FULL_TURN * p.mount_frequency[wire]
+    dy[MOUNT + wire] = y[MOUNT_RATE + wire]
+    back = pulsation * pulsation * y[MOUNT + wire] + 2.0 * MOUNT_DAMPING * pulsation * y[MOUNT_RATE + wire]
+    dy[MOUNT_RATE + wire] = -p.mount_ratio[wire] * acceleration - back
+
+
+@njit(cache=True)
+def motor(p, y, dy, u, wire, command, tension, radius):
+    """Rotor, gear angle, speed loop; the command [m/s] may pass an extra lag."""
+    target = command * p.gear / p.spool_config
+    if p.command_lag[wire] > 0.0:
+        dy[COMMAND_LAG + wire] = (target - y[COMMAND_LAG + wire]) / p.command_lag[wire]
+        target = y[COMMAND_LAG + wire]
+    wanted = target - y[ROTOR + wire]
+    amps, frozen = current(p, y, u, wire, wanted)
+    leak = p.leak[wire] * y[INTEGRATOR + wire]
+    dy[INTEGRATOR + wire] = (0.0 if frozen else p.loop_i[wire] * wanted) - leak
+    load = radius * tension / p.gear
+    torque = p.torque_constant[wire] * amps - p.damping[wire] * y[ROTOR + wire] - load
+    dy[ROTOR + wire] = torque / p.inertia[wire]
+    dy[THETA + wire] = y[ROTOR + wire] / p.gear
+    if p.mount_frequency[wire] > 0.0:
+        shake(p, y, dy, wire, radius * dy[ROTOR + wire] / p.gear)
+    return dy[THETA + wire] * radius
+
+
+@njit(cache=True)
+def cell(p, y, dy, wire, load):
+    """Load cell's filter; a slow one has two poles instead of one."""
+    if p.cell_lag[wire] > 0.0:
+        tau = 0.5 * p.cell_lag[wire]
+        dy[CELL_SECOND + wire] = (load - y[CELL_SECOND + wire]) / tau
+        dy[CELL + wire] = (y[CELL_SECOND + wire] - y[CELL + wire]) / tau
+    else:
+        dy[CELL + wire] = (load - y[CELL + wire]) / p.tau_cell
+
+
+@njit(cache=True)
+def route(p, y, u, wire, sine, cosine, arms):
+    """Wire taken in by the finger [m]; fills the wire's row of moment arms [m]."""
+    side = 1 if wire == 2 else 0
+    rise = rise_of_routers(p, y, u, wire)
+    taken = 0.0
+    for joint in range(1 if wire == 1 else 3):
+        length, arm = router(p, side, joint, sine[joint], cosine[joint], rise)
+        if joint == 0:
+            flat = splay(p, y)
+            length, arm = length * flat, arm * flat
+        taken += length
+        arms[wire, joint] = arm
+    return taken
+
+
+@njit(cache=True)
+def wires(p, y, dy, u, command, torque, arms):
+    """All three wires with their motors and cells; adds P^T T to the joint torques."""
+    sine = (sin(y[ANGLE]), sin(y[ANGLE + 1]), sin(y[ANGLE + 2]))
+    cosine = (cos(y[ANGLE]), cos(y[ANGLE + 1]), cos(y[ANGLE + 2]))
+    first, second, first_speed, second_speed = 0.0, 0.0, 0.0, 0.0
+    for wire in range(3):
+        taken = route(p, y, u, wire, sine, cosine, arms)
+        speed = arms[wire, 0] * y[RATE] + arms[wire, 1] * y[RATE + 1] + arms[wire, 2] * y[RATE + 2]
+        tension, radius = pull(p, y, dy, u, wire, taken)
+        spool_speed = motor(p, y, dy, u, wire, command[wire], tension + at_pulley(p, y, wire, tension), radius)
+        cell(p, y, dy, wire, at_cell(p, y, dy, wire, tension, spool_speed))
+        at_finger = through_sheath(p, y, dy, wire, tension, taken, speed)
+        if wire == 0:
+            first, first_speed = at_finger, speed
+        elif wire == 1:
+            second, second_speed = at_finger, speed
+        for joint in range(3):
+            torque[joint] += arms[wire, joint] * at_finger
+    if p.rub > 0.0:
+        rubbed = p.rub * min(first, second) * np.tanh((first_speed - second_speed) / 2e-3)
+        for joint in range(3):
+            torque[joint] += rubbed * (arms[1, joint] - arms[0, joint])
+
+
+@njit(cache=True)
+def accelerate(p, y, dy, torque):
+    """Solve M q'' = torque - C q' + gravity for the three joints (Cramer's rule on the symmetric matrix)."""
+    phi = (y[ANGLE], y[ANGLE] + y[ANGLE + 1], y[ANGLE] + y[ANGLE + 1] + y[ANGLE + 2])
+    turn = (y[RATE], y[RATE] + y[RATE + 1], y[RATE] + y[RATE + 1] + y[RATE + 2])
+    sine, cosine = (sin(phi[0]), sin(phi[1]), sin(phi[2])), (cos(phi[0]), cos(phi[1]), cos(phi[2]))
+    (a, b, d), (_, e, f), (_, _, g) = mass_matrix(p, sine, cosine)
+    bias = inverse_dynamics(p, sine, cosine, turn, (0.0, 0.0, 0.0), -p.gravity_x, -p.gravity_y)
+    r0, r1, r2 = torque[0] - bias[0], torque[1] - bias[1], torque[2] - bias[2]
+    k00, k01, k02 = e * g - f * f, d * f - b * g, b * f - d * e
+    k11, k12, k22 = a * g - d * d, b * d - a * f, a * e - b * b
+    determinant = a * k00 + b * k01 + d * k02
+    dy[RATE] = (k00 * r0 + k01 * r1 + k02 * r2) / determinant
+    dy[RATE + 1] = (k01 * r0 + k11 * r1 + k12 * r2) / determinant
+    dy[RATE + 2] = (k02 * r0 + k12 * r1 + k22 * r2) / determinant
+
+
+@njit(cache=True)
+def derivative(time, y, dy, p, command, inputs, u, torque, arms):
+    """dy/dt of the whole robot; u (inputs), torque (3,) and arms (3, 3) are scratch."""
+    inputs_at(p, inputs, time, u)
+    for joint in range(3):
+        torque[joint] = tissue(p, y, dy, u, joint) + losses(p, y, dy, joint)
+        torque[joint] += wearer(p, y, u, joint, time) + digital_tendon(p, y, joint)
+        dy[ANGLE + joint] = y[RATE + joint]
+    if p.contact_stiffness > 0.0:
+        force, reach = contact_force(p, y)
+        for joint in range(3):
+            torque[joint] += contact_torque(force, reach, joint)
+    wires(p, y, dy, u, command, torque, arms)
+    accelerate(p, y, dy, torque)

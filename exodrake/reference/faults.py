@@ -1,0 +1,534 @@
+"""Faults of the reference simulator: those of effects.md in forms of its own, those outside every library, and draws.
+
+An injector writes into the parameter record (constants) or into the inputs (courses over time); the forms are in
+dynamics.py and simulator.py. The faults `outside.*` are outside effects.md and, as far as possible, outside physics.md
+section 4; their forms and magnitudes are [A]. Ranges are those of effects.md and physics.md section 4 where they leave
+a gap above the noise, widened [A] where they do not (viscous friction, clock skew, current limit). A draw that leaves
+no gap is drawn again by the maker.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exodrake.reference.robot import (
+    CELL_DRIFT,
+    FRAME,
+    JOINTS,
+    MARKER_SHIFT,
+    REST_SHIFT,
+    ROUTER_SHIFT,
+    STIFFENED,
+    SUPPLY,
+    TREMOR_PHASE,
+    VOLUNTARY,
+    WIRE_SHIFT,
+    WIRES,
+    InjectedFault,
+    settle_routing,
+)
+
+GRAVITY = 9.81  # m/s2
+MIDDLE_LOAD = 4.0  # N, load at which a stiffening garment's secant stiffness is the stated one [A]
+TOE = 1.5e-4  # m, over which a slack wire comes taut [A]
+BURST = 2.5  # frames lost in a row on average [A]
+
+
+def wires_of(effect):
+    """Indices of the effect's wires; all if it names none."""
+    return [WIRES.index(name) for name in effect.wires] or [0, 1, 2]
+
+
+def joints_of(effect):
+    """Indices of the effect's joints; all if it names none."""
+    return [JOINTS.index(name) for name in effect.joints] or [0, 1, 2]
+
+
+def set_wires(**fields):
+    """Injector of plain per-wire constants: record field = effect parameter."""
+
+    def inject(build, effect, rng):
+        for name, parameter in fields.items():
+            build.record[name][wires_of(effect)] = effect.parameters[parameter]
+
+    return inject
+
+
+def set_joints(**fields):
+    """Injector of plain per-joint constants."""
+
+    def inject(build, effect, rng):
+        for name, parameter in fields.items():
+            build.record[name][joints_of(effect)] = effect.parameters[parameter]
+
+    return inject
+
+
+def slow_loop(build, effect, rng):
+    """Speed loop with an extra first-order lag whose delay adds to the loop's own 1/bandwidth."""
+    record = build.record
+    bandwidth = record["loop_p"] * record["torque_constant"] / record["inertia"]
+    where = wires_of(effect)
+    record["command_lag"][where] = (1.0 / effect.parameters["factor"] - 1.0) / bandwidth[where]
+
+
+def stribeck(build, effect, rng):
+    """LuGre friction whose static level exceeds the Coulomb level by the ratio."""
+    set_wires(coulomb="force")(build, effect, rng)
+    build.record["static"][wires_of(effect)] = effect.parameters["force"] * effect.parameters["ratio"]
+    build.record["stribeck_speed"] = effect.parameters["speed"]
+
+
+def compliance(build, effect, rng):
+    """Kelvin-Voigt, mildly stiffening; the stated stiffness is the secant at MIDDLE_LOAD."""
+    stiffness, where = effect.parameters["stiffness"], wires_of(effect)
+    build.record["garment"][where] = stiffness / 1.25
+    build.record["garment_stiffening"][where] = 0.25 * stiffness / MIDDLE_LOAD
+
+
+def slack(build, effect, rng):
+    """Wire too long, that comes taut over a toe."""
+    set_wires(slack="length")(build, effect, rng)
+    build.record["toe"][wires_of(effect)] = TOE
+
+
+def stiffening(build, effect, rng):
+    """Parabola k e (1 + stiffening e / 2): the start of an exponential k (exp(stiffening e) - 1) / stiffening."""
+    where = wires_of(effect)
+    build.record["wire_stiffness"][where] = effect.parameters["soft_stiffness"]
+    build.record["stiffening"][where] = effect.parameters["stiffening"]
+
+
+def drift(build, effect, rng):
+    """Trend plus a random walk that ends, typically, a seventh of the trend off."""
+    rate, time = effect.parameters["rate"], build.time
+    for wire in wires_of(effect):
+        steps = rng.standard_normal(len(time)) / np.sqrt(len(time))
+        build.inputs[:, CELL_DRIFT + wire] += rate * time + 0.15 * abs(rate) * time[-1] * np.cumsum(steps)
+
+
+def coupling(build, effect, rng):
+    """Spring between DIP and PIP."""
+    build.record["coupling"][2] = effect.parameters["stiffness"]
+    build.record["coupling_ratio"][2] = effect.parameters["ratio"]
+
+
+def router_height(build, effect, rng):
+    """Distal routers carry more of the error than proximal ones."""
+    where, error = joints_of(effect), effect.parameters["height"]
+    build.record["height_distal"][:, where] += 1.25 * error
+    build.record["height_proximal"][:, where] += 0.75 * error
+    settle_routing(build.record)
+
+
+def gravity(build, effect, rng):
+    """Pitch turns the base the way flexion turns a joint: x distal sinks, palm down at 0."""
+    pitch = effect.parameters["pitch"]
+    build.record["gravity_x"] = GRAVITY * np.sin(pitch)
+    build.record["gravity_y"] = -GRAVITY * np.cos(pitch)
+
+
+def contact(build, effect, rng):
+    """Object below the fingertip, Hunt-Crossley."""
+    build.record["contact_depth"] = effect.parameters["distance"]
+    build.record["contact_stiffness"] = effect.parameters["stiffness"]
+
+
+def tremor(build, effect, rng):
+    """A phase that wanders by about half a turn in 10 s [A]."""
+    build.record["tremor_torque"] = effect.parameters["torque"]
+    build.record["tremor_frequency"] = effect.parameters["frequency"]
+    build.record["tremor_share"][joints_of(effect)] = 1.0
+    step = np.sqrt(build.time[1] / 10.0) * np.pi
+    build.inputs[:, TREMOR_PHASE] += rng.uniform(0, 2 * np.pi) + np.cumsum(step * rng.standard_normal(len(build.time)))
+
+
+def latency(build, effect, rng):
+    """Commands that arrive whole frames late."""
+    build.record["latency"] = effect.parameters["frames"]
+
+
+def dropped(build, effect, rng):
+    """Bursty losses (two-state Markov chain) of whole frames, all wires together, with the stated share lost."""
+    share = effect.parameters["probability"]
+    leave, enter = 1.0 / BURST, share / (1.0 - share) / BURST
+    lost, chance = False, rng.random(len(build.dropped))
+    for frame, value in enumerate(chance):
+        lost = value >= leave if lost else value < enter
+        build.dropped[frame] = lost
+
+
+def mocap_delay(build, effect, rng):
+    """Angles logged a constant time late."""
+    build.delay = effect.parameters["delay"]
+
+
+def mocap_skew(build, effect, rng):
+    """Motion-capture clock of another rate."""
+    build.skew = effect.parameters["skew"]
+
+
+LIBRARY_INJECTORS = {
+    "motor.slow_velocity_loop": slow_loop,
+    "motor.dead_zone": set_wires(dead_zone="width"),
+    "motor.current_limit": set_wires(soft_limit="limit"),
+    "motor.spool_growth": set_wires(growth="growth"),
+    "tendon.capstan_friction": set_wires(capstan="mu_phi"),
+    "tendon.coulomb_friction": set_wires(coulomb="force"),
+    "tendon.stribeck_friction": stribeck,
+    "tendon.viscous_friction": set_wires(viscous="coefficient"),
+    "tendon.compliance": compliance,
+    "tendon.creep": set_wires(creep="stiffness", creep_time="time_constant"),
+    "tendon.slack": slack,
+    "tendon.stiffening": stiffening,
+    "sensor.gain": set_wires(cell_gain="gain"),
+    "sensor.offset": set_wires(cell_offset="offset"),
+    "sensor.drift": drift,
+    "sensor.nonlinearity": set_wires(cell_bow="error"),
+    "sensor.lag": set_wires(cell_lag="time_constant"),
+    "sensor.pulley_friction": set_wires(pulley="mu"),
+    "sensor.crosstalk": set_wires(crosstalk="coefficient"),
+    "finger.stiffness": set_joints(factor="factor"),
+    "finger.hardening": set_joints(hardening="coefficient"),
+    "finger.viscoelasticity": set_joints(relaxing="fraction", relaxing_time="time_constant"),
+    "finger.hysteresis": set_joints(loss="torque", loss_width="width"),
+    "finger.coupling": coupling,
+    "finger.router_height": router_height,
+    "finger.router_migration": set_wires(router_give="migration"),
+    "finger.gravity": gravity,
+    "finger.contact": contact,
+    "finger.tremor": tremor,
+    "finger.spasticity": set_joints(spastic_gain="gain", spastic_threshold="threshold"),
+    "timing.command_latency": latency,
+    "timing.dropped_commands": dropped,
+    "timing.mocap_delay": mocap_delay,
+    "timing.mocap_clock_skew": mocap_skew,
+    "encoder.homing_offset": set_wires(homing="offset"),
+    "mocap.gain": set_joints(marker_gain="gain"),
+    "mocap.offset": set_joints(marker_offset="offset"),
+}
+
+
+def walk(rng, samples, size, memory):
+    """A wandering course (samples,) of standard deviation `size` with correlation time `memory` [s]; starts at 0."""
+    keep = np.exp(-FRAME / memory)
+    kicks = size * np.sqrt(1 - keep**2) * rng.standard_normal(samples)
+    course = np.zeros(samples)
+    for row in range(1, samples):
+        course[row] = keep * course[row - 1] + kicks[row]
+    return course
+
+
+def bursts(rng, time, gap, length):
+    """Smooth bumps of height 1 at random times: mean gap and mean length [s]."""
+    course, clock = np.zeros(len(time)), rng.exponential(gap)
+    while clock < time[-1]:
+        span = length * rng.uniform(0.5, 1.5)
+        inside = (time >= clock) & (time <= clock + span)
+        course[inside] = np.sin(np.pi * (time[inside] - clock) / span) ** 2
+        clock += span + rng.exponential(gap)
+    return course
+
+
+def spool_eccentricity(build, effect, rng):
+    """Spool bored off centre: radius changes periodically with its angle."""
+    build.record["eccentricity"] = effect.parameters["eccentricity"]
+    build.record["eccentric_phase"] = effect.parameters["phase"]
+
+
+def wire_snag(build, effect, rng):
+    """A rough spot that holds the all-flexor wire back at one place, pulling only."""
+    for name in ("snag_force", "snag_place", "snag_width"):
+        build.record[name] = effect.parameters[name.removeprefix("snag_")]
+
+
+def wandering_rest(build, effect, rng):
+    """The wearer's resting posture wanders."""
+    for joint in range(3):
+        build.inputs[:, REST_SHIFT + joint] += walk(
+            rng, len(build.time), effect.parameters["size"], effect.parameters["memory"]
+        )
+
+
+def torque_bursts(build, effect, rng):
+    """Voluntary flexion now and then."""
+    course = effect.parameters["torque"] * bursts(rng, build.time, 4.0, effect.parameters["length"])
+    for joint, share in enumerate((1.0, 0.6, 0.25)):
+        build.inputs[:, VOLUNTARY + joint] += share * course
+
+
+def posture_friction(build, effect, rng):
+    """Joint friction that grows with the square of flexion."""
+    build.record["loss_by_angle"] = effect.parameters["torque"]
+    build.record["loss_width"] = 0.04
+
+
+def redonning(build, effect, rng):
+    """The glove slips at one moment: routers and wires sit elsewhere from then on."""
+    after = np.clip((build.time - rng.uniform(0.3, 0.7) * build.time[-1]) / 0.2, 0.0, 1.0)
+    build.inputs[:, ROUTER_SHIFT] += effect.parameters["height"] * after
+    for wire in range(3):
+        build.inputs[:, WIRE_SHIFT + wire] += effect.parameters["length"] * rng.uniform(-1, 1) * after
+
+
+def tendon_jump(build, effect, rng):
+    """A wire jumps off a pulley and back again."""
+    off = np.clip(3.0 * bursts(rng, build.time, 5.0, effect.parameters["length"]), 0.0, 1.0)
+    build.inputs[:, WIRE_SHIFT] += effect.parameters["shift"] * off
+
+
+def snap_through(build, effect, rng):
+    """Negative stiffness around one PIP angle."""
+    build.record["notch_torque"] = effect.parameters["torque"]
+    build.record["notch_angle"] = effect.parameters["angle"]
+    build.record["notch_width"] = effect.parameters["width"]
+
+
+def flexible_mount(build, effect, rng):
+    """The actuation unit rings on its mount, kicked by what it accelerates."""
+    build.record["mount_frequency"] = effect.parameters["frequency"]
+    build.record["mount_ratio"] = effect.parameters["ratio"]
+
+
+def voltage_sag(build, effect, rng):
+    """The supply sags in spells; back EMF then limits the current."""
+    build.record["supply_voltage"] = 12.0
+    build.record["winding_resistance"] = 19.8
+    build.inputs[:, SUPPLY] -= effect.parameters["depth"] * np.clip(2 * bursts(rng, build.time, 2.0, 6.0), 0, 1)
+
+
+def abduction(build, effect, rng):
+    """The finger splays as the all-flexor wire pulls: the MCP's plane no longer holds the wires."""
+    build.record["abduction"] = effect.parameters["splay"]
+
+
+def warming(build, effect, rng):
+    """Tissue softens as it warms up over the log."""
+    softer = -effect.parameters["softening"] * (1 - np.exp(-build.time / effect.parameters["time_constant"]))
+    for joint in range(3):
+        build.inputs[:, STIFFENED + joint] += softer
+
+
+def spool_slip(build, effect, rng):
+    """The wire slips on its spool, for good, while the load is above a threshold."""
+    build.record["slip_rate"] = effect.parameters["rate"]
+    build.record["slip_load"] = effect.parameters["load"]
+
+
+def leaky_integrator(build, effect, rng):
+    """The drive's integrator forgets, so the speed droops under load."""
+    build.record["leak"] = effect.parameters["leak"]
+
+
+def wire_rub(build, effect, rng):
+    """The two flexor wires rub against each other where they share a sheath."""
+    build.record["rub"] = effect.parameters["mu"]
+
+
+def marker_jump(build, effect, rng):
+    """A marker cluster is mislabelled in spells."""
+    spells = np.clip(8 * bursts(rng, build.time, 4.0, 2.5), 0, 1)
+    build.inputs[:, MARKER_SHIFT + 1] += effect.parameters["angle"] * spells
+
+
+def sticking_cell(build, effect, rng):
+    """The cell's reading stays put until the load has moved far enough."""
+    build.record["sticky"] = effect.parameters["band"]
+
+
+_ALL = (
+    spool_eccentricity,
+    wire_snag,
+    wandering_rest,
+    torque_bursts,
+    posture_friction,
+    redonning,
+    tendon_jump,
+    snap_through,
+    flexible_mount,
+    voltage_sag,
+    abduction,
+    warming,
+    spool_slip,
+    leaky_integrator,
+    wire_rub,
+    marker_jump,
+    sticking_cell,
+)
+OUTSIDE_INJECTORS = {f"outside.{inject.__name__}": inject for inject in _ALL}
+
+
+INJECTORS = LIBRARY_INJECTORS | OUTSIDE_INJECTORS
+ONE_ONLY = 0.4  # share of draws that sit on one wire or joint
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Distribution of one injected effect: ranges of its parameters and its seat.
+
+    Attributes:
+        seat: "wire", "joint", "one joint", or "" (whole robot).
+        ranges: Parameter -> (low, high), drawn log-uniformly if low > 0.
+        exact: Whether the parameters mean what effects.md's mean, so that intervals can be checked against them.
+        signed: Parameters that get either sign.
+        blocks: Blocks it acts in, of a fault outside the library; an effect of the library says it in its id.
+        channels: Wires or joints it acts on, where these are not drawn.
+    """
+
+    seat: str
+    ranges: dict[str, tuple[float, float]]
+    exact: bool = False
+    signed: tuple[str, ...] = ()
+    blocks: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+
+
+LIBRARY = {
+    "motor.slow_velocity_loop": Entry("wire", {"factor": (0.15, 0.5)}),
+    "motor.dead_zone": Entry("wire", {"width": (0.6e-3, 3e-3)}),
+    "motor.current_limit": Entry("wire", {"limit": (0.045, 0.12)}),
+    "motor.spool_growth": Entry("wire", {"growth": (1.5, 5.5)}),
+    "tendon.capstan_friction": Entry("wire", {"mu_phi": (0.1, 0.6)}),
+    "tendon.coulomb_friction": Entry("wire", {"force": (0.15, 0.8)}),
+    "tendon.stribeck_friction": Entry("wire", {"force": (0.2, 0.7), "ratio": (1.25, 1.8), "speed": (1e-3, 5e-3)}),
+    "tendon.viscous_friction": Entry("wire", {"coefficient": (4.0, 25.0)}),
+    "tendon.compliance": Entry("wire", {"stiffness": (700.0, 6000.0)}),
+    "tendon.creep": Entry("wire", {"stiffness": (4000.0, 15000.0), "time_constant": (2.0, 30.0)}),
+    "tendon.slack": Entry("wire", {"length": (0.5e-3, 3e-3)}),
+    "tendon.stiffening": Entry("wire", {"soft_stiffness": (700.0, 1600.0), "stiffening": (80.0, 400.0)}),
+    "sensor.gain": Entry("wire", {"gain": (0.02, 0.12)}, exact=True, signed=("gain",)),
+    "sensor.offset": Entry("wire", {"offset": (0.1, 0.8)}, exact=True, signed=("offset",)),
+    "sensor.drift": Entry("wire", {"rate": (3e-3, 2e-2)}, signed=("rate",)),
+    "sensor.nonlinearity": Entry("wire", {"error": (0.1, 0.6)}, signed=("error",)),
+    "sensor.lag": Entry("wire", {"time_constant": (0.015, 0.08)}),
+    "sensor.pulley_friction": Entry("wire", {"mu": (0.01, 0.06)}),
+    "sensor.crosstalk": Entry("wire", {"coefficient": (0.01, 0.05)}, exact=True),
+    "finger.stiffness": Entry("joint", {"factor": (0.55, 1.8)}, exact=True),
+    "finger.hardening": Entry("joint", {"coefficient": (0.01, 0.08)}),
+    "finger.viscoelasticity": Entry("joint", {"fraction": (0.12, 0.6), "time_constant": (0.7, 10.0)}),
+    "finger.hysteresis": Entry("joint", {"torque": (1.5e-3, 8e-3), "width": (0.02, 0.08)}),
+    "finger.coupling": Entry("", {"stiffness": (5e-3, 3e-2), "ratio": (0.5, 0.8)}),
+    "finger.router_height": Entry("joint", {"height": (0.3e-3, 1.4e-3)}, signed=("height",)),
+    "finger.router_migration": Entry("wire", {"migration": (3e-5, 1.5e-4)}),
+    "finger.gravity": Entry("", {"pitch": (-0.3, 0.3)}, exact=True),
+    "finger.contact": Entry("", {"distance": (0.034, 0.055), "stiffness": (1000.0, 8000.0)}),
+    "finger.tremor": Entry("one joint", {"torque": (2e-3, 1e-2), "frequency": (4.0, 10.0)}),
+    "finger.spasticity": Entry("joint", {"gain": (5e-3, 4e-2), "threshold": (0.15, 0.6)}),
+    "timing.command_latency": Entry("", {"frames": (1, 3)}, exact=True),
+    "timing.dropped_commands": Entry("", {"probability": (0.05, 0.35)}, exact=True),
+    "timing.mocap_delay": Entry("", {"delay": (0.012, 0.08)}, exact=True),
+    "timing.mocap_clock_skew": Entry("", {"skew": (6e-4, 3e-3)}, exact=True, signed=("skew",)),
+    "encoder.homing_offset": Entry("wire", {"offset": (0.3e-3, 2e-3)}, exact=True, signed=("offset",)),
+    "mocap.gain": Entry("joint", {"gain": (0.03, 0.15)}, exact=True, signed=("gain",)),
+    "mocap.offset": Entry("joint", {"offset": (0.02, 0.15)}, exact=True, signed=("offset",)),
+}
+
+
+def outside(
+    ranges: dict[str, tuple[float, float]],
+    blocks: tuple[str, ...],
+    channels: tuple[str, ...],
+    signed: tuple[str, ...] = (),
+) -> Entry:
+    """Entry of a fault outside the library, on channels that are not drawn; a spool is where motor and tendon meet."""
+    return Entry("", ranges, signed=signed, blocks=blocks, channels=channels)
+
+
+OUTSIDE = {
+    "outside.spool_eccentricity": outside(
+        {"eccentricity": (0.06, 0.15), "phase": (0.1, 6.2)}, ("motor", "tendon"), WIRES
+    ),
+    "outside.wire_snag": outside(
+        {"force": (1.0, 3.0), "place": (5e-3, 9e-3), "width": (4e-4, 1e-3)}, ("tendon",), ("AF",)
+    ),
+    "outside.wandering_rest": outside({"size": (0.08, 0.2), "memory": (2.0, 10.0)}, ("finger",), JOINTS),
+    "outside.torque_bursts": outside(
+        {"torque": (0.008, 0.03), "length": (0.8, 2.0)}, ("finger",), JOINTS, signed=("torque",)
+    ),
+    "outside.posture_friction": outside({"torque": (5e-3, 2e-2)}, ("finger",), JOINTS),
+    "outside.redonning": outside(
+        {"height": (0.6e-3, 1.5e-3), "length": (1e-3, 2e-3)}, ("finger", "tendon"), WIRES, signed=("height",)
+    ),
+    "outside.tendon_jump": outside({"shift": (1e-3, 3e-3), "length": (1.0, 3.0)}, ("tendon",), ("AF",)),
+    "outside.snap_through": outside(
+        {"torque": (0.012, 0.03), "angle": (0.6, 0.9), "width": (0.08, 0.16)}, ("finger",), ("PIP",)
+    ),
+    "outside.flexible_mount": outside({"ratio": (0.8, 1.3), "frequency": (3.0, 6.0)}, ("motor",), WIRES),
+    "outside.voltage_sag": outside({"depth": (0.75, 0.92)}, ("motor",), WIRES),
+    "outside.abduction": outside({"splay": (0.05, 0.12)}, ("finger",), ("MCP",)),
+    "outside.warming": outside({"softening": (0.2, 0.4), "time_constant": (8.0, 25.0)}, ("finger",), JOINTS),
+    "outside.spool_slip": outside({"rate": (1e-5, 6e-5), "load": (2.0, 4.0)}, ("motor", "tendon"), WIRES),
+    "outside.leaky_integrator": outside({"leak": (3.0, 15.0)}, ("motor",), WIRES),
+    "outside.wire_rub": outside({"mu": (0.3, 0.8)}, ("tendon",), ("AF", "MF")),
+    "outside.marker_jump": outside({"angle": (0.08, 0.25)}, ("mocap",), ("PIP",), signed=("angle",)),
+    "outside.sticking_cell": outside({"band": (0.15, 0.5)}, ("sensor",), WIRES),
+}
+ENTRIES = LIBRARY | OUTSIDE
+MARKER_FAULTS = tuple(name for name in ENTRIES if "mocap" in name or "marker" in name)  # unseen without joint angles
+
+# effects without a strength: there or not there, a wire whose toe stays when its slack goes, a stiffness that is
+# replaced whole
+WITHOUT_STRENGTH = ("finger.gravity", "tendon.slack", "tendon.stiffening", "timing.command_latency")
+NULLS = {
+    "motor.slow_velocity_loop": 1.0,
+    "motor.current_limit": math.inf,
+    "tendon.compliance": math.inf,
+    "tendon.creep": math.inf,
+    "finger.stiffness": 1.0,
+    "finger.contact": math.inf,
+}
+"""Effect -> null value of its first parameter, which sets its strength; 0 for the others."""
+
+
+def without_entry(effect_ids: Iterable[str]) -> list[str]:
+    """Ids of a library's effects that this catalogue lacks, and that no case can therefore hold."""
+    return [effect_id for effect_id in effect_ids if effect_id not in LIBRARY]
+
+
+def block_of(effect_id: str) -> str:
+    """Block an effect of the library belongs to: the part of its id before the dot."""
+    return effect_id.split(".")[0]
+
+
+def blocks_of(effect_id: str) -> tuple[str, ...]:
+    """Blocks an effect acts in."""
+    return ENTRIES[effect_id].blocks or (block_of(effect_id),)
+
+
+def channels_of(effect: InjectedFault, names: Iterable[str]) -> list[str]:
+    """Channels among `names` (wires or joints) that an injected effect acts on."""
+    return [name for name in (*effect.wires, *effect.joints, *ENTRIES[effect.id].channels) if name in names]
+
+
+def weakened(effect: InjectedFault, strength: float) -> InjectedFault:
+    """Injected effect between absent (strength 0) and as it is (1)."""
+    name, value = next(iter(effect.parameters.items()))
+    null = NULLS.get(effect.id, 0.0)
+    weaker = value / strength if null == math.inf else null + strength * (value - null)
+    return replace(effect, parameters=effect.parameters | {name: weaker})
+
+
+def draw_value(rng: np.random.Generator, low: float, high: float, signed: bool) -> float:
+    """One parameter, log-uniform over (low, high); uniform where low <= 0."""
+    value = np.exp(rng.uniform(np.log(low), np.log(high))) if low > 0 else rng.uniform(low, high)
+    return float(value * rng.choice((-1, 1)) if signed else value)
+
+
+def draw_effect(effect_id: str, rng: np.random.Generator) -> InjectedFault:
+    """One effect with parameters and seat drawn from its catalogue line."""
+    entry = ENTRIES[effect_id]
+    parameters = {name: draw_value(rng, low, high, name in entry.signed) for name, (low, high) in entry.ranges.items()}
+    if effect_id == "finger.gravity" and rng.random() < 0.5:
+        parameters["pitch"] += float(np.pi)
+    if effect_id == "timing.command_latency":
+        parameters["frames"] = float(rng.integers(1, 4))
+    if effect_id == "finger.stiffness" and 0.85 < parameters["factor"] < 1.18:
+        parameters["factor"] *= 1.35
+    names = {"wire": WIRES, "joint": JOINTS, "one joint": JOINTS[:2]}.get(entry.seat, ())
+    chosen = tuple(names)
+    if entry.seat == "one joint" or (names and rng.random() < ONE_ONLY):
+        chosen = (str(rng.choice(names)),)
+    wires, joints = (chosen, ()) if entry.seat == "wire" else ((), chosen)
+    return InjectedFault(effect_id, wires, joints, parameters)

@@ -1,0 +1,445 @@
+"""Measures of the answers to a blind set: what counts as the truth, shares of cases, intervals, quantities.
+
+Causes are what counts. Answers of older versions state no `role`: all their effects are causes, and `equivalents` is
+the class of the whole set. Shares have exact binomial intervals and are compared in pairs (McNemar 1947, exact test).
+Interval score of (l, u) for the true value x at level 1 - alpha (Gneiting & Raftery 2007, eq. 43), smaller is better:
+
+    S = u - l + 2 / alpha (l - x) [x < l] + 2 / alpha (x - u) [x > u]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+
+from exodrake.core.confidence import binomial_interval
+from exodrake.diagnosis.result import CAUSE
+from exodrake.diagnosis.search import kind_of
+from exodrake.machines.robot_file import load_robot
+from exodrake.reference.answers import FAILURE, Answered, Diagnosis, Truth
+from exodrake.reference.faults import ENTRIES
+
+
+def accepted_ids(truth: Truth) -> set[str]:
+    """Ids that count as right for a true effect: itself and what is provably inseparable from it.
+
+    A slack wire and a negative homing offset give the same log (effects.md, "Not separable"). A wire that is softer
+    than nominal, which stands for a compliance, is a parameter and has no id.
+    """
+    name = truth["id"]
+    if name == "tendon.slack":
+        return {name, "encoder.homing_offset"}
+    if name == "encoder.homing_offset" and truth["parameters"]["offset"] < 0:
+        return {name, "tendon.slack"}
+    return {name}
+
+
+def accepted_blocks(truth: Truth) -> set[str]:
+    """Blocks that count as right for a true effect; none where old labels do not say where an outside fault acts."""
+    return {*truth.get("blocks", ()), *(name.split(".")[0] for name in accepted_ids(truth))} - {"outside"}
+
+
+def causes_of(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Effects that an answer calls causes, best first."""
+    return [e for e in diagnosis.get("effects") or () if (e.get("role") or CAUSE) == CAUSE]
+
+
+def rivals_of(cause: dict[str, Any]) -> tuple[str, ...]:
+    """Ids of the rivals of a cause."""
+    return tuple(rival["id"] for rival in cause.get("rivals") or ())
+
+
+def named_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the causes, best first."""
+    return tuple(cause["id"] for cause in causes_of(diagnosis))
+
+
+def first_ids(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Ids of the set that comes first, whatever the verdict: the causes, else the best fitted set with an effect."""
+    sets = (one["id"] for one in diagnosis.get("candidates") or () if one["id"] not in ("", "retune"))
+    return named_ids(diagnosis) or tuple(next(sets, "").split(" + "))
+
+
+def found_ids(diagnosis: Diagnosis) -> set[str]:
+    """Ids of all causes and of their rivals."""
+    equivalents = (i for name in diagnosis.get("equivalents") or () for i in name.split(" + "))
+    return {*named_ids(diagnosis), *equivalents, *(i for cause in causes_of(diagnosis) for i in rivals_of(cause))}
+
+
+def is_in_class(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
+    """Tell whether each true effect is a cause of its own, or among the rivals of one."""
+    causes = causes_of(diagnosis)
+    if diagnosis.get("equivalents") and not any(map(rivals_of, causes)):  # an older version
+        return all(accepted_ids(truth) & found_ids(diagnosis) for truth in truths)
+    classes = [{cause["id"], *rivals_of(cause)} for cause in causes]
+    return any(
+        all(accepted_ids(truth) & one for truth, one in zip(truths, order))
+        for order in permutations(classes, len(truths))
+    )
+
+
+@cache
+def kinds() -> dict[str, str]:
+    """Kind of each effect of the library by its id."""
+    return {effect.id: kind_of(effect) for effect in load_robot().machine.effects}
+
+
+def kind_and_block(identity: str) -> tuple[str, str]:
+    """Kind of an effect by its id, and its block."""
+    return kinds().get(identity, identity), identity.split(".")[0]
+
+
+def is_kind_right(truths: Sequence[Truth], diagnosis: Diagnosis) -> bool:
+    """Tell whether the causes are of the kinds and in the blocks of the true effects, whatever their laws.
+
+    A cause whose rivals are of another kind or block states none.
+    """
+    stated = []
+    for cause in causes_of(diagnosis):
+        found = {kind_and_block(i) for i in (cause["id"], *rivals_of(cause))}
+        stated.append(found.pop() if len(found) == 1 else None)
+    right = [{kind_and_block(i) for i in accepted_ids(truth)} for truth in truths]
+    return len(stated) == len(right) and any(
+        all(one in accepted for one, accepted in zip(order, right)) for order in permutations(stated)
+    )
+
+
+def is_truth(truths: Sequence[Truth], ids: Sequence[str]) -> bool:
+    """Tell whether a set of effects is the true one: an accepted id for each true effect, and nothing else."""
+    return len(ids) == len(truths) and any(
+        all(name in accepted_ids(truth) for truth, name in zip(truths, order)) for order in permutations(ids)
+    )
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of the cases in which something holds.
+
+    Attributes:
+        name: Name of the measure.
+        outcomes: Case (or a part of one) -> whether it holds.
+        wanted: Goal, in words.
+    """
+
+    name: str
+    outcomes: Mapping[Hashable, bool]
+    wanted: str = ""
+
+    @property
+    def hits(self) -> int:
+        """Number of cases in which it holds."""
+        return sum(map(bool, self.outcomes.values()))
+
+    @property
+    def total(self) -> int:
+        """Number of cases."""
+        return len(self.outcomes)
+
+    @property
+    def value(self) -> float:
+        """Share; NaN for no cases."""
+        return self.hits / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the share."""
+        return binomial_interval(self.hits, self.total)
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Two shares on the same cases: in how many both hold, only the first, only the second, neither."""
+
+    name: str
+    both: int
+    first: int
+    second: int
+    neither: int
+
+    @property
+    def p(self) -> float:
+        """Two-sided p-value of equal shares: the cases in which one holds alone are a fair coin (McNemar)."""
+        from scipy.stats import binomtest
+
+        differing = self.first + self.second
+        return float(binomtest(self.first, differing).pvalue) if differing else 1.0
+
+
+def paired(first: Share, second: Share, name: str = "") -> Paired:
+    """Pair two shares on the cases that both count."""
+    pairs = [
+        (bool(first.outcomes[key]), bool(second.outcomes[key])) for key in first.outcomes if key in second.outcomes
+    ]
+    cells = (pairs.count(cell) for cell in ((True, True), (True, False), (False, True), (False, False)))
+    return Paired(name or first.name, *cells)
+
+
+ALPHA = 0.1  # of a 90 % interval
+
+
+def interval_score(low: float, high: float, true: float, alpha: float = ALPHA) -> float:
+    """Interval score in the unit of the parameter."""
+    return high - low + 2 / alpha * (max(low - true, 0.0) + max(true - high, 0.0))
+
+
+@dataclass(frozen=True)
+class ParameterInterval:
+    """A stated 90 % interval beside the true value.
+
+    Attributes:
+        key: Case, effect, parameter, and channel or None.
+        exact: Whether the parameter means the same in the law of the reference simulator.
+        low: Lower end.
+        high: Upper end.
+        true: True value.
+        scale: Magnitude of the parameter.
+    """
+
+    key: tuple[str, str, str, str | None]
+    exact: bool
+    low: float
+    high: float
+    true: float
+    scale: float
+
+    @property
+    def covers(self) -> bool:
+        """Whether the interval holds the true value."""
+        return self.low <= self.true <= self.high
+
+    @property
+    def half_width(self) -> float:
+        """Half width relative to the parameter."""
+        return (self.high - self.low) / 2 / self.scale
+
+    @property
+    def score(self) -> float:
+        """Interval score relative to the parameter."""
+        return interval_score(self.low, self.high, self.true) / self.scale
+
+
+def intervals_of(case: Answered) -> Iterator[ParameterInterval]:
+    """Stated intervals of the effects that are named by their true id."""
+    for truth in case.truths:
+        for name, true in truth["parameters"].items():
+            for channel, bounds in stated(name, truth, case.diagnosis):
+                low, high = bounds.get("low"), bounds.get("high")
+                if low is not None and high is not None:
+                    key, scale = (case.name, truth["id"], name, channel), scale_of(truth["id"], name, true)
+                    yield ParameterInterval(key, bool(truth["exact"]), low, high, true, scale)
+
+
+def stated(name: str, truth: Truth, diagnosis: Diagnosis) -> Iterator[tuple[str | None, dict[str, Any]]]:
+    """Channel and interval of a parameter, for the channels of the truth; without channels the overall interval."""
+    for effect in causes_of(diagnosis):
+        if effect["id"] != truth["id"]:
+            continue
+        channels = (effect.get("channels") or {}).get(name)
+        seat = (*truth["wires"], *truth["joints"])
+        if channels:
+            yield from ((channel, bounds) for channel, bounds in channels.items() if not seat or channel in seat)
+        elif overall := (effect.get("parameters") or {}).get(name):
+            yield None, overall
+
+
+def scale_of(effect_id: str, name: str, true: float) -> float:
+    """Magnitude of a parameter: the true value, or the bound of the drawn range where this goes through zero."""
+    ranges = ENTRIES[effect_id].ranges if effect_id in ENTRIES else {}
+    low, high = ranges.get(name, (0.0, 0.0))
+    return max(abs(true), -low, high) if low < 0 else abs(true)
+
+
+NO_EFFECT = ("NO_GAP", "RETUNE")
+LAWS = (("same meaning", True, "<= 0.03"), ("other law", False, "<= 0.2"))  # name, `exact`, wanted half width
+NAMEABLE = {"single": ">= 90 %", "pair": ">= 80 %", "same-block": "", "three": ""}  # kind -> exactly named, wanted
+CLOSED = 0.8  # closure that an effect's lower bound has to exceed
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of so many cases; NaN for none."""
+
+    name: str
+    value: float
+    count: int
+    wanted: str = ""
+
+
+def share(name: str, cases: Iterable[Answered], holds: Callable[[Answered], Any], wanted: str = "") -> Share:
+    """Share of cases in which something holds."""
+    return Share(name, {case.name: bool(holds(case)) for case in cases}, wanted)
+
+
+def quantity(name: str, statistic: Callable[[Any], Any], values: Iterable[float | None], wanted: str = "") -> Quantity:
+    """Statistic of the values that are known."""
+    known = [value for value in values if value is not None]
+    return Quantity(name, float(statistic(known)) if known else math.nan, len(known), wanted)
+
+
+def exactly_named(case: Answered) -> bool:
+    """The true effects are named and nothing else; a class of provably inseparable effects counts as one name."""
+    inseparable = set().union(*map(accepted_ids, case.truths))
+    alone = case.verdict == "NAMED" or (case.verdict == "AMBIGUOUS" and found_ids(case.diagnosis) <= inseparable)
+    return alone and is_truth(case.truths, named_ids(case.diagnosis))
+
+
+def in_class(case: Answered) -> bool:
+    """Every true effect is a cause that is named, or a rival of one."""
+    return case.verdict in ("NAMED", "AMBIGUOUS") and is_in_class(case.truths, case.diagnosis)
+
+
+def kind_right(case: Answered) -> bool:
+    """The causes are of the true kinds and in the true blocks, whatever their laws."""
+    return case.verdict in ("NAMED", "AMBIGUOUS") and is_kind_right(case.truths, case.diagnosis)
+
+
+def first(case: Answered) -> bool:
+    """The true effects are the set that comes first, whatever the verdict."""
+    return is_truth(case.truths, first_ids(case.diagnosis))
+
+
+def names_too_much(case: Answered) -> bool:
+    """An effect is named that is not among the true ones."""
+    return not set(named_ids(case.diagnosis)) <= set().union(*map(accepted_ids, case.truths))
+
+
+def right(case: Answered) -> bool:
+    """The answer is right for the kind of case: no effect, UNKNOWN, or the truth named or in the class."""
+    if case.kind == "healthy":
+        return case.verdict in NO_EFFECT
+    return case.verdict == "UNKNOWN" if case.kind == "unknown" else in_class(case)
+
+
+def where(case: Answered, key: str) -> Any:
+    """Entry of the localisation, or None."""
+    return (case.diagnosis.get("where") or {}).get(key)
+
+
+def blocks(case: Answered) -> set[str]:
+    """Blocks in which the true effects act."""
+    return set().union(*map(accepted_blocks, case.truths))
+
+
+def channels(case: Answered, key: str) -> set[str]:
+    """Wires or joints on which the true effects act."""
+    return {channel for truth in case.truths for channel in truth[key]}
+
+
+def closure(case: Answered, part: str, bound: str) -> float | None:
+    """Bound of the closure of a part (overall, retune, effect), or None."""
+    return ((case.diagnosis.get("closure") or {}).get(part) or {}).get(bound)
+
+
+def visible(cases: Sequence[Answered], kinds: Iterable[str]) -> list[Answered]:
+    """Cases of some kinds whose effects all leave a visible gap."""
+    return [case for case in cases if case.kind in kinds and case.visible]
+
+
+def intervals(cases: Sequence[Answered], exact: bool) -> list[ParameterInterval]:
+    """Intervals stated for exactly named effects, of parameters of one kind."""
+    named = filter(exactly_named, visible(cases, NAMEABLE))
+    return [interval for case in named for interval in intervals_of(case) if interval.exact == exact]
+
+
+def shares_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
+    """Measures that are shares of cases."""
+    nameable, outside = visible(cases, NAMEABLE), visible(cases, ["unknown"])
+    healthy = [case for case in cases if case.kind == "healthy"]
+    named = [case for case in nameable if case.verdict == "NAMED"]
+    closed = [case for case in named if (case.diagnosis.get("closure") or {}).get("effect") is not None]
+    rows = [share(f"exactly named, {kind}", visible(cases, [kind]), exactly_named, NAMEABLE[kind]) for kind in NAMEABLE]
+    rows += [share(f"truth named or in its class, {kind}", visible(cases, [kind]), in_class) for kind in NAMEABLE]
+    rows += [share(f"kind and block right, {kind}", visible(cases, [kind]), kind_right) for kind in NAMEABLE]
+    partly = [case for case in nameable if case.verdict == "PARTLY"]
+    return (
+        *rows,
+        share("PARTLY, and its causes hold the truth", partly, lambda case: is_in_class(case.truths, case.diagnosis)),
+        share("truth first", nameable, first, ">= 95 %"),
+        share("UNKNOWN outside the library", outside, lambda case: case.verdict == "UNKNOWN", ">= 90 %"),
+        share("not named outside the library", outside, lambda case: case.verdict in ("UNKNOWN", "PARTLY", *NO_EFFECT)),
+        share("wrongly UNKNOWN", healthy + nameable, lambda case: case.verdict == "UNKNOWN", "<= 3 %"),
+        share("false alarm on healthy", healthy, lambda case: case.verdict not in NO_EFFECT, "0-1 cases"),
+        share("missed (NO_GAP or RETUNE) though visible", nameable, lambda case: case.verdict in NO_EFFECT),
+        share("another effect named, or one too many", named, names_too_much),
+        *localisation_of([case for case in nameable + outside if "where" in case.diagnosis or case.verdict == FAILURE]),
+        share(
+            f"C(effect given retune), lower bound > {CLOSED:g}",
+            closed,
+            lambda case: (closure(case, "effect", "low") or 0.0) > CLOSED,
+            ">= 95 %",
+        ),
+        *(
+            Share(f"90 % interval covers, {law}", {i.key: i.covers for i in intervals(cases, exact)}, "85-95 %")
+            for law, exact, _ in LAWS
+        ),
+    )
+
+
+def localisation_of(cases: Sequence[Answered]) -> list[Share]:
+    """Shares of right blocks, tendons and joints, each of the cases whose label has any."""
+    rows = [share("block right", filter(blocks, cases), lambda case: where(case, "block") in blocks(case), ">= 95 %")]
+    for name, key in (("tendons right", "wires"), ("joints right", "joints")):
+        rows.append(
+            share(
+                name,
+                (case for case in cases if channels(case, key)),
+                lambda case, key=key: set(where(case, key) or ()) == channels(case, key),
+                ">= 95 %",
+            )
+        )
+    return rows
+
+
+def quantities_of(cases: Sequence[Answered]) -> tuple[Quantity, ...]:
+    """Measures that are no shares."""
+    answers = [case.diagnosis for case in cases]
+    named = [case for case in visible(cases, NAMEABLE) if case.verdict == "NAMED"]
+    sizes = [size for answer in answers if answer["verdict"] == "AMBIGUOUS" for size in class_sizes(answer)]
+    rows = [quantity("size of an AMBIGUOUS class, mean", np.mean, sizes, "<= 2.2")]
+    for label, part in (("C(overall)", "overall"), ("C(retune)", "retune"), ("C(effect given retune)", "effect")):
+        rows.append(quantity(f"{label} when named, median", np.median, (closure(c, part, "value") for c in named)))
+    for law, exact, wanted in LAWS:
+        found = intervals(cases, exact)
+        rows.append(quantity(f"relative half width, {law}, median", np.median, [i.half_width for i in found], wanted))
+        rows.append(quantity(f"relative interval score, {law}, mean", np.mean, [i.score for i in found]))
+    for name, key, middle, end in (
+        ("simulated seconds a case", "simulated_seconds", "<= 60000", ""),
+        ("seconds a case", "seconds", "<= 12", "<= 20"),
+    ):
+        values = [answer.get(key) for answer in answers]
+        rows.append(quantity(f"{name}, median", np.median, values, middle))
+        rows.append(quantity(f"{name}, 95 %", lambda known: np.percentile(known, 95), values, end))
+    return tuple(rows)
+
+
+def class_sizes(answer: dict[str, Any]) -> list[int]:
+    """Sizes of the classes of the causes that have rivals; of an older answer that of its one class."""
+    own = [1 + len(rivals_of(cause)) for cause in causes_of(answer) if rivals_of(cause)]
+    return own or [len(set(answer.get("equivalents") or ()))]
+
+
+def baselines_of(cases: Sequence[Answered]) -> tuple[Share, ...]:
+    """Trivial answers to the visible cases with one effect, those that the diagnosis carries among them."""
+    single = visible(cases, ["single"])
+    names = sorted({name for case in single for name in case.diagnosis.get("baselines") or ()})
+    carried = [
+        share(f"{name} names the truth", single, lambda case, name=name: is_truth(case.truths, baseline(case, name)))
+        for name in names
+    ]
+    rows = []
+    for label, key in (("effect", "id"), ("block", "block")):
+        values = [case.truths[0][key] for case in single]
+        commonest = max(values, key=values.count, default="")
+        rows.append(share(f"always the commonest {label}", single, lambda c, k=key, v=commonest: c.truths[0][k] == v))
+    return (*rows, *carried)
+
+
+def baseline(case: Answered, name: str) -> tuple[str, ...]:
+    """Ids that a baseline names."""
+    return tuple(((case.diagnosis.get("baselines") or {}).get(name) or "").split(" + "))
