@@ -17,7 +17,7 @@ from exodrake.core.confidence import NORMAL_90
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LAW, Fitted, Search
+from exodrake.diagnosis.search import LAW, Fitted
 
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
@@ -81,7 +81,7 @@ def decide(found: Isolation) -> Decision:
     if found.negligible(found.nominal.robot):
         return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
     tuned = found.negligible(none.explanation.robot)
-    best, parts = predicting(search, best)
+    best, parts = predicting(found)
     causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
     explained = 1.0 - float(left[0])
     if tuned and (len(causes) != 1 or causes[0].rivals or explained < EXPLAINED):
@@ -97,9 +97,10 @@ def decide(found: Isolation) -> Decision:
     return Decision(word, best, parts, share_of(left), (sentence(word),))
 
 
-def predicting(search: Search, best: Fitted) -> tuple[Fitted, tuple[Part, ...]]:
-    """A set without refinements by which the logs predict each other no better, and its effects."""
-    parts = parts_of(search, best)
+def predicting(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
+    """The best set without refinements by which the logs predict each other no better, and its effects."""
+    search, best = found.search, found.best
+    parts = parts_of(found, best)
     while best.model.log.max() > 0:
         small = [search.sets[best.effects - {p.effect}] for p in parts if p.role == REFINEMENT]
         better = min(small, key=search.predicted, default=best)
@@ -107,23 +108,29 @@ def predicting(search: Search, best: Fitted) -> tuple[Fitted, tuple[Part, ...]]:
             break
         best = better
         search.reduce(best.effects)
-        parts = parts_of(search, best)
+        parts = parts_of(found, best)
     return best, parts
 
 
-def parts_of(search: Search, best: Fitted) -> tuple[Part, ...]:
+def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
+    A small effect is a cause where what is left without it is no error of another one's law: it takes up most of that
+    and more than laws err by, or it alone makes the difference to a negligible gap.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
+    search, exact = found.search, found.negligible(best.explanation.robot)
     none, left = search.left_by_log(search.none), search.left_by_log(best)
     gains = {i: search.left_by_log(search.sets[best.effects - {i}]) - left for i in best.explanation.effects}
     roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
-        large = gain[0] >= LARGE or (gain[0] >= MOST * (left[0] + gain[0]) and gain[0] >= LAW**2 * others)
-        roles[effect] = CAUSE if large else REFINEMENT
+        most = gain[0] >= MOST * (left[0] + gain[0])
+        beyond = gain[0] >= LAW**2 * others
+        if gain[0] < LARGE and most and not beyond and exact:
+            beyond = not found.negligible(search.sets[best.effects - {effect}].explanation.robot)
+        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond) else REFINEMENT
     alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
