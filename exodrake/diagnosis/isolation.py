@@ -9,7 +9,7 @@ import numpy as np
 
 from exodrake.core.progress import Stage, StageProgress, no_progress
 from exodrake.diagnosis.detect import detect
-from exodrake.diagnosis.fit import Explanation, minimise
+from exodrake.diagnosis.fit import Explanation, minimise, settled
 from exodrake.diagnosis.likelihood import Likelihood, likelihood_of, output_error, with_prediction
 from exodrake.diagnosis.linearise import Linearisation, linearise, nominal_jacobian
 from exodrake.diagnosis.parameter import nominal_parameters
@@ -116,14 +116,14 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
         (retuned,) = replace(zero, jacobian=none).at_each(likelihood, [zero.x])
         effects = ()
     else:
-        jacobian = nominal_jacobian(likelihood, start.values, start.parameters, start.x, residual)
-        start = replace(start, residual=residual, jacobian=jacobian)
-        retuned = minimise(likelihood.scaled_to(residual).for_stage("refine"), start)
-        tuned = negligible(whole, retuned.robot, likelihood)
-        if part < affordable(problem) and not tuned and negligible(short, retuned.robot, likelihood):
-            return isolate(problem, progress, MOST)  # the rest of the logs shows a gap that this part does not
-        if tuned and most == MOST:
-            effects = ()
+        retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
+        here, all_over = (negligible(p, retuned.robot, likelihood) for p in (short, whole))
+        if part < affordable(problem) and here and not all_over:  # the rest of the logs shows what this part does not
+            wide = likelihood_of(whole.shortened(affordable(problem)), retuned.robot, simulated)
+            by_all = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
+            if not negligible(whole, by_all.robot, likelihood):
+                return isolate(problem, progress, MOST)
+            (retuned,) = retuned.at_each(likelihood, [by_all.x])
     (nominal,) = retuned.at_each(likelihood, [zero.x])
     progress(Stage.LINEARISE, "")
     known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
@@ -132,6 +132,13 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     search.add([retuned])
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
     return Isolation(short, whole, likelihood, lin, nominal, search, best)
+
+
+def fitted(likelihood: Likelihood, e: Explanation) -> Explanation:
+    """The nominal parameters of an explanation fitted in all views, until their derivatives change no more."""
+    jacobian = nominal_jacobian(likelihood, e.values, e.parameters, e.x, e.residual)
+    found = minimise(likelihood.scaled_to(e.residual).for_stage("refine"), replace(e, jacobian=jacobian))
+    return settled(likelihood.for_stage("refine"), found)
 
 
 def affordable(problem: Problem, most: float = MOST) -> float:

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
+from exodrake.diagnosis.fit import Explanation
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.isolation import Isolation
 from exodrake.diagnosis.result import AMBIGUOUS, CAUSE, NAMED, NO_GAP, PARTLY, REFINEMENT, RETUNE, UNKNOWN
-from exodrake.diagnosis.search import LAW, Fitted
+from exodrake.diagnosis.search import LAW, NATS, NEGLIGIBLE, Fitted, Search
 
+SURE = 8.0  # nats of the tolerances' priors that an effect in their place has to spare: on healthy robots at most 6
 LARGE = 0.1  # share of the gap from which an effect is a cause, not a refinement
 EXPLAINED, MOST = 0.9, 0.5  # shares of the gap from which causes are named, and from which they explain part of it
 
@@ -72,20 +74,15 @@ def share_of(values: np.ndarray) -> Interval:
 
 
 def decide(found: Isolation) -> Decision:
-    """The verdict of an isolation.
-
-    Where retuning leaves a negligible gap, its tolerances are less likely than an effect only if a single one explains
-    what they leave and is more likely by `NATS`.
-    """
+    """The verdict of an isolation."""
     search, best, none = found.search, found.best, found.search.none
     if found.negligible(found.nominal.robot):
         return Decision(NO_GAP, none, (), share_of(search.left_by_log(none)), (sentence(NO_GAP),))
-    tuned = found.negligible(none.explanation.robot)
+    if found.negligible(none.explanation.robot):
+        return retuned_or_one(search)
     best, parts = predicting(found)
     causes, left = [p for p in parts if p.role == CAUSE], search.left_by_log(best)
     explained = 1.0 - float(left[0])
-    if tuned and (len(causes) != 1 or causes[0].rivals or explained < EXPLAINED):
-        return Decision(RETUNE, none, (), share_of(search.left_by_log(none)), (sentence(RETUNE),))
     if found.negligible(best.explanation.robot):
         explained = 1.0
     if not causes or explained < MOST:
@@ -95,6 +92,30 @@ def decide(found: Isolation) -> Decision:
     else:
         word = AMBIGUOUS if any(p.rivals for p in causes) else NAMED
     return Decision(word, best, parts, share_of(left), (sentence(word),))
+
+
+def retuned_or_one(search: Search) -> Decision:
+    """The verdict where retuning leaves a negligible gap: `RETUNE`, unless tolerances had to move too far for it.
+
+    They cost what their priors say. An effect in their place counts if it spares `SURE` of that; the most likely does.
+    """
+    retuned = search.none.explanation
+
+    def cost(e: Explanation) -> float:
+        return 0.5 * float(np.sum(e.use[: e.nominal] ** 2))
+
+    usable = {next(iter(k)): f for k, f in search.sets.items() if len(k) == 1 and search.usable(f)}
+    singles = {i: f for i, f in usable.items() if cost(retuned) - cost(f.explanation) > SURE}
+    likely = {i: search.evidence(f) for i, f in singles.items()}
+    one = max(likely, key=likely.__getitem__, default="")
+    none = search.left_by_log(search.none)
+    if not one or likely[one] - search.evidence(search.none) < NATS:
+        return Decision(RETUNE, search.none, (), share_of(none), (sentence(RETUNE),))
+    left = search.left_by_log(singles[one])
+    rivals = {i: 1.0 - search.left(singles[i]) for i in likely if i != one and likely[one] - likely[i] < NATS}
+    part = Part(one, CAUSE, share_of(none - left), rivals)
+    word = AMBIGUOUS if rivals else NAMED
+    return Decision(word, singles[one], (part,), share_of(left), (sentence(word),))
 
 
 def predicting(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
@@ -116,7 +137,7 @@ def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
     A small effect is a cause where what is left without it is no error of another one's law: it takes up most of that
-    and more than laws err by, or it alone makes the difference to a negligible gap.
+    and more than laws err by, or nothing remains.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
@@ -128,8 +149,9 @@ def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
         most = gain[0] >= MOST * (left[0] + gain[0])
         beyond = gain[0] >= LAW**2 * others
-        if gain[0] < LARGE and most and not beyond and exact:
-            beyond = not found.negligible(search.sets[best.effects - {effect}].explanation.robot)
+        if exact:  # then no law errs
+            smaller = search.sets[best.effects - {effect}]
+            beyond |= bool(np.mean(smaller.chi2 - best.chi2) >= NEGLIGIBLE**2)
         roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond) else REFINEMENT
     alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
