@@ -135,7 +135,7 @@ def test_answer_has_the_keys_that_programs_of_others_read(found):
     assert {"overall", "retune", "effect", "signals"} <= set(answer["closure"])
     assert {"before", "after", "floor", "closure"} <= set(next(iter(answer["closure"]["signals"].values())))
     assert all({"id", "share"} <= set(row) for row in answer["candidates"])
-    assert {"value", "low", "high", "noise_std"} == set(answer["remainder"])
+    assert {"value", "low", "high", "noise_std", "block", "regime"} == set(answer["remainder"])
     assert all({"id", "kind", "role", "share", "rivals", "wires", "joints"} <= set(row) for row in answer["effects"])
 
 

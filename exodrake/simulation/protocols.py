@@ -20,7 +20,7 @@ from exodrake.machines.robot_file import robot_or_default
 
 
 def smooth(share: np.ndarray) -> np.ndarray:
-    """Minimum-jerk step from 0 to 1 while `share` goes from 0 to 1; same shape."""
+    """Minimum-jerk step (n,) [-] from 0 to 1 while `share` (n,) [-] goes from 0 to 1."""
     x = np.clip(share, 0.0, 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
 

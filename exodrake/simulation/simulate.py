@@ -18,7 +18,7 @@ from exodrake.simulation.references import protocol
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Catmull-Rom interpolation of rows `values` (n, k) at the fractional rows `at` (n,), the ends held; NaN at NaN."""
+    """Catmull-Rom interpolation of rows `values` (n, k) [any unit] at fractional rows `at` (n,), ends held; NaN at NaN."""
     last = len(values) - 1
     at = np.clip(at, 0.0, float(last))
     i = np.minimum(np.nan_to_num(at).astype(int), max(last - 1, 0))
@@ -33,11 +33,11 @@ def delayed(machine: Machine, records: np.ndarray, indices: list[int]) -> np.nda
 
     Args:
         machine: whose columns they are.
-        records: (runs, frames, channels) array of all signals.
+        records: (runs, frames, channels) array of all signals [SI].
         indices: the channels wanted.
 
     Returns:
-        (runs, frames, indices) array.
+        (runs, frames, indices) array [SI].
     """
     at, chosen = machine.offsets, records[:, :, indices]
     for column in (column for column in machine.columns if column.delay):
