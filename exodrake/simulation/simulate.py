@@ -18,7 +18,7 @@ from exodrake.simulation.references import protocol
 
 
 def cubic(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Catmull-Rom interpolation of rows `values` (n, k) [any unit] at fractional rows `at` (n,), ends held; NaN at NaN."""
+    """Catmull-Rom interpolation of rows `values` (n, k) [any unit] at fractional rows `at` (n,); NaN at NaN."""
     last = len(values) - 1
     at = np.clip(at, 0.0, float(last))
     i = np.minimum(np.nan_to_num(at).astype(int), max(last - 1, 0))
