@@ -136,8 +136,8 @@ def predicting(found: Isolation) -> tuple[Fitted, tuple[Part, ...]]:
 def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     """Effects of a set, causes first, the largest first.
 
-    A small effect is a cause where what is left without it is no error of another one's law: it takes up most of that
-    and more than laws err by, or nothing remains.
+    A small effect is a cause where what is left without it is visible and no error of another one's law: it takes up
+    most of that, and more than laws err by or all of it.
     What causes take up together is divided by what each takes up alone and what is left without it, in the mean: of
     two that stand in for each other neither is lost.
     """
@@ -147,12 +147,10 @@ def parts_of(found: Isolation, best: Fitted) -> tuple[Part, ...]:
     roles = {}
     for effect, gain in gains.items():
         others = sum(float(g[0]) for i, g in gains.items() if i != effect)
-        most = gain[0] >= MOST * (left[0] + gain[0])
-        beyond = gain[0] >= LAW**2 * others
-        if exact:  # then no law errs
-            smaller = search.sets[best.effects - {effect}]
-            beyond |= bool(np.mean(smaller.chi2 - best.chi2) >= NEGLIGIBLE**2)
-        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond) else REFINEMENT
+        most, beyond = gain[0] >= MOST * (left[0] + gain[0]), exact or gain[0] >= LAW**2 * others
+        smaller = search.sets[best.effects - {effect}]
+        visible = np.mean(smaller.chi2 - best.chi2) >= NEGLIGIBLE**2
+        roles[effect] = CAUSE if gain[0] >= LARGE or (most and beyond and visible) else REFINEMENT
     alone = {i: none - search.left_by_log(search.sets.get(frozenset([i]), search.none)) for i in gains}
     weight = {i: np.maximum(alone[i], 0.0) + np.maximum(gains[i], 1e-9) for i in gains if roles[i] == CAUSE}
     together = none - left - sum(np.maximum(g, 0.0) for i, g in gains.items() if roles[i] == REFINEMENT)
