@@ -95,7 +95,7 @@ def test_a_fault_of_an_arm_of_seven_joints_is_named_from_its_efforts(fault, effe
     assert found.verdict == "NAMED", found.reasons
     assert [(one.id, tuple(one.joints)) for one in found.effects] == [(effect, joints)]
     interval = next(iter(found.effects[0].parameters.values()))
-    assert interval.value == pytest.approx(value, rel=0.05) and interval.low < value < interval.high
+    assert interval.value == pytest.approx(value, rel=0.1) and interval.low < value < interval.high
     assert found.closure.overall.value > 0.9
 
 

@@ -50,7 +50,6 @@ def place_without(robot, injected, reference):
     [
         ("tendon.capstan_friction", "tendon"),
         ("sensor.hysteresis", "sensor"),
-        ("motor.slow_velocity_loop", "motor"),
         ("motor.dead_zone", "motor"),  # which no other effect imitates: the strokes have the largest prediction error
     ],
 )
