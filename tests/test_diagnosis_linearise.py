@@ -5,7 +5,7 @@ import pytest
 from diagnosis_cases import friction_problem
 
 from exodrake.diagnosis.likelihood import output_error
-from exodrake.diagnosis.linearise import PROBE, linearise, probes, renewed, without_effect
+from exodrake.diagnosis.linearise import PROBE, linearise, probes, renewed
 from exodrake.diagnosis.parameter import apply, nominal_parameters
 
 
@@ -103,11 +103,3 @@ def test_probes_stay_within_the_bounds_of_a_fit(problem):
             for factors in (probe.low, probe.high):
                 x = probe.coordinates(factors)
                 assert (x >= low - 1e-9).all() and (x <= high + 1e-9).all()
-
-
-def test_robot_without_an_effect_in_one_channel_keeps_it_in_the_others(problem):
-    machine = problem.robot.machine
-    robot = problem.robot.splice("tendon.capstan_friction", {"mu_phi": 0.3})
-    rows = without_effect(machine, robot.values, machine.effect("tendon.capstan_friction"))
-    at = [machine.index[f"tendon.capstan_friction.mu_phi.{w}"] for w in machine.axes.tendons]
-    np.testing.assert_allclose(rows[:, at], 0.3 * (1.0 - np.eye(3)))

@@ -122,11 +122,6 @@ class Effect:
         return self.parameters[0].axis
 
     @property
-    def shapes(self) -> tuple[EffectParameter, ...]:
-        """Fitted parameters beyond the first one, which shape its law."""
-        return tuple(p for p in self.parameters if p.fitted)[1:]
-
-    @property
     def equation(self) -> str:
         """Equation of the effect with a description: the docstring of its first law, whose equation `formula` replaces.
 

@@ -18,10 +18,7 @@ from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
 USED, MOST = 25_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
-ROUNDS, LEAST_GAIN = (
-    3,
-    0.1,
-)  # nominal Jacobians of retuning, and the mean log chi-square that one must gain for the next
+ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +114,10 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
         effects = ()
     else:
         retuned = fitted(likelihood, start.at_each(likelihood, [start.x])[0])
-        here, all_over = (negligible(p, retuned.robot, likelihood) for p in (short, whole))
-        if part < affordable(problem) and here and not all_over:  # the rest of the logs shows what this part does not
-            wide = likelihood_of(whole.shortened(affordable(problem)), retuned.robot, simulated)
+        more, robot = part < affordable(problem), retuned.robot
+        if more and not negligible(whole, robot, likelihood) and negligible(short, robot, likelihood):
+            # the rest of the logs shows what this part does not
+            wide = likelihood_of(whole.shortened(affordable(problem)), robot, simulated)
             by_all = fitted(wide, retuned.at_each(wide, [retuned.x])[0])
             if not negligible(whole, by_all.robot, likelihood):
                 return isolate(problem, progress, MOST)

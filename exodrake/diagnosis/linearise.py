@@ -84,23 +84,6 @@ def with_effects(values: np.ndarray, effects: Sequence[tuple[Machine, Effect]]) 
     return out
 
 
-def without_effect(machine: Machine, values: np.ndarray, effect: Effect) -> np.ndarray:
-    """Flat parameter vectors (channels, n) with an effect at its null value in one channel at a time."""
-    lead = effect.parameters[0]
-    at = list(machine.effect_indices(effect.id, lead.name).values())
-    out = np.tile(values, (len(at), 1))
-    out[np.arange(len(at)), at] = lead.null
-    return out
-
-
-def without_shape(machine: Machine, values: np.ndarray, effect: Effect) -> np.ndarray:
-    """Flat parameter vector (n,) with the parameters that shape the law of an effect at their null values."""
-    out = values.copy()
-    for p in effect.shapes:
-        out[list(machine.effect_indices(effect.id, p.name).values())] = p.null
-    return out
-
-
 def linearise(
     likelihood: Likelihood,
     values: np.ndarray,

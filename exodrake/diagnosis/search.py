@@ -49,14 +49,8 @@ KINDS = {
     "pulley_friction": "load-dependent friction",
 }  # fmt: skip
 ONE = ("dry friction", "load-dependent friction")  # kinds whose laws exclude each other
-MEMORY = (
-    "hysteresis",
-    "low_pass",
-    "drift",
-    "delay",
-    "clock_skew",
-    "backlash",
-)  # errors of a sensor that imitate causes
+# errors of a sensor that imitate causes
+MEMORY = ("hysteresis", "low_pass", "drift", "delay", "clock_skew", "backlash")
 
 
 def kind_of(effect: Effect) -> str:
@@ -109,6 +103,7 @@ class Search:
         sets: fitted sets by their effects.
         expanded: sets beside which further effects were tried.
         barred: laws for which a plainer one of their kind stands.
+        known: evidence of sets by the memory that counts [nats].
         progress: called with the stage and what it works on.
     """
 
@@ -118,6 +113,7 @@ class Search:
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
     expanded: set[frozenset[str]] = field(default_factory=set)
     barred: set[str] = field(default_factory=set)
+    known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
     progress: StageProgress = no_progress
 
     @property
@@ -218,7 +214,10 @@ class Search:
 
     def evidence(self, fitted: Fitted, memory: float | None = None) -> float:
         """Log evidence [nats] of a set; two sets are compared with the memory of what the larger one leaves."""
-        return replace(fitted.model, memory=memory or self.likelihood.memory).evidence()
+        memory = memory or self.likelihood.memory
+        if (fitted, memory) not in self.known:
+            self.known[fitted, memory] = replace(fitted.model, memory=memory).evidence()
+        return self.known[fitted, memory]
 
     def add(self, found: Iterable[Explanation]) -> None:
         """Keep fits; of two fits of one set the one with more evidence."""

@@ -1,10 +1,11 @@
 """Verdict: causes with their rivals, refinements and what remains, from the fitted sets of a search.
 
-    left(S) = mean over views of (chi2_v(S) - 1) / (chi2_v(retuned) - 1)        share of the gap that a set leaves
+    left(S)        share of the gap beyond retuning that a set leaves (`Search.left`)
 
-An effect of the best set S takes up left(S without it) - left(S), its share. It is a cause where that is a tenth of the
-gap, or most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S
-are refinements. A rival of a cause stands in its place in a set that leaves no more than S and the error of a law.
+An effect of the best set S takes up left(S without it) - left(S). It is a cause where that is a tenth of the gap, or
+most of what is left without it and more than the errors of the other causes' laws may leave. Other effects of S are
+refinements. Causes divide into shares what they take up together. A rival of a cause stands in its place in a set that
+leaves no more than S and the error of a law, or is as likely.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from exodrake.core.text import markdown_table
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.pipeline import diagnose
 from exodrake.diagnosis.result import CAUSE, Diagnosis
+from exodrake.diagnosis.search import kind_of
 from exodrake.machines.library import reader
 from exodrake.machines.recording_tools import halves
 from exodrake.machines.robot_file import load_robot
@@ -186,7 +187,7 @@ def marked(paper: Paper, data: Path) -> Mark:
     kinds = {e.id: e.kind for e in found.effects}
     known = {e.id: e for e in robot.machine.effects}
     causes = [e for e in found.effects if e.role == CAUSE]
-    classes = [{e.kind, *(kind(known[r.id]) for r in e.rivals)} for e in causes]
+    classes = [{e.kind, *(kind_of(known[r.id]) for r in e.rivals)} for e in causes]
     expected = {*paper.wanted, *paper.allowed}
     fits = bool(causes) and all(c & expected for c in classes)
     seen = {*kinds.values(), *(k for c in classes for k in c)}
@@ -199,13 +200,6 @@ def marked(paper: Paper, data: Path) -> Mark:
             limit = limit * size if paper.relative else limit
             errors[column] = (gap.before, gap.after, float(limit))
     return Mark(paper, found, fits and seen >= set(paper.wanted), errors)
-
-
-def kind(effect: object) -> str:
-    """Kind of an effect in words."""
-    from exodrake.diagnosis.search import kind_of
-
-    return kind_of(effect)  # pyright: ignore[reportArgumentType]
 
 
 def answer(mark: Mark) -> str:
