@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from exodrake.core.machine import Machine
+from exodrake.core.threads import side_by_side
 from exodrake.diagnosis.likelihood import Likelihood
 from exodrake.diagnosis.linear import LinearModel, bounded
 from exodrake.diagnosis.linearise import Probe, nominal_jacobian, with_effects
@@ -33,6 +34,7 @@ FREE = (
     1e3  # prior standard deviations, in scales, of an effect's parameter in a fit: none, but the matrix stays regular
 )
 LESS, INITIAL = (1.0, 0.5, 0.2), (1.0, 0.3)  # of the predicted and of the initial amplitude, tried where a fit begins
+HALF = 0.5  # of the best gain after two steps, with which a fit goes on
 USELESS = 1.0  # nats that a new nominal Jacobian must gain for the next one
 
 
@@ -306,15 +308,28 @@ def starts(machine: Machine, known: Explanation, predicted: Predicted) -> tuple[
     return joined, list(np.clip(points, low, high))
 
 
-def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
-    """One more effect beside those of an explanation, fitted from the best of several starts, joint by joint."""
+def begin_beside(likelihood: Likelihood, known: Explanation, predicted: Predicted) -> Explanation:
+    """One more effect beside those of an explanation, two steps from the best of several starts, joint by joint."""
     joined, points = starts(likelihood.robot.machine, known, predicted)
     begun = joined.at_each(likelihood, points)
     groups = Groups.of(likelihood, begun[0])
     best = groups.best(likelihood, begun)
-    first = [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()]
-    e = groups.best(likelihood, first)
-    return minimise(likelihood.scaled_to(e.residual), e, tol=ROUGH)
+    return groups.best(likelihood, [minimise(likelihood, e, 2) for e in {id(e): e for e in (begun[0], best)}.values()])
+
+
+def fit_beside(likelihood: Likelihood, known: Explanation, predicted: Sequence[Predicted]) -> list[Explanation]:
+    """Fits with one more effect beside those of an explanation, one for each effect that is given.
+
+    Only those are fitted to the end that have gained half as much as the best one after two steps.
+    """
+    begun = side_by_side([partial(begin_beside, likelihood, known, p) for p in predicted])
+    gains = known.cost(likelihood) - np.array([e.cost(likelihood) for e in begun])
+
+    def finish(e: Explanation, gain: float) -> Explanation:
+        hopeful = gain >= HALF * gains.max()
+        return minimise(likelihood.scaled_to(e.residual), e, tol=ROUGH) if hopeful else e
+
+    return side_by_side([partial(finish, e, gain) for e, gain in zip(begun, gains, strict=True)])
 
 
 def settled(likelihood: Likelihood, e: Explanation, rounds: int = 2) -> Explanation:

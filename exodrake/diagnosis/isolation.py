@@ -16,9 +16,9 @@ from exodrake.diagnosis.parameter import nominal_parameters
 from exodrake.diagnosis.problem import Problem, by_trial
 from exodrake.diagnosis.search import NEGLIGIBLE, Fitted, Search
 
-USED, MOST = 25_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
+USED, MOST = 20_000, 135_000  # samples that are fitted, and at most where the rest shows a gap that this part does not
 SAMPLING = 3.0  # standard deviations of a mean square over runs with noise that a gap must exceed, too
-ROUNDS, LEAST_GAIN = 3, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
+ROUNDS, LEAST_GAIN = 1, 0.1  # nominal Jacobians of retuning; mean log chi-square that one gains for a next one
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,8 @@ def isolate(problem: Problem, progress: StageProgress = no_progress, most: float
     progress(Stage.LINEARISE, "")
     known = (retuned.values, retuned.x, retuned.parameters, effects, retuned.jacobian, retuned.residual)
     lin = linearise(likelihood, *known)
-    search = Search(likelihood, effects, lin, progress=progress)
+    logs = likelihood.on(whole.shortened(affordable(whole))).for_stage("measure")
+    search = Search(likelihood, effects, lin, logs, progress=progress)
     search.add([retuned])
     best = search.run(max(machine.max_effects - certain, 0)) if effects else search.none
     return Isolation(short, whole, likelihood, lin, nominal, search, best)

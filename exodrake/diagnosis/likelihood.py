@@ -133,6 +133,16 @@ class Likelihood:
         """Reduced chi-square (views,) of a residual (samples,)."""
         return np.array([float(np.mean(part**2)) for part in self.split(residual)])
 
+    @cached_property
+    def samples_by_log(self) -> np.ndarray:
+        """Number of samples (logs, views)."""
+        return np.array([[trial.measured.size for trial in view.problem.fit] for view in self.views]).T
+
+    def chi2_by_log(self, residual: np.ndarray) -> np.ndarray:
+        """Mean squares (logs, views) of a residual (samples,)."""
+        found = np.array([np.mean(residual[some] ** 2) for _, _, some in self.blocks])
+        return found.reshape(len(self.views), -1).T
+
     def mean_log(self, residual: np.ndarray) -> float:
         """Mean logarithm of the reduced chi-squares of all views of a residual (samples,), above the noise."""
         return float(np.mean(np.log(np.maximum(self.chi2(residual), 1.0))))
@@ -146,6 +156,11 @@ class Likelihood:
         """Half the sum of squares of the weighted residual (samples,) and of x in units of its prior."""
         weighted = residual * self.weights
         return 0.5 * float(weighted @ weighted) + 0.5 * float(np.sum((x / prior_std) ** 2))
+
+    def on(self, problem: Problem) -> Likelihood:
+        """The likelihood of more or less of the same logs."""
+        views = zip(self.views, with_prediction(problem), strict=True)
+        return replace(self, views=tuple(replace(view, problem=of_view) for view, of_view in views))
 
     def for_stage(self, stage: str) -> Likelihood:
         """The likelihood whose simulations count under another stage."""

@@ -92,6 +92,7 @@ def linearise(
     effects: Sequence[Effect],
     jacobian: np.ndarray | None = None,
     base: np.ndarray | None = None,
+    thorough: bool = True,
 ) -> Linearisation:
     """All directions at a robot.
 
@@ -110,7 +111,7 @@ def linearise(
         jacobian = nominal_jacobian(likelihood, values, nominal, x, residual)
     found, at = [], 0
     for effect in effects:
-        for probe, robots in probes(likelihood.views[0].problem, effect, here, at):
+        for probe, robots in probes(likelihood.views[0].problem, effect, here, at)[: None if thorough else 1]:
             found.append((probe, robots))
             at += len(robots)
     directions = np.empty((at, len(residual)), dtype=np.float32)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
+from numba import njit
 
 from exodrake.compiled.compose import compile_machine
 from exodrake.compiled.inputs import NOTHING, NoiseInputs, input_rows, prepared
@@ -145,12 +146,8 @@ class Problem:
 
     def differences(self, rows: np.ndarray, trial: Trial) -> np.ndarray:
         """(measured - simulated) / noise_std (rows, n, columns) of robots on a trial, 0 where nothing was measured."""
-        simulated = self.predict(rows, trial)
-        np.nan_to_num(simulated, copy=False, nan=np.inf)
-        with np.errstate(over="ignore"):
-            found = (trial.measured - simulated) / self.noise_std
-        np.nan_to_num(found, copy=False, nan=0.0, posinf=WILD, neginf=-WILD)
-        found.clip(-WILD, WILD, out=found)
+        found = self.predict(rows, trial)
+        subtract(found, trial.measured, self.noise_std)
         return without(self.notched, found, self.robot.machine.frame)
 
     def without(self, bands: Bands) -> Problem:
@@ -207,6 +204,20 @@ def by_trial(rows: np.ndarray, trials: tuple[Trial, ...]) -> list[np.ndarray]:
 
 ROWS = 4  # robots simulated at once: their records stay in the cache
 WILD = 1e4  # residuals are clipped here [noise_std]: a diverging candidate is bad, not infinite
+
+
+@njit(cache=True, nogil=True)
+def subtract(simulated: np.ndarray, measured: np.ndarray, noise_std: np.ndarray) -> None:
+    """Turns simulated signals (rows, n, columns), in place, into (measured - simulated) / noise_std, clipped."""
+    for row in simulated:
+        for t in range(measured.shape[0]):
+            for c in range(measured.shape[1]):
+                if np.isnan(measured[t, c]):
+                    row[t, c] = 0.0
+                elif np.isnan(row[t, c]):
+                    row[t, c] = -WILD
+                else:
+                    row[t, c] = min(max((measured[t, c] - row[t, c]) / noise_std[c], -WILD), WILD)
 
 
 def columns_of(case: Case, machine: Machine) -> tuple[str, ...]:

@@ -100,20 +100,24 @@ class Search:
         likelihood: the case.
         effects: effects to try.
         lin: directions of all effects beside the retuned robot.
+        whole: the case with whole logs, on which shares are measured; the likelihood where these were fitted.
         sets: fitted sets by their effects.
         expanded: sets beside which further effects were tried.
         barred: laws for which a plainer one of their kind stands.
         known: evidence of sets by the memory that counts [nats].
+        squares: mean squares (logs, views) of what sets leave.
         progress: called with the stage and what it works on.
     """
 
     likelihood: Likelihood
     effects: tuple[Effect, ...]
     lin: Linearisation
+    whole: Likelihood
     sets: dict[frozenset[str], Fitted] = field(default_factory=dict)
     expanded: set[frozenset[str]] = field(default_factory=set)
     barred: set[str] = field(default_factory=set)
     known: dict[tuple[Fitted, float], float] = field(default_factory=dict)
+    squares: dict[Fitted, np.ndarray] = field(default_factory=dict)
     progress: StageProgress = no_progress
 
     @property
@@ -131,17 +135,29 @@ class Search:
         A view counts by its gap, fully where that is large against a negligible one. Noise is what the best set leaves
         where that is less than expected.
         """
-        before, mine = squares_by_log(self.none.model), squares_by_log(fitted.model)
-        count, samples = len(mine), sample_count(fitted.model)
-        floor = np.minimum(np.min([f.chi2 for f in self.sets.values()], axis=0), 1.0)
+        self.measure()
+        before, mine, samples = self.squares[self.none], self.squares[fitted], self.whole.samples_by_log
+        count = len(mine)
+        whole = [(self.squares[f] * samples).sum(axis=0) / samples.sum(axis=0) for f in self.sets.values()]
+        floor = np.minimum(np.min(whole, axis=0), 1.0)
         keep = [np.ones(count, dtype=bool), *(np.arange(count) != k for k in range(count) if count > 1)]
         found = []
         for logs in keep:
             n = samples[logs].sum(axis=0)
-            gap, left = (np.maximum(x[logs].sum(axis=0) / n - floor, 0.0) for x in (before, mine))
+            gap, left = (np.maximum((x * samples)[logs].sum(axis=0) / n - floor, 0.0) for x in (before, mine))
             weight = gap / (gap + NEGLIGIBLE**2)
             found.append(float(weight @ (left / np.maximum(gap, 1e-12)) / max(weight.sum(), 1e-12)))
         return np.array(found)
+
+    def measure(self) -> None:
+        """Measure what each set leaves over the whole logs, where that is not known yet."""
+        new = [f for f in self.sets.values() if f not in self.squares]
+        if not new:
+            return
+        fitted = self.whole.samples == self.likelihood.samples
+        robots = np.array([f.explanation.robot for f in new])
+        rows = [f.explanation.residual for f in new] if fitted else self.whole.residual(robots)
+        self.squares |= {f: self.whole.chi2_by_log(row) for f, row in zip(new, rows, strict=True)}
 
     def alike(self, other: Fitted, best: Fitted, gain: float) -> bool:
         """Whether a set leaves no more than another, or is as likely.
@@ -248,14 +264,14 @@ class Search:
             promising = {p.probe.effect for p in self.screened(e, lin)[: None if far else LOOKED]}
             some, n = [x for x in self.effects if x.id in promising], e.nominal
             again, nominal = likelihood.for_stage("linearise again"), e.parameters[:n]
-            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual)
+            new = linearise(again, e.at_nominal, e.x[:n], nominal, some, e.jacobian, e.residual, thorough=False)
             lin = renewed(lin, new)
         kinds = {(x.block, kind_of(x)) for x in self.effects if x.id in key and kind_of(x) in ONE}
         barred = self.barred | {x.id for x in self.effects if (x.block, kind_of(x)) in kinds}
         predicted = [p for p in self.screened(e, lin) if p.probe.effect not in barred]
         new = [p for p in predicted if key | {p.probe.effect} not in self.sets]
         self.progress(Stage.FIT, e.name)
-        self.add(side_by_side([partial(fit_beside, likelihood.for_stage("refine"), e, p) for p in new[:fitted]]))
+        self.add(fit_beside(likelihood.for_stage("refine"), e, new[:fitted]))
 
     def reduce(self, key: frozenset[str]) -> None:
         """Fit the sets with one effect less."""
@@ -280,7 +296,7 @@ class Search:
             self.likelihood = self.likelihood.with_memory_of(best.explanation.residual)
             best = self.best
             if best.effects:
-                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation)])
+                self.add([settled(self.likelihood.for_stage("refine again"), best.explanation, 1)])
                 self.reduce(best.effects)
             if self.best.effects != best.effects:
                 continue
@@ -300,22 +316,8 @@ class Search:
     def predicted(self, fitted: Fitted) -> float:
         """Mean logarithm over views of the reduced chi-square of each log as the others predict it."""
         model = fitted.model
-        found, samples = model.leave_out(model.log), sample_count(model)
+        found, samples = model.leave_out(model.log), self.likelihood.samples_by_log
         return float(np.mean(np.log(np.maximum(np.sum(found * samples, axis=0) / samples.sum(axis=0), 1.0))))
-
-
-def squares_by_log(model: LinearModel) -> np.ndarray:
-    """Sums of squares of the residual (logs, views)."""
-    found = np.zeros((model.log.max() + 1, len(model.variance)))
-    np.add.at(found, (model.log, model.view), model.products[:, -1, -1])
-    return found
-
-
-def sample_count(model: LinearModel) -> np.ndarray:
-    """Samples (logs, views)."""
-    found = np.zeros((model.log.max() + 1, len(model.variance)))
-    np.add.at(found, (model.log, model.view), model.samples)
-    return found
 
 
 def screen(likelihood: Likelihood, e: Explanation, lin: Linearisation) -> list[Predicted]:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 ORDER = 12  # frames of memory, 0.24 s at 50 Hz: longer than a bus round trip and the encoder's steps in motion; assumed
 REGULARISATION = 1e-4  # of the variance, added to it: an encoder at rest has a singular spectrum
@@ -28,11 +29,20 @@ class Whitening:
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
         """Whitened residuals [-] of residuals (..., frames, columns)."""
-        taps = (self.coefficients / self.noise_std[:, None]).T
-        out = taps[0] * residuals
-        for lag, tap in enumerate(taps[1 : residuals.shape[-2]], start=1):
-            out[..., lag:, :] += tap * residuals[..., :-lag, :]
+        taps, out = self.coefficients.T / self.noise_std, np.empty(residuals.shape)
+        convolve(residuals.reshape(-1, *residuals.shape[-2:]), taps, out.reshape(-1, *residuals.shape[-2:]))
         return out
+
+
+@njit(cache=True, nogil=True)
+def convolve(rows: np.ndarray, taps: np.ndarray, out: np.ndarray) -> None:
+    """Filters signals `rows` (rows, frames, columns) by taps (lags, columns) into `out`, from zero."""
+    for k in range(len(rows)):
+        for t in range(rows.shape[1]):
+            out[k, t] = 0.0
+            for lag in range(min(len(taps), t + 1)):
+                for c in range(rows.shape[2]):
+                    out[k, t, c] += taps[lag, c] * rows[k, t - lag, c]
 
 
 def whitening_of(noise: Sequence[np.ndarray]) -> Whitening:
