@@ -104,6 +104,7 @@ def linearise(
         effects: effects to try.
         jacobian: (nominal, samples) known derivatives by the nominal parameters; simulated if None.
         base: (samples,) known residual of the robot; simulated if None.
+        thorough: whether an effect has all its probes, or the modest one alone.
     """
     here = apply(values, nominal, x)
     residual: np.ndarray = likelihood.residual(here[None])[0] if base is None else base

@@ -59,7 +59,7 @@ def rivals_of(problem: Problem, found: Isolation, decision: Decision, others: It
     if decision.verdict == RETUNE:
         nominal = found.nominal
         likelihood = found.likelihood.scaled_to(nominal.residual).for_stage("refine")
-        explanations += [fit_beside(likelihood, nominal, replace(p, x=nominal.x)) for p in others]
+        explanations += fit_beside(likelihood, nominal, [replace(p, x=nominal.x) for p in others])
     return tuple(rival(problem, e) for e in explanations) if len(explanations) > 1 else ()
 
 

@@ -516,6 +516,8 @@ def screened(found: Isolation, sessions: Sequence[Session]) -> None:
         if one[0] > best.get(one[1].effect, (-np.inf,))[0]:
             best[one[1].effect] = one
     likelihood = found.likelihood.for_stage("since")
-    for _, probe, factors in sorted(best.values(), key=lambda one: -one[0])[:SCREENED]:
-        predicted = Predicted(probe, np.clip(factors, probe.low, probe.high), 0.0, none.x)
-        search.add([fit_beside(likelihood.scaled_to(none.residual), none, predicted)])
+    new = [
+        Predicted(probe, np.clip(factors, probe.low, probe.high), 0.0, none.x)
+        for _, probe, factors in sorted(best.values(), key=lambda one: -one[0])[:SCREENED]
+    ]
+    search.add(fit_beside(likelihood.scaled_to(none.residual), none, new))
