@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exodrake.diagnosis.channels import affected_channels
+from exodrake.diagnosis.intervals import affected_channels
 
 DRAWS = 400
 

@@ -4,7 +4,7 @@ import numpy as np
 
 import exodrake as exo
 from exodrake.data.case import Case, CaseLog
-from exodrake.diagnosis.channels import affected_channels
+from exodrake.diagnosis.intervals import affected_channels
 
 TRIED = frozenset({"servo.lag", "servo.dead_band", "servo.gain"})
 

@@ -11,9 +11,8 @@ from exodrake.compiled.inputs import Reference
 from exodrake.core.threads import one_blas_thread
 from exodrake.data.case import Case, CaseLog
 from exodrake.diagnosis.isolation import isolate
-from exodrake.diagnosis.localise import affected, remaining, sum_by_block
+from exodrake.diagnosis.localise import affected, conditions, explained, motion, remaining, since_reversal, sum_by_block
 from exodrake.diagnosis.problem import make_problem
-from exodrake.diagnosis.regime import conditions, explained, motion, since_reversal
 from exodrake.simulation import protocols
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from exodrake.diagnosis.whitening import ORDER, Whitening, whitening_of
+from exodrake.diagnosis.likelihood import ORDER, Whitening, whitening_of
 
 AR1, AR2 = (1.0, -0.9), (1.0, -1.2, 0.5)
 

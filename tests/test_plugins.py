@@ -54,7 +54,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exodrake.diagnosis.detection import Detection
+from exodrake.diagnosis.problem import Detection
 from exodrake.diagnosis.gap import Interval
 from exodrake.diagnosis.result import NamedEffect
 

@@ -177,7 +177,7 @@ def tried_of(robot: str, only: str, without: str) -> frozenset[str] | None:
     """Ids of the effects to try, from lists with commas; None for the default ones. robot: its file, or a name."""
     if not only and not without:
         return None
-    from exodrake.diagnosis.candidates import chosen
+    from exodrake.diagnosis.problem import chosen
     from exodrake.machines.robot_file import load_robot
 
     machine = (load_robot(robot) if robot else load_robot()).machine

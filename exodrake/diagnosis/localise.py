@@ -4,6 +4,11 @@ Where effects are named, a block has the shares of its effects in the gap. The p
 that of the further effect that takes up most of it, as fitted beside the set or else as the linear model predicts; a
 cause goes before the memory of a sensor. Where none takes up a tenth, it is the segment that ends in the signal of the
 largest prediction error. Channels that no fit tells are those whose prediction errors hold most of what is left.
+
+Regime of a gap: conditional variance of the residual under each condition that a machine declares.
+
+A condition sorts the frames into bins. The share explained is the correlation ratio, the variance of the bin means over
+the whole variance. `frequency` is the share of the residual's power below 1 Hz.
 """
 
 from __future__ import annotations
@@ -13,11 +18,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from exodrake.core.signal import JOINTS, SCALAR, TENDONS
+from exodrake.diagnosis.filters import filled
 from exodrake.diagnosis.gap import Where
 from exodrake.diagnosis.intervals import describe, fitted_effects
 from exodrake.diagnosis.isolation import Isolation
-from exodrake.diagnosis.problem import by_trial
-from exodrake.diagnosis.regime import regime
+from exodrake.diagnosis.problem import Problem, Trial, by_trial
 from exodrake.diagnosis.result import NO_GAP, RETUNE, NamedEffect
 from exodrake.diagnosis.search import Fitted, is_memory
 from exodrake.diagnosis.verdict import LARGE
@@ -99,3 +104,110 @@ def affected(residual: np.ndarray, columns: tuple[str, ...], channels: tuple[str
             power[channel] += float(squared)
     strongest = max(power.values(), default=0.0)
     return tuple(channel for channel, p in power.items() if p >= AFFECTED * strongest)
+
+
+BINS = 10
+SLOW = 1.0  # Hz: below it a residual counts as slow
+SMOOTH = 15  # frames over which the steps of an encoder are averaged for direction and speed
+CRAWL = 0.02  # of the fastest motion: slower channels count as at rest; assumed
+
+
+def conditions(problem: Problem, trial: Trial, channel: int) -> dict[str, np.ndarray]:
+    """Measured conditions of each frame: name -> (n,), for the channel of that index on each axis."""
+    declared, period = problem.robot.machine.regime, problem.robot.machine.frame
+    own = {c.rsplit("_", 1)[0]: i for i, c in enumerate(problem.columns) if channel_of(problem, c) == channel}
+    table = {kind: filled(trial.measured[:, i]) for kind, i in own.items()}
+    if declared is None or declared.position not in table:
+        first, last = next(iter(table)), next(reversed(table))
+        width = min(SMOOTH, max(1, len(trial.reference) // SMOOTH))
+        found = motion(table[first], width, None, period)
+        return found | {"position": table[first]} | ({"load": table[last]} if last != first else {})
+    found = motion(table[declared.position], SMOOTH, declared.still, period)
+    if declared.load in table:
+        found |= {"load": table[declared.load], "slack": (table[declared.load] < declared.slack).astype(float)}
+    return found | ({"joint angle": table[declared.joint]} if declared.joint in table else {})
+
+
+def motion(position: np.ndarray, width: int, still: float | None, period: float) -> dict[str, np.ndarray]:
+    """Conditions of the motion of a position (n,), averaged over `width` frames of `period` [s].
+
+    still: speed below which it is at rest [unit/s]; None: a share of the fastest motion.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    speed = np.gradient(uniform_filter1d(position, width, mode="nearest"), period)
+    still = CRAWL * np.abs(speed).max() if still is None else still
+    direction = np.where(np.abs(speed) < still, 0.0, np.sign(speed))
+    return {
+        "direction of motion": direction,
+        "speed": np.abs(speed),
+        "time since reversal": since_reversal(direction, period),
+        "time in trial": period * np.arange(len(position)),
+    }
+
+
+def since_reversal(direction: np.ndarray, period: float) -> np.ndarray:
+    """Time since the direction (n,) last changed, (n,) [s]."""
+    changed = np.concatenate([[True], direction[1:] != direction[:-1]])
+    last = np.maximum.accumulate(np.where(changed, np.arange(len(direction)), 0))
+    return period * (np.arange(len(direction)) - last)
+
+
+def explained(residual: np.ndarray, condition: np.ndarray) -> float:
+    """Share of the variance of a residual (n,) that a condition (n,) explains, 0 .. 1."""
+    total = residual.var()
+    edges = np.unique(np.quantile(condition, np.linspace(0.0, 1.0, BINS + 1)))
+    if total == 0.0 or len(edges) < 2:
+        return 0.0
+    values = np.unique(condition)
+    bins = (
+        np.searchsorted(values, condition)
+        if len(values) <= BINS
+        else np.clip(np.searchsorted(edges, condition, "right") - 1, 0, len(edges) - 2)
+    )
+    count = np.bincount(bins)
+    means = np.bincount(bins, residual) / np.maximum(count, 1)
+    between = float(np.sum(count * (means - residual.mean()) ** 2) / len(residual))
+    return float(np.clip(between / total, 0.0, 1.0))
+
+
+def regime(problem: Problem, robot: np.ndarray) -> dict[str, float]:
+    """Share of what a robot (parameters,) leaves that each condition explains, weighted over signals by their power.
+
+    Returns:
+        Condition -> share, largest first.
+    """
+    residuals = by_trial(problem.residual(robot[None], problem.fit)[0], problem.fit)
+    shares: dict[str, float] = {}
+    weight = 0.0
+    for trial, residual in zip(problem.fit, residuals, strict=True):
+        for c, column in enumerate(problem.columns):
+            power = float(residual[:, c] @ residual[:, c])
+            for name, condition in conditions(problem, trial, channel_of(problem, column)).items():
+                shares[name] = shares.get(name, 0.0) + power * explained(residual[:, c], condition)
+            shares["frequency below 1 Hz"] = shares.get("frequency below 1 Hz", 0.0) + power * slow_share(
+                residual[:, c], problem
+            )
+            weight += power
+    return {name: value / max(weight, 1e-12) for name, value in sorted(shares.items(), key=lambda item: -item[1])}
+
+
+def channel_of(problem: Problem, column: str) -> int:
+    """Index of a column's channel on its axis."""
+    channel, axes = column.rsplit("_", 1)[1], problem.robot.machine.axes
+    return next(axes.of(axis).index(channel) for axis in (TENDONS, JOINTS) if channel in axes.of(axis))
+
+
+def slow_share(residual: np.ndarray, problem: Problem) -> float:
+    """Share of a residual's power below `SLOW`."""
+    power = np.abs(np.fft.rfft(residual - residual.mean())) ** 2
+    frequency = np.fft.rfftfreq(len(residual), problem.robot.machine.frame)
+    return float(power[frequency < SLOW].sum() / max(power.sum(), 1e-12))
+
+
+def spectrum(residual: np.ndarray, period: float, sections: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Frequency [Hz] and power density [1/Hz] of a residual (n,), averaged over sections (Welch, Hann)."""
+    from scipy.signal import welch
+
+    frequency, power = welch(residual, 1.0 / period, nperseg=max(64, len(residual) // sections))
+    return frequency, power

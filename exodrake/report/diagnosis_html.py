@@ -23,7 +23,7 @@ from exodrake import __version__
 from exodrake.core.display import SYMBOLS, Display, display_of
 from exodrake.data.case import Case, CaseLog
 from exodrake.data.plot import envelope, new_figure, stretch_of
-from exodrake.diagnosis import regime
+from exodrake.diagnosis import localise
 from exodrake.diagnosis.filters import mismatch
 from exodrake.diagnosis.gap import SignalGap
 from exodrake.diagnosis.isolation import SAMPLING
@@ -205,7 +205,7 @@ def gap_row(title: str, gap: SignalGap, unit: str, robots: list[str]) -> tuple[s
 def spectra(runs: SimulatedLogs, robot: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequency [Hz] and mean power density [1/Hz] of the normalised residuals of one kind, over judged logs."""
     columns = [log.residuals[robot][:, i] for log in runs.judged for i in runs.of_kind(kind)]
-    found = [regime.spectrum(np.nan_to_num(column), runs.period) for column in columns]
+    found = [localise.spectrum(np.nan_to_num(column), runs.period) for column in columns]
     frequency = min((frequency for frequency, _ in found), key=len)
     return frequency, np.mean([power for _, power in found if len(power) == len(frequency)], axis=0)
 
@@ -337,10 +337,10 @@ def top_condition(diagnosis: Diagnosis, runs: SimulatedLogs) -> Condition | None
     plain = [i for i, (kind, _) in enumerate(runs.parts) if kind != runs.loop_answer]
     column = max(plain or range(len(power)), key=lambda i: power[i])
     name = runs.problem.columns[column]
-    table = regime.conditions(runs.problem, log.trial, regime.channel_of(runs.problem, name))
+    table = localise.conditions(runs.problem, log.trial, localise.channel_of(runs.problem, name))
     before, after = (log.residuals[robot][:, column] for robot in (RETUNED, IMPROVED))
     known = np.isfinite(before) & np.isfinite(after)
-    explained = {condition: regime.explained(before[known], at[known]) for condition, at in table.items()}
+    explained = {condition: localise.explained(before[known], at[known]) for condition, at in table.items()}
     best = max(explained, key=lambda condition: explained[condition])
     label, factor = condition_label(best, runs)
     return Condition(label, name, factor * table[best][known], before[known], after[known])

@@ -19,17 +19,16 @@ import numpy as np
 
 from exodrake.core.confidence import NORMAL_90
 from exodrake.core.effect import Effect
-from exodrake.diagnosis.channels import affected_channels
-from exodrake.diagnosis.detection import Detection
 from exodrake.diagnosis.filters import Bands, outside
 from exodrake.diagnosis.gap import Interval
+from exodrake.diagnosis.intervals import affected_channels
 from exodrake.diagnosis.parameter import apply, effect_parameters
+from exodrake.diagnosis.problem import Detection
 from exodrake.diagnosis.result import NamedEffect
 from exodrake.diagnosis.search import kind_of
 
 if TYPE_CHECKING:
-    from exodrake.diagnosis.problem import Problem
-    from exodrake.diagnosis.trial import Trial
+    from exodrake.diagnosis.problem import Problem, Trial
 
 WINDOW = 10.0  # s, of one spectrum: resolves 0.1 Hz
 LOWEST, HIGHEST = 1.5, 15.0  # Hz, where a tremor lies: 6-12 Hz, displacement from 1-3.5 Hz (physics.md 4.D)
