@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
 from exodrake.data.case import Case, CaseLog, read_case, write_case
+from exodrake.data.formats import write_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import write_log
 
 
 def one_log(seed: int, rows: int = 20) -> Log:

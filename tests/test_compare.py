@@ -7,7 +7,7 @@ import pytest
 from command_line import run
 
 import exodrake as exo
-from exodrake.data.compare import compare
+from exodrake.data.plot import compare
 
 TIME = 0.02 * np.arange(100)
 

@@ -14,9 +14,9 @@ from scipy.io import loadmat, savemat
 
 from exodrake.cli.main import cli
 from exodrake.core.errors import InputError
-from exodrake.data.foreign.import_log import import_log
+from exodrake.data.formats import read_log, write_log
+from exodrake.data.import_log import import_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, write_log
 
 TABLE = 't,cell,pos,note\n0,1000,"[1.0, 90.0]",start\n20000,,"[2.0, 180.0]",go\n40000,3000,"[3.0, 270.0]",stop\n'
 MAP = {

@@ -16,11 +16,10 @@ from scipy.io import savemat
 from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
-from exodrake.data.foreign.import_log import import_all, import_log, import_recording, lag_of, low_passed
-from exodrake.data.foreign.mapping import Track, read_mapping
-from exodrake.data.foreign.tables import list_columns
+from exodrake.data.formats import read_log, write_log
+from exodrake.data.import_log import Track, import_all, import_log, import_recording, lag_of, low_passed, read_mapping
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, write_log
+from exodrake.data.tables import list_columns
 from exodrake.diagnosis.checks import check_case
 from exodrake.machines.robot_file import load_robot
 
@@ -146,19 +145,64 @@ def test_a_log_of_ours_in_mcap_is_listed_and_imported_by_its_headings(tmp_path):
     np.testing.assert_array_equal(mapped["force_x"], log["tension_AF"])
 
 
-def test_topics_of_another_program_that_cannot_be_decoded_are_listed_as_such(tmp_path):
+def json_mcap(path, messages, encoding="json"):
+    """An MCAP file of messages (topic, time [s], content), as Foxglove's tools write it."""
     stream = io.BytesIO()
-    writer = Writer(stream)
+    writer, channels = Writer(stream), {}
     writer.start(library="another program")
-    schema = writer.register_schema(name="Pose", encoding="jsonschema", data=b"{}")
-    channel = writer.register_channel(topic="/pose", message_encoding="json", schema_id=schema)
-    for n in range(7):
-        writer.add_message(channel, log_time=n, publish_time=n, data=b'{"x": 1.0}')
+    for topic, time, content in messages:
+        if topic not in channels:
+            schema = writer.register_schema(name=topic[1:], encoding="jsonschema", data=b"{}")
+            channels[topic] = writer.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
+        stamp = round(1e9 * time)
+        writer.add_message(channels[topic], log_time=stamp, publish_time=stamp, data=json.dumps(content).encode())
     writer.finish()
-    (tmp_path / "run.mcap").write_bytes(stream.getvalue())
+    path.write_bytes(stream.getvalue())
+
+
+def test_topics_that_cannot_be_decoded_are_listed_as_such(tmp_path):
+    json_mcap(tmp_path / "run.mcap", [("/pose", time, {"x": 1.0}) for time in TIME], encoding="protobuf")
     words = run("import", tmp_path / "run.mcap").output.split()
-    assert words[words.index("/pose") :][:6] == ["/pose", "Pose", "7", "cannot", "be", "decoded:"]
-    assert run("import", tmp_path / "run.mcap", "--out", tmp_path / "run.csv").exit_code == 2
+    assert words[words.index("/pose") :][:6] == ["/pose", "pose", str(N), "cannot", "be", "decoded:"]
+
+
+@pytest.mark.parametrize(
+    ("content", "fields"),
+    [
+        (lambda q: {"joint": {"q": q}}, ("joint.q[0]", "joint.q[1]")),
+        (lambda q: {"name": ["wrist", "elbow"], "position": q}, ("position[wrist]", "position[elbow]")),
+        (
+            lambda q: {"joints": [{"name": n, "position": v} for n, v in zip(("wrist", "elbow"), q)]},
+            ("joints[wrist].position", "joints[elbow].position"),
+        ),
+        (lambda q: {"wrist.pos": q[0], "elbow.pos": q[1]}, ("wrist.pos", "elbow.pos")),
+    ],
+    ids=["arrays", "names beside", "records with names", "keys with dots"],
+)
+def test_json_messages_of_mcap(tmp_path, content, fields):
+    """Arms are recorded in MCAP as JSON by a list, by joint states, by records of joints, or by LeRobot's keys."""
+    messages = [(topic, time, content(q.tolist())) for time, q in zip(TIME, Q) for topic in ("/state", "/command")]
+    json_mcap(tmp_path / "run.mcap", messages)
+    listed = "".join(run("import", tmp_path / "run.mcap").output.split())
+    assert all(field in listed for field in fields)
+    columns = {f"/state:{field}": {"name": name, "unit": "rad"} for field, name in zip(fields, NAMES)}
+    columns |= {f"/command:{fields[0]}": {"name": "angle_ref_wrist", "unit": "deg"}}
+    mapping = {"time": {"start": 0}, "columns": columns, "period": 0.02}
+    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", mapping)
+    check(log)
+    np.testing.assert_allclose(log["angle_ref_wrist"], np.radians(Q[:, 0]))
+
+
+def test_json_messages_have_foxgloves_stamp_and_are_refused_by_topic(tmp_path):
+    stamp = [{"timestamp": {"sec": 7, "nsec": round(1e9 * t)}, "q": q[0]} for t, q in zip(TIME[:40], Q)]
+    json_mcap(tmp_path / "run.mcap", [("/state", 5.0 + 0.1 * k, content) for k, content in enumerate(stamp)])
+    mapping = {"columns": {"/state:q": {"name": "angle_wrist", "unit": "rad"}}, "stamp": "header", "period": 0.02}
+    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", mapping)
+    np.testing.assert_allclose(log.time[[0, -1]], [7.0, 7.0 + TIME[-1]])
+    for key, said in (("/state:speed", "topic '/state' has no field 'speed'"), ("/state:timestamp", "is not a number")):
+        wrong = {**mapping, "columns": {key: {"name": "angle_wrist", "unit": "rad"}}}
+        with pytest.raises(InputError, match=re.escape(said)):
+            imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", wrong)
 
 
 def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from exodrake.core.errors import InputError
-from exodrake.data.log import Log
-from exodrake.data.log_file import read_log, regularise, write_log
+from exodrake.data.formats import read_log, write_log
+from exodrake.data.log import Log, regularise
 
 ENDINGS = (".csv", ".csv.gz", ".npz", ".parquet", ".mcap", ".mat")
 HEADING = "time [s],tension_ref_AF [N],tension_AF [N],stroke_AF [m]"

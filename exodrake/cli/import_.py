@@ -12,8 +12,7 @@ from exodrake.core.errors import InputError
 from exodrake.machines.library import machine_folders, machine_named, recorded_machines
 
 if TYPE_CHECKING:
-    from exodrake.data.foreign.import_log import Imported
-    from exodrake.data.foreign.mapping import Mapped
+    from exodrake.data.import_log import Imported, Mapped
 
 FILE = {"type": AnyPath(), "default": None, "metavar": "FILE"}
 MAPPING = "mapping.yaml"  # in the folder of a machine
@@ -37,9 +36,9 @@ def command(
 ) -> None:  # fmt: skip
     """Turn RECORDINGs into a log, or a case of several logs, in our names and SI; without --out list what they hold.
 
-    Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite) and LeRobot data
-    sets. A mapping file says which foreign column is which, in what unit; joint states of a bag, and actions and states
-    of a LeRobot data set, need none.
+    Text, MAT (structs, version 7.3 too), HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP, SQLite), MCAP with JSON
+    messages and LeRobot data sets. A mapping file says which foreign column is which, in what unit; joint states of a
+    bag, and actions and states of a LeRobot data set, need none.
 
     \b
     time: {column: timestamp, unit: us, start: 0}
@@ -72,14 +71,14 @@ def own_mapping(machine: str | None) -> Path | None:
 
 def mapping_of(file: Path | None) -> Mapped | None:
     """The content of a mapping file, if there is one."""
-    from exodrake.data.foreign.mapping import read_mapping
+    from exodrake.data.import_log import read_mapping
 
     return None if file is None else read_mapping(file)
 
 
 def imported_logs(recordings: tuple[Path, ...], mapped: Mapped | None, unit: str, episodes: str) -> dict[str, Imported]:
     """All logs of the recordings by name. InputError for two of one name."""
-    from exodrake.data.foreign.import_log import import_all
+    from exodrake.data.import_log import import_all
 
     try:
         chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
@@ -98,9 +97,8 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
     """Writes one log, or a case for a machine whose last log is held out, with their notes."""
     from exodrake.core.files import make_folder, write_bytes, write_folder
     from exodrake.data.case import FILE as CASE, Case, CaseLog, case_text, notes_name, notes_text
-    from exodrake.data.foreign.import_log import frame_period
-    from exodrake.data.formats import ending, format_of
-    from exodrake.data.log_file import log_bytes
+    from exodrake.data.formats import ending, format_of, log_bytes
+    from exodrake.data.import_log import frame_period
 
     if ending(out) or out.suffix:
         format_of(out)
@@ -147,22 +145,25 @@ def list_contents(recording: Path) -> None:
     from rich.markup import escape
 
     from exodrake.core.files import read_bytes
-    from exodrake.data.foreign import lerobot
-    from exodrake.data.foreign.import_log import refuse_folder
-    from exodrake.data.foreign.ros2 import is_bag, topics_of
-    from exodrake.data.foreign.tables import list_columns
+    from exodrake.data.import_log import refuse_folder
+    from exodrake.data.ros2 import is_bag, topics_of
+    from exodrake.data.tables import episodes, is_dataset, list_columns
     from exodrake.report.terminal import table
 
     console = Console(highlight=False)
     if is_bag(recording):
         rows = []
         for topic, (kind, count, fields) in topics_of(recording).items():
-            named = "cannot be decoded: no ROS 2 message with its definition" if fields is None else ", ".join(fields)
+            named = (
+                "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
+                if fields is None
+                else ", ".join(fields)
+            )
             rows.append((escape(topic), kind, str(count), escape(named)))
         console.print(table(("topic", "type", ">messages", "fields: column is TOPIC:FIELD"), rows, wrapped=3))
         return
-    if lerobot.is_dataset(recording):
-        name, columns = next(lerobot.episodes(recording))
+    if is_dataset(recording):
+        name, columns = next(episodes(recording))
         console.print(f"LeRobot data set, {name}")
     else:
         refuse_folder(recording)

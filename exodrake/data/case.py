@@ -24,7 +24,7 @@ case.yaml are refused. What was done to a log's signals before stands in `NAME.n
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, time
 from pathlib import Path
@@ -36,9 +36,8 @@ from exodrake.core.plain import plain
 from exodrake.core.schema import anything, listing, mapping, names, number, optional, refusal, shown, text
 from exodrake.core.text import short_repr
 from exodrake.core.yaml_file import dump_yaml, read_yaml
-from exodrake.data.formats import ending, stem
-from exodrake.data.log import MODEL, Log, check_columns
-from exodrake.data.log_file import log_bytes, read_table, regularise
+from exodrake.data.formats import ending, log_bytes, read_table, stem
+from exodrake.data.log import MODEL, Log, check_columns, regularise
 
 ROLES = ("fit", "holdout")
 PERIOD = 0.02  # s, frame of the nominal robot
@@ -127,10 +126,14 @@ class Case:
         Between sessions the robot may change, so these do not show the noise. Neither do held-out logs, which decide
         nothing but the closure.
         """
-        heads = {item.file: item.repeats for item in self.logs}
+        before = {item.file: item.repeats for item in self.logs}
         groups: dict[tuple[str, datetime | None], list[CaseLog]] = {}
         for item in self.fit_logs:
-            groups.setdefault((_head(item.file, heads), item.date), []).append(item)
+            chain = [item.file]
+            while (earlier := before.get(chain[-1])) is not None and earlier not in chain:
+                chain.append(earlier)
+            ring = chain[chain.index(earlier) :] if earlier in chain else chain[-1:]  # its first name in the alphabet
+            groups.setdefault((min(ring), item.date), []).append(item)
         return tuple(tuple(group) for group in groups.values() if len(group) > 1)
 
     def is_copy(self, item: CaseLog) -> bool:
@@ -146,39 +149,6 @@ def date_of(written: str) -> datetime | None:
     except ValueError:
         return None
     return found if found.tzinfo else found.replace(tzinfo=UTC)
-
-
-def _head(file: str, heads: dict[str, str | None]) -> str:
-    """The first log of the chain of repeats; a ring of repeats ends at its first name in the alphabet."""
-    seen = [file]
-    while (before := heads.get(seen[-1])) is not None:
-        if before in seen:
-            return min(seen[seen.index(before) :])
-        seen.append(before)
-    return seen[-1]
-
-
-def robot_logs(logs: Mapping[str, Log], folder: str) -> tuple[list[str], list[str]]:
-    """Logs of a folder that may be the robot's, by name, and a note on those left out; InputError if there are none."""
-    highest = max(log.simulated for log in logs.values())
-    wanted = highest if all(log.simulated for log in logs.values()) else 0
-    if wanted == MODEL:
-        raise InputError(
-            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
-            " robot; name a log itself to read it anyway"
-        )
-    left_out = [name for name, log in logs.items() if log.simulated != wanted]
-    notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
-    return [name for name in logs if name not in left_out], notes
-
-
-def simulated_notes(logs: Mapping[str, Log], folder: str) -> list[str]:
-    """A note on simulated logs of a case; InputError naming one that stands beside a measured one."""
-    marked: Sequence[str] = [name for name, log in logs.items() if log.simulated]
-    if marked and len(marked) < len(logs):
-        measured = next(name for name in logs if name not in marked)
-        raise InputError(f"{folder}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
-    return [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
 
 
 def moment(value: Any, where: str) -> datetime:
@@ -247,7 +217,15 @@ def find_logs(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
     if not files:
         raise InputError(f"{folder}: no case.yaml and no logs")
     tables = {name: read_table(folder / name) for name in files}
-    files, notes = robot_logs(tables, str(folder))
+    wanted = max(log.simulated for log in tables.values()) if all(log.simulated for log in tables.values()) else 0
+    if wanted == MODEL:
+        raise InputError(
+            f"{folder}: exodrake simulated all its logs with a robot as its file states it: they are the model, not the"
+            " robot; name a log itself to read it anyway"
+        )
+    left_out = [name for name in files if tables[name].simulated != wanted]
+    notes = [f"{', '.join(left_out)}: left out, simulated by exodrake and not a log of the robot"] if left_out else []
+    files = [name for name in files if name not in left_out]
     held_out = files[-1] if len(files) > 1 else None
     logs = [{"file": name, "role": "holdout" if name == held_out else "fit", "table": tables[name]} for name in files]
     roles = f"{len(files)} logs, held out: {held_out}, the others to fit" if held_out else "one log, to fit"
@@ -329,7 +307,11 @@ def read_case(
         notes += [fault.replace(str(path), file) for fault in faults]  # the answer holds them
         protocol, repeats = entry.get("protocol") or stem(file), repeats and _relative(repeats, place)
         logs.append(CaseLog(log, protocol, entry.get("role", "fit"), repeats, file, entry.get("date")))
-    notes += simulated_notes({item.file: item.log for item in logs}, name)
+    marked = [item.file for item in logs if item.log.simulated]
+    if marked and len(marked) < len(logs):
+        measured = next(item.file for item in logs if not item.log.simulated)
+        raise InputError(f"{name}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
+    notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
     return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
 
 

@@ -1,5 +1,7 @@
 """A log: time and named columns in SI. Measured and simulated alike.
 
+A fault of a recorded clock is mended by `regularise` where the answer is certain, and refused by name where it is not.
+
 A column's name is `kind_name`: `tension_AF` is the tension of tendon AF, `angle_PIP` the angle of joint PIP.
 The file's header says which tendons and joints there are. A missing sample is NaN.
 
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, argument
 from exodrake.core.units import KINDS, check_unit, default_unit, kind_of, to_si
 
 if TYPE_CHECKING:
@@ -29,6 +31,11 @@ MODEL, CHANGED = 1, 2  # robots by which exodrake simulated a log: as its file s
 LARGEST = 1e12  # in SI: beyond any signal of a robot, and the square of a sum of squares is still finite
 MAX_SAMPLES = 20_000_000  # assumed: an hour of 100 columns at 50 Hz
 MAX_COLUMNS = 20_000  # assumed: a hundred times the widest recording
+LONGEST = 100  # rows to fill per row recorded; beyond, a clock has jumped or its unit is wrong
+SMALLER = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}  # units that a clock may count in
+RATE = 3e-3  # by which a clock may run fast or slow: assumed; those of computers keep to a tenth of it
+STRETCH = 250  # rows over which a rate is measured; the shortest, so that jitter of a third of a frame is none
+EXACT = 1e-6  # s; frame times closer to the grid than this are on it (files often round time to microseconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +95,7 @@ class Log:
     def __repr__(self) -> str:
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         listed = ", ".join(self.kinds or self.columns)
-        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 80 else listed[:77] + '...'})"
+        return f"Log({self.label}: {len(self)} rows, {span}; {listed if len(listed) <= 60 else listed[:57] + '...'})"
 
     @property
     def label(self) -> str:
@@ -202,6 +209,11 @@ class Log:
         from exodrake.data.plot import plot_log  # matplotlib is heavy, and only a drawing needs it  # pyright: ignore
 
         return plot_log(self, *args, **options)
+
+    def _repr_html_(self) -> str:
+        from exodrake.data.plot import log_html  # pyright: ignore
+
+        return log_html(self)
 
 
 def check_clock(log: Log) -> None:
@@ -396,3 +408,123 @@ def check_size(samples: int, source: str) -> None:
     """InputError for a log that would fill the memory."""
     if samples > MAX_SAMPLES:
         raise InputError(f"{source}: {samples} samples, more than {MAX_SAMPLES}; cut it into several logs")
+
+
+def regularise(log: Log, period: float = 0.02) -> tuple[Log, list[str]]:
+    """One row per frame of `period` [s], and notes on what was changed (empty, and the same log, if nothing was).
+
+    Rows that repeat the one before, time included, are dropped. Frames that are absent become rows of NaN. Times off
+    the grid are set on it, since row n is frame n.
+
+    Raises:
+        InputError: naming the row, for a clock that steps backwards, the same time with other values, and rows that
+            come faster than the frame; naming the unit that a clock seems to have, and the frame that it seems to count
+            where that is another one.
+    """
+    if not (np.isfinite(period) and period > 0):
+        raise InputError(f"frame period {period!r} s: wanted a positive number")
+    table = np.column_stack([argument("log", log, Log).time, *log.signals.values()])
+    same = ((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))).all(axis=1)
+    wrong = np.flatnonzero(~(np.diff(log.time) > 0) & ~same)
+    if len(wrong):
+        row = int(wrong[0])
+        here, after = log.time[row], log.time[row + 1]
+        fault = (
+            f"the clock steps backwards by {here - after:.6g} s" if here != after else "the same time with other values"
+        )
+        raise InputError(f"{log.label}: at row {row + 2}, {after:g} s after {here:g} s: {fault}; cut the log there")
+    notes, single = [], log
+    if same.any():
+        single, row = log.rows(np.concatenate([[True], ~same])), int(np.flatnonzero(same)[0]) + 1
+        notes = [f"{log.label}: {same.sum()} repeated rows dropped, the first is row {row + 1} at {log.time[row]:g} s"]
+    frames = _frame_numbers(single, period)
+    found = other_rate(single.time, frames, period)
+    if found is not None:
+        apart = found[1] * float(np.median(np.diff(frames)))
+        raise InputError(
+            f"{log.label}: from {found[0]:g} s on its rows are {apart * 1e3:.4g} ms apart, no multiple of the frame of "
+            f"{period * 1e3:g} ms: its clock or the `period` is wrong; `exodrake import` puts another rate on frames"
+        )
+    if not len(single):
+        return single, notes
+    grid = single.time[0] + period * np.arange(frames[-1] + 1)
+    deviation = float(np.max(np.abs(single.time - grid[frames])))
+    if deviation > max(EXACT, period * 1e-3):
+        notes.append(
+            f"{log.label}: frame times up to {deviation * 1e3:.3g} ms off the {period * 1e3:g} ms grid, set on it"
+        )
+    if deviation <= EXACT:  # times that are on the grid keep their bits
+        grid[frames] = single.time
+    absent = len(grid) - len(single)
+    if not absent:
+        return single if deviation <= EXACT else Log(grid, single.signals, single.units, single.source), notes
+    gaps = np.diff(frames)
+    first = grid[frames[np.flatnonzero(gaps > 1)[0]] + 1]
+    notes.append(
+        f"{log.label}: {absent} missing frames, the first at {first:g} s (longest gap {gaps.max() - 1} frames), left "
+        "empty"
+    )
+    signals = {name: np.full(len(grid), np.nan) for name in single.signals}
+    for name, values in single.signals.items():
+        signals[name][frames] = values
+    return Log(grid, signals, single.units, single.source), notes
+
+
+def _frame_numbers(log: Log, period: float) -> np.ndarray:
+    """Frame number (n,) of each row, 0 first.
+
+    Steps are rounded one by one and not from the start, so that a clock 0.1 % fast does not lose a frame in a minute.
+    InputError for a clock most steps of which are so long that its unit is a smaller one than the second (the one in
+    which the median step is nearest to `period` [s], by ratio), for rows faster than frames, and for a jump.
+    """
+    gaps = np.diff(log.time)
+    middle = float(np.quantile(gaps, 0.5, method="lower")) if len(gaps) else 0.0
+    if middle > LONGEST * period:
+        unit = min(SMALLER, key=lambda unit: abs(np.log(to_si(middle, unit) / period)))
+        raise InputError(
+            f"{log.label}: column 'time' looks like {SMALLER[unit]}, not seconds: its rows are {middle:g} apart, a "
+            f"frame is {period:g} s; say 'time [{unit}]'"
+        )
+    steps = np.rint(gaps / period)
+    if (steps < 1).any():
+        at = int(np.argmax(steps < 1))
+        raise InputError(
+            f"{log.label}: two rows {gaps[at]:.3g} s apart at {log.time[at]:g} s, but a frame is {period:g} s"
+        )
+    if steps.sum() > LONGEST * (len(log) + LONGEST):
+        at = int(np.argmax(gaps))
+        raise InputError(
+            f"{log.label}: a gap of {gaps[at]:.6g} s at {log.time[at]:g} s is no missing frame; cut the log there"
+        )
+    return np.concatenate([[0], np.cumsum(steps.astype(int))]) if len(log) else np.zeros(0, dtype=int)
+
+
+def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[float, float] | None:
+    """Time from which a clock runs at another rate, and its frame there; None if it does not.
+
+    The rate is that of the straight line through some rows. It counts where it takes them half a frame away, beyond
+    which they lie at another frame.
+
+    Args:
+        time: (n,) of the rows [s], increasing.
+        frames: (n,) their frame numbers.
+        period: of a frame [s].
+    """
+    for rows in np.array_split(np.arange(len(time)), max(1, len(time) // STRETCH)):
+        span = float(frames[rows[-1]] - frames[rows[0]]) if len(rows) > 2 else 0.0
+        if span:
+            numbers = frames[rows] - frames[rows].mean()
+            off = float(numbers @ (time[rows] - time[rows].mean()) / (numbers @ numbers)) / period - 1.0
+            if abs(off) > RATE and abs(off) * span > 0.5:
+                return float(time[rows[0]]), period * (1.0 + off)
+    return None
+
+
+def frame_of(log: Log) -> float:
+    """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
+
+    InputError for a log of fewer than two rows.
+    """
+    step = log.dt
+    found = other_rate(log.time, np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / step))]), step)
+    return step if found is None else found[1]

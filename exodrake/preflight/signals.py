@@ -9,8 +9,8 @@ import numpy as np
 
 from exodrake.core.robot import Robot
 from exodrake.data.case import FILE, Case, find_logs, read_case_file
+from exodrake.data.formats import read_table
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_table
 from exodrake.diagnosis.checks.channels import longest_run
 from exodrake.diagnosis.checks.compare import Comparison
 from exodrake.diagnosis.checks.noise import LEAST_MOTION, fast_noise

@@ -15,8 +15,8 @@ from exodrake.core.machine import Machine
 from exodrake.core.robot import Robot
 from exodrake.core.signal import TENDONS
 from exodrake.core.units import quantity
+from exodrake.data.formats import read_log
 from exodrake.data.log import Log
-from exodrake.data.log_file import read_log
 from exodrake.machines.robot_file import robot_or_default
 from exodrake.simulation import protocols
 

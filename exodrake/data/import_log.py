@@ -1,30 +1,66 @@
 """A foreign recording as a log, by a mapping file or, of joint states, by their names.
 
-Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite) and LeRobot data sets. Columns are made
-continuous, filtered without phase, derived from others, and brought to one clock.
+Text, MAT, HDF5, JSON, NPY, NPZ, Parquet, ROS 2 bags (MCAP or SQLite), MCAP with JSON messages and LeRobot data sets.
+The mapping file says what the columns are called, and in which units, by us:
+
+    time: {column: timestamp, unit: us, start: 0}     # start [s]: shift the clock so that the first row has this time
+    columns:                                          # foreign column: ours; SI value is value * scale + offset
+      load_cell_1: {name: tension_AF, unit: mN, scale: 0.5, offset: -12}
+      "positions[0]": {name: position_shoulder, unit: deg}             # first number of a cell that holds a list
+      "/joint_states:position[MCP]": {name: angle_MCP, unit: rad}      # bag: topic, field, element by joint name
+    derived:              # of our columns; names and units are ours, in SI
+      angle_start_MCP: {of: angle_MCP, take: first}                     # its first sample, held
+      angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}           # derivative
+      twist: {of: angle_motor, minus: angle_MCP, scale: 0.5}            # difference of two
+    sync:                 # clocks that differ: move `columns` in time until `by` fits `with` best
+      - {columns: [angle_MCP], by: angle_MCP, with: angle_ref_MCP, within: 0.5}
+    period: 0.02          # s: put the rows on frames of this length; left out, they stay as recorded
+    hold: 1               # frames a sample stays valid for when none newer has come
+    separator: ";"        # of text, default ","; a blank stands for any white space
+    decimal: ","          # default "."
+    skip: 3               # lines before the heading, default 0
+    heading: false        # no heading: columns are called 0, 1, 2 ...
+    samples: columns      # of a matrix: a column for each sample; by default where there are as many as times
+    stamp: header         # bag: the message's own stamp, not the recorder's
+
+A column may further have `sign: -1`, `wrap: 360` (a reading that starts again after so much, in the foreign unit, is
+made continuous) and `filter: 10` (zero-phase low-pass, cut-off in Hz). What it changes is noted beside the log.
+
+With `time: {period: 0.02}` instead of a column, row n starts at n times the period.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from exodrake.core.errors import InputError
+from exodrake.core.errors import InputError, nearest
 from exodrake.core.files import is_folder, read_bytes
+from exodrake.core.schema import flag, inside, listing, mapping, names, number, optional, refusal, text, whole
 from exodrake.core.text import plural
-from exodrake.core.units import si_unit, to_si
-from exodrake.data.foreign import lerobot
-from exodrake.data.foreign.mapping import Column, Derived, Mapped, Sync, Track, read_mapping
-from exodrake.data.foreign.ros2 import default_mapping, is_bag, read_bag
-from exodrake.data.foreign.tables import read_columns, slashed
-from exodrake.data.formats import ending, stem
-from exodrake.data.log import Log, check_clock, check_columns, heading, log_from_columns
-from exodrake.data.log_file import LONGEST, frame_of, other_rate, read_log
+from exodrake.core.units import check_unit, si_unit, to_si
+from exodrake.core.yaml_file import read_yaml
+from exodrake.data.formats import ending, read_log, stem
+from exodrake.data.log import (
+    LONGEST,
+    Log,
+    check_clock,
+    check_columns,
+    frame_of,
+    heading,
+    log_from_columns,
+    other_rate,
+    refuse_doubled,
+)  # fmt: skip
+from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, topics_of
+from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, slashed
 
-PERIOD = 0.02  # s, frames of a bag whose mapping states none
+BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
 ALIKE = 0.1  # relative difference of a frame and a recording's step up to which it has one sample a frame: assumed
 ORDER = 4  # of the Butterworth filter, run forwards and backwards
 LEAST = 0.3  # correlation below which two signals tell no delay: assumed
@@ -32,6 +68,190 @@ JITTER = 0.05  # of a step by which a clock may vary for a filter: assumed
 FINEST = 200_000  # samples on which two signals are compared
 RATES = {"rad": "rad/s", "m": "m/s", "N": "N/s", "rad/s": "rad/s2", "m/s": "m/s2", "s": "-"}
 ROUNDED = 1e-3  # of a frame: POSIX times as floats are rounded to a quarter of a microsecond
+
+COMMAND, MEASURED = "action", "observation.state"  # of a LeRobot data set
+COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
+KINDS = {"position": "angle", "velocity": "angle_speed", "effort": "effort"}
+UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a sliding joint is another matter
+LARGEST, SHORTEST = 1e300, 1e-9  # of a finite number; s, a tick of the finest recorder
+
+
+def column_name(value: Any, where: str) -> str:
+    """A foreign column's name, or its number in a table without heading."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else text()(value, where)
+
+
+FINITE = number(low=-LARGEST, high=LARGEST)
+POSITIVE = number(above=0.0, high=LARGEST)
+STEP = number(low=SHORTEST, high=LARGEST, unit="s")
+CHANGES = {"scale": FINITE, "offset": FINITE, "filter": POSITIVE}
+COLUMN = {"name": text(), "unit": text(), "sign": FINITE, "wrap": POSITIVE} | CHANGES
+DERIVED = {"of": text(), "take": text(("first", "rate")), "minus": text(), "unit": text()} | CHANGES
+SYNC = {"columns": listing(text(), least=1), "by": text(), "with": text(), "within": STEP}
+TIME_KEYS = {"column": optional(column_name), "unit": text(), "start": optional(FINITE), "period": optional(STEP)}
+PLAIN = {
+    "hold": whole(), "separator": text(length=1), "decimal": text(length=1), "skip": whole(), "heading": flag,
+    "samples": text(("rows", "columns")), "stamp": text(("log", "header")),
+}  # fmt: skip
+SCHEMA = mapping(
+    {
+        "time": optional(mapping(TIME_KEYS)),
+        "columns": names(mapping(COLUMN, required=("name", "unit")), least=1),
+        "derived": optional(names(mapping(DERIVED, required=("of",)))),
+        "sync": optional(listing(mapping(SYNC, required=tuple(SYNC)))),
+        "period": optional(STEP),
+        **PLAIN,
+    },
+    required=("columns",),
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A foreign column and the log column that it becomes: sign (value * scale + offset), converted from its unit.
+
+    Attributes:
+        foreign: name of the foreign column.
+        name: name of the log column.
+        unit: foreign unit.
+        scale: factor on the value.
+        offset: added after the factor [foreign unit].
+        sign: 1 or -1.
+        wrap: value at which readings start again [foreign unit]; None if they do not.
+        filter: cut-off of a zero-phase low-pass [Hz]; None for none.
+    """
+
+    foreign: str
+    name: str
+    unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    sign: float = 1.0
+    wrap: float | None = None
+    filter: float | None = None
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A column made from one of ours: (take(of) - minus) scale + offset [SI], low-passed at `filter` [Hz]."""
+
+    name: str
+    of: str
+    take: str = ""
+    minus: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    filter: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Sync:
+    """Columns that are moved in time, at most `within` [s], until column `by` of them correlates best with `to`."""
+
+    columns: tuple[str, ...]
+    by: str
+    to: str
+    within: float
+
+
+@dataclass(frozen=True)
+class Mapped(TextLayout):
+    """Content of a mapping file.
+
+    Attributes:
+        columns: foreign columns and the log columns that they become.
+        time: foreign column of the time; None where `time_period` counts rows.
+        time_unit: foreign unit of the time.
+        time_period: time between two rows [s]; None where there is a column of the time.
+        start: time at which the log starts [s]; None: as recorded.
+        period: frame period of the log [s]; None leaves rows as recorded.
+        hold: frames for which a sample stays valid.
+        stamp: time of the messages of a bag: "log" (recorder) or "header" (message).
+        samples: "rows" or "columns" of a matrix; None: by its shape.
+        derived: columns made from others.
+        sync: columns that are moved in time.
+    """
+
+    columns: tuple[Column, ...]
+    time: str | None = None
+    time_unit: str = "s"
+    time_period: float | None = None
+    start: float | None = None
+    period: float | None = None
+    hold: int = 1
+    stamp: str = "log"
+    samples: str | None = None
+    derived: tuple[Derived, ...] = ()
+    sync: tuple[Sync, ...] = ()
+
+    @property
+    def foreign(self) -> list[str]:
+        """Foreign columns that must be there."""
+        return [*(column.foreign for column in self.columns), *([self.time] if self.time is not None else [])]
+
+
+def read_mapping(path: str | Path) -> Mapped:
+    """Reads and checks a mapping file; InputError names file and key."""
+    content = SCHEMA(read_yaml(path), str(path))
+    time = content.get("time") or {}
+    check_unit("time", time.get("unit", "s"), f"{path}, 'time'")
+    columns = _columns(content["columns"], f"{path}, 'columns'")
+    derived = _derived(content.get("derived") or {}, columns, f"{path}, 'derived'")
+    known, syncs = [column.name for column in columns], []
+    for item in content.get("sync") or ():
+        where = f"{path}, 'sync'"
+        for name in (*item["columns"], item["by"], item["with"]):
+            if name not in known:
+                raise refusal(where, f"{name!r} is no column{nearest(name, known)}")
+        if item["by"] not in item["columns"] or item["with"] in item["columns"]:
+            raise refusal(where, "`by` is one of the columns that are moved, and `with` is none of them")
+        syncs.append(Sync(tuple(item["columns"]), item["by"], item["with"], item["within"]))
+    return Mapped(
+        columns=columns,
+        time=time.get("column"),
+        time_unit=time.get("unit", "s"),
+        time_period=time.get("period"),
+        start=time.get("start"),
+        period=content.get("period"),
+        derived=derived,
+        sync=tuple(syncs),
+        **{key: content[key] for key in PLAIN if key in content},
+    )
+
+
+def _columns(content: dict[str, dict[str, Any]], where: str) -> tuple[Column, ...]:
+    """The columns; refuses a unit that does not suit its column, and a name that comes twice."""
+    columns = []
+    for foreign, item in content.items():
+        name = item["name"].strip()
+        if not name or not item["unit"].strip():
+            raise refusal(inside(where, foreign), f"key {'unit' if name else 'name'!r} is missing")
+        check_unit(name, item["unit"], inside(where, foreign))
+        if abs(item.get("sign", 1.0)) != 1.0:
+            raise refusal(inside(inside(where, foreign), "sign"), f"wanted 1 or -1, found {item['sign']:g}")
+        columns.append(Column(foreign, **{**item, "name": name}))
+    taken = [column.name for column in columns]
+    for name in taken:
+        if taken.count(name) > 1 or name == "time":
+            raise InputError(f"{where}: {name!r} is the name of more than one column")
+    return tuple(columns)
+
+
+def _derived(content: dict[str, dict[str, Any]], columns: tuple[Column, ...], where: str) -> tuple[Derived, ...]:
+    """The derived columns, in order; refuses one of a column that comes later or is not there, and a doubled name."""
+    known, found = [column.name for column in columns], []
+    for name, item in content.items():
+        for key in ("of", "minus"):
+            if item.get(key, known[0]) not in known:
+                raise refusal(inside(where, name), f"{item[key]!r} is no column above it{nearest(item[key], known)}")
+        if name in known or name == "time":
+            raise refusal(inside(where, name), "is the name of another column")
+        if item.get("unit"):
+            check_unit(name, item["unit"], inside(where, name))
+        known.append(name)
+        found.append(Derived(name, **item))
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +276,8 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
     """`import_log` by a mapping that is read already, with notes."""
     if is_bag(file):
         tracks = read_bag(file, [column.foreign for column in mapped.columns], mapped.stamp)
-        mapped = replace(mapped, period=mapped.period or PERIOD)  # topics have clocks of their own
-        tracks, notes = in_order(tracks, mapped.period or PERIOD, str(file))
+        mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
+        tracks, notes = in_order(tracks, mapped.period or BAG_PERIOD, str(file))
     else:
         tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
     return imported(tracks, mapped, str(file), notes)
@@ -77,10 +297,10 @@ def import_all(
     Raises:
         InputError: as `import_log`, and for a recording that needs a mapping.
     """
-    if lerobot.is_dataset(path):
-        mapped = mapped or lerobot.default_mapping(path, unit)
+    if is_dataset(path):
+        mapped = mapped or default_dataset_mapping(path, unit)
         found = {}
-        for number, (name, columns) in enumerate(lerobot.episodes(path)):
+        for number, (name, columns) in enumerate(episodes(path)):
             if number in chosen or not chosen:
                 where = f"{path}, {name}"
                 tracks, notes = _one_clock(columns, mapped, where)
@@ -95,7 +315,7 @@ def import_all(
         return {stem(path): Imported(read_log(path), ())}
     if mapped is None and not is_bag(path):
         raise InputError(f"{path}: wanted --map FILE; without --out, import lists the columns")
-    return {stem(path): import_recording(path, mapped or default_mapping(path))}
+    return {stem(path): import_recording(path, mapped or default_bag_mapping(path))}
 
 
 def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> float:
@@ -461,3 +681,72 @@ def note_of(column: Column | Derived) -> str | None:
     if column.filter is not None:
         done.append(f"low-passed at {column.filter:g} Hz without phase, so its fast noise is not the sensor's")
     return f"{column.name}: {', '.join(done)}" if done else None
+
+
+def default_bag_mapping(path: str | Path) -> Mapped:
+    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
+
+    Raises:
+        InputError: for a bag without joint states.
+    """
+    columns: dict[str, Column] = {}
+    for topic, (kind, _, fields) in topics_of(path).items():
+        if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
+            continue
+        commanded = any(word in topic.lower() for word in COMMANDS)
+        for field in fields or ():
+            what, _, joint = field.rstrip("]").partition("[")
+            ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
+            found = Column(f"{topic}:{field}", ours, UNITS[what])
+            if (other := columns.setdefault(ours, found)) is not found:
+                raise InputError(
+                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
+                    "one of them"
+                )
+    if not columns:
+        raise InputError(
+            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
+        )
+    starts = tuple(
+        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
+        for name in columns
+        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
+    )
+    first = next(iter(columns.values())).foreign
+    steps = np.diff(read_bag(path, [first], "header")[first].time)
+    period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
+    return Mapped(tuple(columns.values()), start=0.0, stamp="header", derived=starts, period=period)
+
+
+def default_dataset_mapping(path: Path, unit: str) -> Mapped:
+    """Actions as commands and states as angles of a LeRobot data set, in a unit that it does not state.
+
+    Raises:
+        InputError: without a unit, or for a data set whose actions and states are not the same joints.
+    """
+    info = read_info(path)
+    if not unit:
+        raise InputError(f"{path}: a LeRobot data set states no unit of its joints; --unit deg, for instance")
+    command, measured = element_names(info, COMMAND), element_names(info, MEASURED)
+    if not command or command != measured:
+        raise InputError(f"{path}: {COMMAND} and {MEASURED} do not name the same joints; write a mapping file")
+    joints = [joint_name(name) for name in command]
+    refuse_doubled(joints, f"{path}: joints of {COMMAND}")
+    columns = tuple(
+        Column(f"{foreign}[{name}]", f"{kind}_{joint}", unit)
+        for name, joint in zip(command, joints)
+        for foreign, kind in ((COMMAND, "angle_ref"), (MEASURED, "angle"))
+    )
+    starts = tuple(Derived(f"angle_start_{joint}", f"angle_{joint}", take="first") for joint in joints)
+    return Mapped(columns, time=TIME, start=0.0, period=1.0 / float(info["fps"]), derived=starts)
+
+
+def joint_name(name: str) -> str:
+    """`shoulder_pan.pos` as a channel: `shoulderPan`."""
+    bare = name
+    for suffix in (".pos", "_pos", ".position"):
+        bare = bare.removesuffix(suffix)
+    words = [word for word in re.split("[-._]", bare) if word]
+    if not words:
+        raise InputError(f"{name!r} is no name of a joint; write a mapping file")
+    return words[0] + "".join(word[0].upper() + word[1:] for word in words[1:])

@@ -1,8 +1,8 @@
-"""ROS 2 bags, in MCAP or SQLite storage: any numeric field of a message. Needs the extra `mcap`.
+"""Messages of topics: ROS 2 bags in MCAP or SQLite storage, and MCAP with JSON messages. Needs the extra `mcap`.
 
 A column is `TOPIC:FIELD`: `/joint_states:position[MCP]` (the element whose `name` is MCP), `/joint_states:effort[0]`,
-`/wrench:wrench.force.z`, `/speed_command:data`. Definitions of messages come from the bag; older SQLite bags hold none,
-and only the common types of `definitions` can be read from them.
+`/wrench:wrench.force.z`, `/speed_command:data`; a field of JSON stands by the same rules. Definitions of ROS messages
+come from the bag; older SQLite bags hold none, and only the common types of `DEFINITIONS` can be read from them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from __future__ import annotations
 import io
 import re
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,64 +20,36 @@ import numpy as np
 from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
-from exodrake.data.foreign.lerobot import joint_name
-from exodrake.data.foreign.mapping import Column, Derived, Mapped, Track
+from exodrake.core.json_file import parse_json
 from exodrake.data.formats.mcap import is_log
-
-SEPARATOR = "=" * 80
-TIME = """MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-HEADER = f"""MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{SEPARATOR}
-{TIME}"""
-DEFINITIONS = {
-    "sensor_msgs/msg/JointState": f"""std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{SEPARATOR}
-{HEADER}""",
-    "geometry_msgs/msg/WrenchStamped": f"""std_msgs/Header header
-geometry_msgs/Wrench wrench
-{SEPARATOR}
-MSG: geometry_msgs/Wrench
-geometry_msgs/Vector3 force
-geometry_msgs/Vector3 torque
-{SEPARATOR}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-{SEPARATOR}
-{HEADER}""",
-    "std_msgs/msg/Float64": "float64 data\n",
-    "std_msgs/msg/Float32": "float32 data\n",
-    "std_msgs/msg/Float64MultiArray": f"""std_msgs/MultiArrayLayout layout
-float64[] data
-{SEPARATOR}
-MSG: std_msgs/MultiArrayLayout
-std_msgs/MultiArrayDimension[] dim
-uint32 data_offset
-{SEPARATOR}
-MSG: std_msgs/MultiArrayDimension
-string label
-uint32 size
-uint32 stride
-""",
-}
-
 
 MCAP, SQLITE = ".mcap", ".db3"
 STATE = "sensor_msgs/msg/JointState"
-COMMANDS = ("command", "cmd", "desired", "reference", "target", "goal", "setpoint")  # in the name of a topic
-KINDS = {"position": "angle", "velocity": "angle_speed", "effort": "effort"}
+PART = f"{'=' * 80}\nMSG: "
+HEADER = (
+    f"{PART}std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    f"{PART}builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
+DEFINITIONS = {
+    STATE: f"std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n{HEADER}",
+    "geometry_msgs/msg/WrenchStamped": "std_msgs/Header header\ngeometry_msgs/Wrench wrench\n"
+    f"{PART}geometry_msgs/Wrench\ngeometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"
+    f"{PART}geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n{HEADER}",
+    "std_msgs/msg/Float64": "float64 data\n",
+    "std_msgs/msg/Float32": "float32 data\n",
+    "std_msgs/msg/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n"
+    f"{PART}std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n"
+    f"{PART}std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint32 stride\n",
+}
 Topic = tuple[str, int, list[str] | None]  # type, number of messages, fields; None: they cannot be decoded
-UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # REP 103; a sliding joint is another matter
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A foreign column with a clock of its own: time (n,) [s], values (n,) in the foreign unit."""
+
+    time: np.ndarray
+    values: np.ndarray
 
 
 def is_bag(path: str | Path) -> bool:
@@ -86,18 +59,17 @@ def is_bag(path: str | Path) -> bool:
 
 def bag_files(path: str | Path) -> list[Path]:
     """Files of a bag, in order: `bag_10` after `bag_9`."""
+
+    def by_number(file: Path) -> list[tuple[int, str]]:
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]{1,18})", file.name)]
+
     files = sorted(Path(path).iterdir(), key=by_number) if is_folder(path) else [Path(path)]
     return [file for file in files if file.name.lower().endswith((MCAP, SQLITE)) and not is_log(file)]
 
 
-def by_number(file: Path) -> list[tuple[int, str]]:
-    """Sorting key of a file's name, whose digits count as numbers."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"([0-9]{1,18})", file.name)]
-
-
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
     """Column -> samples with their times [s] of a bag; a bag of several files as one."""
-    parts = [called(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
+    parts = [_call(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
     for column in columns:
         if not any(len(part[column].time) for part in parts):
             raise InputError(
@@ -116,48 +88,13 @@ def topics_of(path: str | Path) -> dict[str, Topic]:
     """
     found: dict[str, Topic] = {}
     for file in bag_files(path):
-        for topic, (kind, count, fields) in called(list_topics, file).items():
+        for topic, (kind, count, fields) in _call(list_topics, file).items():
             before = found.get(topic, (kind, 0, fields))
             found[topic] = kind, before[1] + count, before[2] or fields
     return found
 
 
-def default_mapping(path: str | Path) -> Mapped:
-    """Joint states by their names: positions as angles, or as commands where the topic's name says so.
-
-    Raises:
-        InputError: for a bag without joint states.
-    """
-    columns: dict[str, Column] = {}
-    for topic, (kind, _, fields) in topics_of(path).items():
-        if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
-            continue
-        commanded = any(word in topic.lower() for word in COMMANDS)
-        for field in fields or ():
-            what, _, joint = field.rstrip("]").partition("[")
-            ours = f"{KINDS[what]}{'_ref' if commanded and what != 'velocity' else ''}_{joint_name(joint)}"
-            found = Column(f"{topic}:{field}", ours, UNITS[what])
-            if (other := columns.setdefault(ours, found)) is not found:
-                raise InputError(
-                    f"{path}: {other.foreign!r} and {found.foreign!r} are both {ours}; write a mapping file that takes "
-                    "one of them"
-                )
-    if not columns:
-        raise InputError(
-            f"{path}: no topic of {STATE} with positions; write a mapping file (import without --out lists)"
-        )
-    starts = tuple(
-        Derived(name.replace("angle_", "angle_start_", 1), name, take="first")
-        for name in columns
-        if name.startswith("angle_") and not name.startswith(("angle_ref_", "angle_speed_"))
-    )
-    first = next(iter(columns.values())).foreign
-    steps = np.diff(read_bag(path, [first], "header")[first].time)
-    period = float(f"{np.median(steps):.3g}") if len(steps) and np.median(steps) > 0.0 else None
-    return Mapped(tuple(columns.values()), start=0.0, stamp="header", derived=starts, period=period)
-
-
-def called(function: Any, file: Path, *arguments: Any) -> Any:
+def _call(function: Callable[..., Any], file: Path, *arguments: Any) -> Any:
     """A reader's answer from the child process."""
     data = read_bytes(file)
     return in_child(function, data, str(file), *arguments, source=str(file), size=len(data))
@@ -166,7 +103,7 @@ def called(function: Any, file: Path, *arguments: Any) -> Any:
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
     """Column -> samples with their times [s]; stamp `log` is the recorder's time, `header` the message's own.
 
-    InputError names the topic or field that is not there; a damaged bag; IDL definitions, which the reader lacks.
+    InputError names the topic or field that is not there; a damaged bag; a message that cannot be decoded.
     """
     wanted: dict[str, list[str]] = {}
     for column in columns:
@@ -176,9 +113,15 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
         wanted.setdefault(topic, []).append(field)
     samples: dict[str, tuple[list[float], list[float]]] = {column: ([], []) for column in columns}
     for topic, _, message, log_time in messages(data, source, set(wanted)):
-        time = _stamp(message, topic, source) if stamp == "header" else log_time * 1e-9
+        where, time = f"{source}: topic {topic!r}", log_time * 1e-9
+        if stamp == "header":
+            own = _get(_get(message, "header"), "stamp") or _get(message, "timestamp")  # of ROS, of Foxglove's JSON
+            sec, nanosec = _get(own, "sec"), _get(own, "nanosec", _get(own, "nsec", 0))
+            if not isinstance(sec, int | float) or not isinstance(nanosec, int | float):
+                raise InputError(f"{where} has no header stamp; leave `stamp: header` out")
+            time = sec + nanosec * 1e-9
         for field in wanted[topic]:
-            value = _field(message, field, f"{source}: topic {topic!r}")
+            value = _field(message, field, where)
             if value is not None:
                 times, values = samples[f"{topic}:{field}"]
                 times.append(time)
@@ -191,31 +134,40 @@ def list_topics(data: bytes, source: str) -> dict[str, Topic]:
     found: dict[str, Topic] = {}
     for topic, kind, message, _ in messages(data, source, None):
         _, count, fields = found.get(topic, (kind, 0, None))
-        found[topic] = kind, count + 1, fields_of(message) if fields is None and message is not None else fields
+        found[topic] = kind, count + 1, numeric_fields(message) if fields is None and message is not None else fields
     return found
 
 
-def fields_of(message: Any, path: str = "") -> list[str]:
-    """Numeric fields of a message, elements by its `name` list where it has one."""
+def _get(message: Any, name: str, default: Any = None) -> Any:
+    """A field of a message, which is an object of ROS or a mapping of JSON."""
+    return message.get(name, default) if isinstance(message, Mapping) else getattr(message, name, default)
+
+
+def _labels(owner: Any, values: Any) -> list[str]:
+    """What a message calls the elements of one of its lists: by their own `name`, or by a list of names beside it."""
+    if isinstance(values, list | tuple) and values and all(isinstance(_get(one, "name"), str) for one in values):
+        return [_get(one, "name") for one in values]
+    names = next(filter(None, (_get(owner, key) for key in ("name", "joint_names", "names"))), [])
+    return [str(name) for name in names] if isinstance(names, list | tuple) else []
+
+
+def numeric_fields(message: Any, path: str = "") -> list[str]:
+    """Numeric fields of a message, elements of lists by their labels where they have such."""
+    if isinstance(message, bool | int | float):
+        return [path]
+    if isinstance(message, str | bytes) or message is None:
+        return []
+    if hasattr(message, "__len__") and not isinstance(message, Mapping):
+        return [field for k, one in enumerate(message) for field in numeric_fields(one, f"{path}[{k}]")]
     found: list[str] = []
-    for name in getattr(message, "__slots__", None) or vars(message):
-        value = getattr(message, name)
-        here = f"{path}.{name}" if path else name
-        if isinstance(value, bool | int | float):
-            found.append(here)
-        elif hasattr(value, "__len__") and not isinstance(value, str | bytes):
-            names = list(getattr(message, "name", [])) or list(getattr(message, "joint_names", []))
-            labels = [f"{here}[{names[k] if len(names) == len(value) else k}]" for k in range(len(value))]
-            for label, one in zip(labels, value, strict=True):
-                found += [label] if isinstance(one, int | float) else fields_of(one, label) if has_fields(one) else []
-        elif not isinstance(value, str | bytes) and name != "header":
-            found += fields_of(value, here)
+    for name in message if isinstance(message, Mapping) else getattr(message, "__slots__", None) or vars(message):
+        value, here = _get(message, name), f"{path}.{name}" if path else name
+        labels = _labels(message, value)
+        if isinstance(value, list | tuple) and labels and len(value) == len(labels):
+            found += [field for label, one in zip(labels, value) for field in numeric_fields(one, f"{here}[{label}]")]
+        elif name != "header":
+            found += numeric_fields(value, here)
     return found
-
-
-def has_fields(value: Any) -> bool:
-    """Whether a value is a message."""
-    return hasattr(value, "__slots__") or hasattr(value, "__dict__")
 
 
 def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
@@ -224,10 +176,8 @@ def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tupl
     Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
     """
     try:
-        if source.lower().endswith(SQLITE):
-            yield from sqlite_messages(data, source, topics)
-        else:
-            yield from mcap_messages(data, source, topics)
+        read = sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages
+        yield from read(data, source, topics)
     except InputError:
         raise
     except ImportError:
@@ -254,10 +204,16 @@ def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator
     counted = {channel for channel, found in numbers.items() if len(set(found)) == len(found)}
     stored.sort(key=lambda item: item[2].sequence if item[1].id in counted else 0)
     for schema, channel, raw in stored:
-        decode = factory.decoder_for(channel.message_encoding, schema)
-        if decode is None and topics:
-            raise InputError(f"{source}: topic {channel.topic!r} is no ROS 2 message that can be decoded")
-        yield channel.topic, schema.name if schema else "", decode(raw.data) if decode else None, raw.log_time
+        where = f"{source}: topic {channel.topic!r}"
+        if channel.message_encoding == "json":
+            message = parse_json(raw.data, where)
+        elif decode := factory.decoder_for(channel.message_encoding, schema):
+            message = decode(raw.data)
+        elif topics:
+            raise InputError(f"{where}: {channel.message_encoding!r} is read neither as a ROS 2 message nor as JSON")
+        else:
+            message = None
+        yield channel.topic, schema.name if schema else channel.message_encoding, message, raw.log_time
 
 
 def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
@@ -287,14 +243,15 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
 
 def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
-    value = message
-    for part in path.split("."):
-        name, bracket, index = part.partition("[")
-        if not hasattr(value, name):
+    whole = isinstance(message, Mapping) and path in message  # keys of JSON may hold dots
+    value = message[path] if whole else message
+    for part in [] if whole else re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path):
+        name, *indices = part.replace("]", "").split("[")
+        if name and _get(value, name, _get) is _get:
             raise InputError(f"{where} has no field {path!r}")
-        owner, value = value, getattr(value, name)
-        if bracket:
-            value = _element(owner, value, index.rstrip("]"), where, path)
+        owner, value = value, _get(value, name) if name else value
+        for index in indices:
+            value = _element(owner, value, index, where, path)
     try:
         return None if value is None else float(value)
     except (TypeError, ValueError):
@@ -302,22 +259,14 @@ def _field(message: Any, path: str, where: str) -> float | None:
 
 
 def _element(owner: Any, values: Any, index: str, where: str, path: str) -> Any:
-    """An element by its number, or by the message's own `name` list.
+    """An element by its number or label; None if this message lacks it, as do those of another publisher on the topic.
 
-    None if this message lacks it, as do those of another publisher on the topic. InputError for a name that the list
-    holds twice.
+    InputError for a label that comes twice.
     """
-    names = list(getattr(owner, "name", []))
+    names = _labels(owner, values)
     if names.count(index) > 1:
         raise InputError(f"{where}: field {path!r}: a message names {index!r} twice")
     position = names.index(index) if index in names else int(index) if index.isdecimal() and len(index) < 10 else None
     if position is None and not names:
         raise InputError(f"{where}: field {path!r}: no element {index!r}")
-    return None if position is None or position >= len(values) else values[position]
-
-
-def _stamp(message: Any, topic: str, source: str) -> float:
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        raise InputError(f"{source}: topic {topic!r} has no header stamp; leave `stamp: header` out")
-    return stamp.sec + stamp.nanosec * 1e-9
+    return None if position is None or values is None or position >= len(values) else values[position]
