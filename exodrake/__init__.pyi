@@ -28,7 +28,6 @@ from exodrake.grasping.plan import plan_grasp as plan_grasp
 from exodrake.grasping.run import posture_controller as posture_controller
 from exodrake.identification.statics import find_maximum_tension as find_maximum_tension
 from exodrake.machines.robot_file import load_robot as load_robot, write_robot as write_robot
-from exodrake.simulation.diagram_log import diagram_log as diagram_log
 from exodrake.simulation.protocols import (
     chirp as chirp,
     grasp as grasp,
@@ -41,7 +40,12 @@ from exodrake.simulation.protocols import (
     sweeps as sweeps,
 )
 from exodrake.simulation.references import from_log as from_log, protocol as protocol
-from exodrake.simulation.simulate import Recording as Recording, record as record, simulate as simulate
+from exodrake.simulation.simulate import (
+    Recording as Recording,
+    diagram_log as diagram_log,
+    record as record,
+    simulate as simulate,
+)
 from exodrake.systems.admittance_controller import AdmittanceController as AdmittanceController
 from exodrake.systems.bus import Bus as Bus
 from exodrake.systems.encoder import Encoder as Encoder

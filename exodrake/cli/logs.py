@@ -73,7 +73,7 @@ def export_log(log: Path, out: Path, start: float | None, end: float | None) -> 
               help="Figure to write.")  # fmt: skip
 @click.option("--json", "json_file", type=AnyPath(), default=None, help="File for all numbers, in SI.")
 def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Path | None) -> None:
-    """Overlay logs A and B, and print RMS, mean and largest difference of each signal that both have.
+    """Overlay logs A and B, draw B less A below, and print RMS, mean and largest difference of each common signal.
 
     A and B are log files, or folders that `exodrake simulate` wrote. Where the clocks differ, B is read between its
     samples. The robot gives labels, units and colours.
@@ -90,7 +90,9 @@ def compare_logs(first: Path, second: Path, robot: str, out: Path, json_file: Pa
     machine = load_robot(robot).machine
     one, other = (read_log(log_in(path)) for path in (first, second))
     found = compare(one, other)
-    figure = one.plot("", other, found.names, machine=machine, remarks=remarks(found, one, machine))
+    names = (first.name, second.name) if first.name != second.name else found.names
+    said = remarks(found, one, machine)
+    figure = one.plot(" and ".join(names), other, names, machine=machine, remarks=said, difference=True)
     write_bytes(out, png_of(figure))
     if json_file:
         save(found, json_file)
