@@ -17,7 +17,7 @@ from exodrake.core.errors import InputError
 from exodrake.core.units import default_unit
 from exodrake.data.case import read_case
 from exodrake.data.formats import read_log, write_log
-from exodrake.data.import_log import Track, import_all, import_log, import_recording, lag_of, low_passed, read_mapping
+from exodrake.data.import_log import Track, find_lag, import_all, import_log, import_recording, low_pass, read_mapping
 from exodrake.data.log import Log
 from exodrake.data.tables import list_columns
 from exodrake.diagnosis.checks import check_case
@@ -271,14 +271,14 @@ def test_a_zero_phase_filter_halves_the_amplitude_at_its_cut_off_and_delays_noth
     middle = slice(2000, 6000)
     for frequency, gain in ((1.0, 1.0), (cutoff, 0.5), (100.0, 0.0)):
         wave = np.sin(2 * np.pi * frequency * time)
-        passed = low_passed(time, wave, cutoff, "x")
+        passed = low_pass(time, wave, cutoff, "x")
         np.testing.assert_allclose(passed[middle], gain * wave[middle], atol=1e-3)
     holed = np.where(np.arange(8000) % 100 == 7, np.nan, np.sin(2 * np.pi * time))
-    np.testing.assert_array_equal(np.isnan(low_passed(time, holed, cutoff, "x")), np.isnan(holed))
+    np.testing.assert_array_equal(np.isnan(low_pass(time, holed, cutoff, "x")), np.isnan(holed))
     for bad, word in ((600.0, "half the sampling rate"), (10.0, "even clock")):
         uneven = time if bad == 600.0 else time + 0.0004 * (np.arange(8000) % 2)
         with pytest.raises(InputError, match=word):
-            low_passed(uneven, time, bad, "x")
+            low_pass(uneven, time, bad, "x")
 
 
 def test_derivative_and_difference(tmp_path):
@@ -307,7 +307,7 @@ def test_two_clocks_are_brought_together(late, gain):
     here, there = 0.01 * np.arange(2000), np.sort(rng.uniform(0.0, 20.0, 1500))
     fixed = Track(here, wander(here))
     moved = Track(there, gain * wander(there - late) + 0.05 * rng.standard_normal(1500))
-    lag, correlation = lag_of(moved, fixed, 0.5, "x")
+    lag, correlation = find_lag(moved, fixed, 0.5, "x")
     assert lag == pytest.approx(late, abs=2e-3) and correlation > 0.95
 
 

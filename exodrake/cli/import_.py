@@ -146,14 +146,14 @@ def list_contents(recording: Path) -> None:
 
     from exodrake.core.files import read_bytes
     from exodrake.data.import_log import refuse_folder
-    from exodrake.data.ros2 import is_bag, topics_of
+    from exodrake.data.ros2 import is_bag, read_topics
     from exodrake.data.tables import episodes, is_dataset, list_columns
     from exodrake.report.terminal import table
 
     console = Console(highlight=False)
     if is_bag(recording):
         rows = []
-        for topic, (kind, count, fields) in topics_of(recording).items():
+        for topic, (kind, count, fields) in read_topics(recording).items():
             named = (
                 "cannot be decoded: neither JSON nor a ROS 2 message with its definition"
                 if fields is None

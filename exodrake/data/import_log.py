@@ -51,13 +51,13 @@ from exodrake.data.log import (
     Log,
     check_clock,
     check_columns,
-    frame_of,
+    clock_frame,
     heading,
     log_from_columns,
     other_rate,
     refuse_doubled,
 )  # fmt: skip
-from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, topics_of
+from exodrake.data.ros2 import STATE, Track, is_bag, read_bag, read_topics
 from exodrake.data.tables import TIME, TextLayout, element_names, episodes, is_dataset, read_columns, read_info, slashed
 
 BAG_PERIOD = 0.02  # s, frames of a bag whose mapping states none
@@ -277,10 +277,10 @@ def import_recording(file: str | Path, mapped: Mapped) -> Imported:
     if is_bag(file):
         tracks = read_bag(file, [column.foreign for column in mapped.columns], mapped.stamp)
         mapped = replace(mapped, period=mapped.period or BAG_PERIOD)  # topics have clocks of their own
-        tracks, notes = in_order(tracks, mapped.period or BAG_PERIOD, str(file))
+        tracks, notes = sort_tracks(tracks, mapped.period or BAG_PERIOD, str(file))
     else:
         tracks, notes = _one_clock(read_columns(read_bytes(file), str(file), mapped), mapped, str(file))
-    return imported(tracks, mapped, str(file), notes)
+    return make_log(tracks, mapped, str(file), notes)
 
 
 def import_all(
@@ -304,7 +304,7 @@ def import_all(
             if number in chosen or not chosen:
                 where = f"{path}, {name}"
                 tracks, notes = _one_clock(columns, mapped, where)
-                found[name] = imported(tracks, mapped, where, notes)
+                found[name] = make_log(tracks, mapped, where, notes)
         if not found:
             raise InputError(f"{path}: none of the episodes of --episodes")
         return found
@@ -331,14 +331,12 @@ def frame_period(logs: Sequence[Log], mapped: Mapped | None, frame: float) -> fl
     """
     if mapped is not None and mapped.period is not None:
         return mapped.period
-    measured = round(frame_of(logs[0]), 9)
-    return frame if all(has_frame(log.time, frame) for log in logs if len(log) > 1) else measured
-
-
-def has_frame(time: np.ndarray, frame: float) -> bool:
-    """Whether rows at `time` (n,) [s] come about once a frame [s], at its rate."""
-    frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(time) / frame))])
-    return has_one_sample_a_frame(median_step(time), frame) and other_rate(time, frames, frame) is None
+    measured = round(clock_frame(logs[0]), 9)
+    for log in (log for log in logs if len(log) > 1):
+        frames = np.concatenate([[0], np.cumsum(np.rint(np.diff(log.time) / frame))])
+        if abs(log.dt / frame - 1.0) >= ALIKE or other_rate(log.time, frames, frame) is not None:
+            return measured
+    return frame
 
 
 def refuse_folder(path: Path) -> None:
@@ -347,39 +345,48 @@ def refuse_folder(path: Path) -> None:
         raise InputError(f"{path}: a folder without a ROS 2 bag or a LeRobot data set; wanted one, or a file")
 
 
-def imported(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Sequence[str] = ()) -> Imported:
+def make_log(tracks: dict[str, Track], mapped: Mapped, source: str, notes: Sequence[str] = ()) -> Imported:
     """Foreign columns with their clocks, in order of time, as a log of ours; `notes`: what was done to them before."""
     ours = {}
     for column in mapped.columns:
-        track = tracks[column.foreign]
-        ours[column.name] = Track(track.time, to_si(scaled(column, track.values), column.unit, source))
+        values = tracks[column.foreign].values.copy()
+        if column.wrap is not None:  # readings start again: made continuous
+            there = np.isfinite(values)
+            values[there] = np.unwrap(values[there], period=column.wrap)
+        values = column.sign * (values * column.scale + column.offset)
+        ours[column.name] = Track(tracks[column.foreign].time, to_si(values, column.unit, source))
     if mapped.start is not None:  # before frames are laid, since stamps since 1970 have few digits below a microsecond
         first = min((track.time.min() for track in ours.values() if len(track.time)), default=0.0)
         ours = {name: Track(track.time - first + mapped.start, track.values) for name, track in ours.items()}
-    ours, moved = synchronised(ours, mapped.sync, source)
+    ours, moved = synchronise(ours, mapped.sync, source)
     notes = [*notes, *moved]
     if mapped.period is not None:
         time, values, lost = _on_frames(ours, mapped.period, mapped.hold, source)
         notes += lost
     else:
-        time, values = _shared(ours, source, {name for entry in mapped.sync for name in entry.columns})
-    columns = [(heading("time", "s"), time)]
+        late = {name for entry in mapped.sync for name in entry.columns}  # interpolated on the clock of the others
+        time = next(track.time for name, track in ours.items() if name not in late)
+        if not len(time):
+            raise InputError(f"{source}: no rows")
+        values = {name: track.values for name, track in ours.items()}
+        for name in late:
+            values[name] = np.interp(time, ours[name].time, ours[name].values, left=np.nan, right=np.nan)
+    units = {column.name: si_unit(column.unit) for column in mapped.columns}
     for column in mapped.columns:
         if column.filter is not None:
-            values[column.name] = low_passed(time, values[column.name], column.filter, f"{source}: {column.name}")
-        columns.append((heading(column.name, si_unit(column.unit)), values[column.name]))
-    units = {column.name: si_unit(column.unit) for column in mapped.columns}
+            values[column.name] = low_pass(time, values[column.name], column.filter, f"{source}: {column.name}")
     for column in mapped.derived:
-        values[column.name], units[column.name] = derived(column, time, values, units, source)
-        columns.append((heading(column.name, units[column.name]), values[column.name]))
-    log = log_from_columns(columns, source)
+        values[column.name], units[column.name] = derive_column(column, time, values, units, source)
+    log = log_from_columns(
+        [("time [s]", time), *((heading(name, units[name]), values[name]) for name in units)], source
+    )
     check_columns(log, log.columns)
     check_clock(log)
-    notes += filter(None, map(note_of, (*mapped.columns, *mapped.derived)))
+    notes += filter(None, map(describe_conversion, (*mapped.columns, *mapped.derived)))
     return Imported(log, tuple(notes))
 
 
-def in_order(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
+def sort_tracks(tracks: dict[str, Track], period: float, source: str) -> tuple[dict[str, Track], list[str]]:
     """Tracks of a bag, each in order of its stamps, and notes on those that were not.
 
     Messages overtake each other on their way by less than a frame of `period` [s]. InputError for a clock that steps
@@ -450,17 +457,6 @@ def _one_clock(table: dict[str, np.ndarray], mapped: Mapped, source: str) -> tup
     return {name: Track(time[fresh], table[names[name]][fresh]) for name in lengths}, notes
 
 
-def _shared(tracks: dict[str, Track], source: str, moved: set[str]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The clock all columns of a table share; those that were moved in time, interpolated on it."""
-    time = next(track.time for name, track in tracks.items() if name not in moved)
-    if not len(time):
-        raise InputError(f"{source}: no rows")
-    values = {name: track.values for name, track in tracks.items()}
-    for name in moved:
-        values[name] = np.interp(time, tracks[name].time, tracks[name].values, left=np.nan, right=np.nan)
-    return time, values
-
-
 def _on_frames(
     tracks: dict[str, Track], period: float, hold: int, source: str
 ) -> tuple[np.ndarray, dict[str, np.ndarray], list[str]]:
@@ -482,37 +478,29 @@ def _on_frames(
         )
     time = start + period * np.arange(count)
     step = median_step(np.unique(np.concatenate([track.time for track in tracks.values()])))
-    begin = time - 0.5 * period if has_one_sample_a_frame(step, period) else time
+    begin = time - 0.5 * period if abs(step / period - 1.0) < ALIKE else time
     values, said = {}, dict[str, list[str]]()
     for name, track in tracks.items():
         newest = np.searchsorted(track.time, begin + period * (1 - ROUNDED), side="left") - 1
         fresh = (newest >= 0) & (track.time[newest] >= begin - period * (hold + ROUNDED))
         values[name] = np.where(fresh, track.values[newest], np.nan)
-        if note := _frames_note(track, time, np.where(fresh, newest, -1), period):
-            said.setdefault(note, []).append(name)
+        taken = np.where(fresh, newest, -1)
+        left = np.setdiff1d(np.arange(len(track.time)), taken)
+        again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
+        empty = np.flatnonzero(taken < 0)
+        parts = [
+            f"{what}, the first at {at[0]:.10g} s"
+            for what, at in (
+                (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
+                (f"the sample before again in {len(again)}", time[again]),
+                (f"{len(empty)} left empty", time[empty]),
+            )
+            if len(at)
+        ]
+        if parts:
+            frames = f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms"
+            said.setdefault(f"{frames}: {'; '.join(parts)}", []).append(name)
     return time, values, [f"{', '.join(names)}: {note}" for note, names in said.items()]
-
-
-def _frames_note(track: Track, time: np.ndarray, taken: np.ndarray, period: float) -> str:
-    """What laying a track on frames that begin at `time` (n,) [s] lost, repeated and left empty; "" for nothing.
-
-    `taken`: (n,) number of the sample that a frame carries, -1 for none.
-    """
-    left = np.setdiff1d(np.arange(len(track.time)), taken)
-    again = np.flatnonzero((np.diff(taken) == 0) & (taken[1:] >= 0)) + 1
-    empty = np.flatnonzero(taken < 0)
-    parts = [
-        f"{what}, the first at {at[0]:.10g} s"
-        for what, at in (
-            (f"{len(left)} dropped for a newer one in the same frame", track.time[left]),
-            (f"the sample before again in {len(again)}", time[again]),
-            (f"{len(empty)} left empty", time[empty]),
-        )
-        if len(at)
-    ]
-    return (
-        f"{len(track.time)} samples on {len(time)} frames of {period * 1e3:g} ms: {'; '.join(parts)}" if parts else ""
-    )
 
 
 def median_step(time: np.ndarray) -> float:
@@ -520,21 +508,7 @@ def median_step(time: np.ndarray) -> float:
     return float(np.median(np.diff(time))) if len(time) > 1 else float("inf")
 
 
-def has_one_sample_a_frame(step: float, frame: float) -> bool:
-    """Whether a clock of this step [s] has about one sample in each frame [s]."""
-    return abs(step / frame - 1.0) < ALIKE
-
-
-def scaled(column: Column, values: np.ndarray) -> np.ndarray:
-    """Foreign values (n,) as sign (value * scale + offset), made continuous first [foreign unit]."""
-    if column.wrap is not None:
-        known = np.isfinite(values)
-        values = values.copy()
-        values[known] = np.unwrap(values[known], period=column.wrap)
-    return column.sign * (values * column.scale + column.offset)
-
-
-def low_passed(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
+def low_pass(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) -> np.ndarray:
     """Values (n,) through a zero-phase Butterworth low-pass; a missing sample stays missing.
 
     Args:
@@ -564,7 +538,9 @@ def low_passed(time: np.ndarray, values: np.ndarray, cutoff: float, where: str) 
     return np.where(known, sosfiltfilt(sections, filled), np.nan)
 
 
-def derived(column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray], units: Mapping[str, str], source: str):
+def derive_column(
+    column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray], units: Mapping[str, str], source: str
+):
     """Values (n,) [SI] of a derived column, and its unit."""
     found, unit = values[column.of], units[column.of]
     if column.minus:
@@ -579,7 +555,7 @@ def derived(column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray],
             raise InputError(f"{source}: {column.name}: {column.of} is empty")
         found = np.full(len(found), known[0])
     if column.filter is not None:
-        found = low_passed(time, found, column.filter, f"{source}: {column.name}")
+        found = low_pass(time, found, column.filter, f"{source}: {column.name}")
     if column.take == "rate":
         if len(time) < 3:
             raise InputError(f"{source}: {column.name}: {len(time)} rows, too few for a derivative")
@@ -590,7 +566,7 @@ def derived(column: Derived, time: np.ndarray, values: Mapping[str, np.ndarray],
     return found * column.scale + column.offset, unit
 
 
-def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
+def find_lag(moved: Track, fixed: Track, within: float, where: str) -> tuple[float, float]:
     """Lag of one signal behind another [s] and their correlation at that lag, by the largest cross-correlation.
 
     Each lag is judged on the same stretch of the fixed signal, by the correlation coefficient.
@@ -605,6 +581,11 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
         InputError: if they do not overlap, do not move, or are not alike at any lag.
     """
     from scipy.signal import correlate
+
+    def known(track: Track) -> Track:
+        order = np.argsort(track.time, kind="stable")
+        order = order[np.isfinite(track.values[order])]
+        return Track(track.time[order], track.values[order])
 
     a, b = known(moved), known(fixed)
     step = min(median_step(t.time) for t in (a, b))
@@ -627,36 +608,23 @@ def lag_of(moved: Track, fixed: Track, within: float, where: str) -> tuple[float
     at = int(course.argmax())
     if course[at] < LEAST:
         raise InputError(f"{where}: correlation {course[at]:.2f} at best, so the lag is unknown")
-    return (at + vertex(course, at) - reach) * step, float(course[at])
+    offset = 0.0
+    if 0 < at < len(course) - 1:  # vertex of the parabola through the largest sample and its neighbours
+        before, top, after = course[at - 1 : at + 2]
+        bend = before - 2.0 * top + after
+        offset = float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
+    return (at + offset - reach) * step, float(course[at])
 
 
-def vertex(course: np.ndarray, at: int) -> float:
-    """Distance of a parabola's vertex from the largest sample of `course` (n,) [-] that it passes through."""
-    if not 0 < at < len(course) - 1:
-        return 0.0
-    before, top, after = course[at - 1 : at + 2]
-    bend = before - 2.0 * top + after
-    return float(0.5 * (before - after) / bend) if bend < 0.0 else 0.0
-
-
-def known(track: Track) -> Track:
-    """The samples of a track that are there, in order of time."""
-    order = np.argsort(track.time, kind="stable")
-    order = order[np.isfinite(track.values[order])]
-    return Track(track.time[order], track.values[order])
-
-
-def synchronised(
-    tracks: dict[str, Track], entries: tuple[Sync, ...], source: str
-) -> tuple[dict[str, Track], list[str]]:
+def synchronise(tracks: dict[str, Track], entries: tuple[Sync, ...], source: str) -> tuple[dict[str, Track], list[str]]:
     """Tracks with the columns of each entry moved in time, and a note on each.
 
-    InputError as `lag_of`.
+    InputError as `find_lag`.
     """
     moved, notes = dict(tracks), []
     for entry in entries:
         where = f"{source}: sync of {entry.by} with {entry.to}"
-        lag, correlation = lag_of(moved[entry.by], moved[entry.to], entry.within, where)
+        lag, correlation = find_lag(moved[entry.by], moved[entry.to], entry.within, where)
         for name in entry.columns:
             moved[name] = Track(moved[name].time - lag, moved[name].values)
         names, shift = ", ".join(entry.columns), f"{-1e3 * lag:+.3g} ms"
@@ -667,7 +635,7 @@ def synchronised(
     return moved, notes
 
 
-def note_of(column: Column | Derived) -> str | None:
+def describe_conversion(column: Column | Derived) -> str | None:
     """Note on the conversions of a column beyond its unit, in one sentence; None for none."""
     done = []
     if isinstance(column, Derived) and column.take != "first":
@@ -690,7 +658,7 @@ def default_bag_mapping(path: str | Path) -> Mapped:
         InputError: for a bag without joint states.
     """
     columns: dict[str, Column] = {}
-    for topic, (kind, _, fields) in topics_of(path).items():
+    for topic, (kind, _, fields) in read_topics(path).items():
         if kind.replace("/msg/", "/") != STATE.replace("/msg/", "/"):
             continue
         commanded = any(word in topic.lower() for word in COMMANDS)

@@ -255,7 +255,7 @@ def heading(name: str, unit: str) -> str:
     return f"{name} [{unit}]"
 
 
-def seen(name: str) -> str:
+def visible_name(name: str) -> str:
     """A name as a reader sees it: without signs that cannot be seen, any blank as a space."""
     kinds = ((unicodedata.category(sign), sign) for sign in name)
     return "".join(" " if kind.startswith("Z") else sign for kind, sign in kinds if kind not in ("Cf", "Cc")).strip()
@@ -264,7 +264,7 @@ def seen(name: str) -> str:
 def refuse_doubled(names: Iterable[str], source: str) -> None:
     """InputError for a column that comes twice, also where only signs that cannot be seen tell the two apart."""
     known: set[str] = set()
-    for name in map(seen, names):
+    for name in map(visible_name, names):
         if name in known:
             raise InputError(f"{source}: column {name!r} comes twice")
         known.add(name)
@@ -520,7 +520,7 @@ def other_rate(time: np.ndarray, frames: np.ndarray, period: float) -> tuple[flo
     return None
 
 
-def frame_of(log: Log) -> float:
+def clock_frame(log: Log) -> float:
     """Frame that a log's clock counts [s]: its median step, or the mean one where stamps are rounded.
 
     InputError for a log of fewer than two rows.

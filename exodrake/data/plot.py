@@ -45,6 +45,7 @@ LINE, POINTS, MARGIN = 120, 72.0, 0.05  # characters of a line of details; point
 NARROWEST, WIDEST, PER_INCH = 7.0, 12.0, 10.0  # width of a figure [inches], s of a long log in an inch
 SIZES = (11.0, 7.5)  # of title and details [points]
 SMALL, MOST_ROWS = 60, 30  # dots an inch and rows of a table of a log in a notebook
+MOST_NAMES = 8  # of channels in a legend, so that it is no longer than its panel
 ALIKE = 1e-6  # s, clocks closer than this are the same
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
@@ -115,7 +116,7 @@ def plot_log(
                 style = second | {"color": colour_of(name, i, machine), "linewidth": second["linewidth"] * thinner}
                 axes.plot(other.time, display_in(other, kind, machine).factor * other[f"{kind}_{name}"], **style)
                 if lower is not None and log.has(f"{kind}_{name}"):
-                    error = sampled(other, f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
+                    error = sample_at(other, f"{kind}_{name}", log.time) - log[f"{kind}_{name}"]
                     lower.plot(log.time, factor * error, color=style["color"], lw=0.9)
             if lower is not None:
                 lower.axhline(0.0, color="#889", lw=0.6)
@@ -213,6 +214,9 @@ def add_legends(panels: Mapping[str, Any], log: Log, logs: Mapping[str, Mapping[
     explained: set[tuple[str, ...]] = set()
     for kind, axes in panels.items():
         handles, _ = axes.get_legend_handles_labels()
+        if len(handles) > MOST_NAMES:
+            more = Line2D([], [], ls="", label=f"and {len(handles) - MOST_NAMES} more")
+            handles = [*handles[:MOST_NAMES], more]
         if log.names(kind) in explained:
             continue
         if logs and not explained:
@@ -356,7 +360,7 @@ def compare(first: Log, second: Log) -> Comparison:
         if first.units[name] != second.units[name]:
             notes.append(f"{name} is in [{first.units[name]}] and in [{second.units[name]}], and left out")
             continue
-        error = sampled(second, name, time) - first[name][inside]
+        error = sample_at(second, name, time) - first[name][inside]
         known = np.flatnonzero(np.isfinite(error))
         if not len(known):
             notes.append(f"{name} has no sample that both have")
@@ -367,7 +371,7 @@ def compare(first: Log, second: Log) -> Comparison:
     return Comparison((first.label, second.label), float(start), float(end), found, tuple(notes))
 
 
-def sampled(log: Log, name: str, time: np.ndarray) -> np.ndarray:
+def sample_at(log: Log, name: str, time: np.ndarray) -> np.ndarray:
     """A column (n,) [its unit] at times (n,) [s]: its samples where clocks agree, else linear between; NaN outside."""
     if len(log) == len(time) and np.abs(log.time - time).max() <= ALIKE:
         return log[name]

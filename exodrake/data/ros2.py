@@ -81,7 +81,7 @@ def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, 
     }
 
 
-def topics_of(path: str | Path) -> dict[str, Topic]:
+def read_topics(path: str | Path) -> dict[str, Topic]:
     """Topic -> type, number of messages, and numeric fields of its first message, as columns name them.
 
     The fields are None where the messages cannot be decoded.
@@ -130,7 +130,7 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
 
 
 def list_topics(data: bytes, source: str) -> dict[str, Topic]:
-    """`topics_of` of one file, in this process."""
+    """`read_topics` of one file, in this process."""
     found: dict[str, Topic] = {}
     for topic, kind, message, _ in messages(data, source, None):
         _, count, fields = found.get(topic, (kind, 0, None))

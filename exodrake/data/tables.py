@@ -60,19 +60,19 @@ def read_columns(data: bytes, source: str, mapped: Mapped) -> dict[str, np.ndarr
     if tree is None:
         cells = text_cells(data, source, mapped, mapped.foreign)
         return {name: _numbers(column, name, source, mapped.decimal) for name, column in cells.items()}
-    columns = columns_of(tree, source, side=mapped.samples)
+    columns = flatten(tree, source, side=mapped.samples)
     refuse_doubled(columns, source)
     if mapped.time is None or mapped.samples is not None:
         return columns
     time = columns.get(slashed(mapped.time, columns))
-    return columns if time is None else columns_of(tree, source, len(time))
+    return columns if time is None else flatten(tree, source, len(time))
 
 
 def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
     """All columns of numbers of a foreign table, for a look at what it holds. InputError if there are none."""
     data, tree = _opened(data, source)
     if tree is None:
-        guess = guessed(data)
+        guess = guess_layout(data)
         cells = text_cells(data, source, guess, ragged=True)
         found = {
             name: _numbers(column, name, source, guess.decimal)
@@ -80,7 +80,7 @@ def list_columns(data: bytes, source: str) -> dict[str, np.ndarray]:
             if all(_is_number(cell, guess.decimal) for cell in column)
         }
     else:
-        found = columns_of(tree, source)
+        found = flatten(tree, source)
     if not found:
         raise InputError(f"{source}: no column of numbers")
     return found
@@ -121,7 +121,7 @@ def parse_records(data: bytes, source: str) -> Any:
     return found
 
 
-def columns_of(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
+def flatten(tree: Any, source: str, samples: int | None = None, side: str | None = None) -> dict[str, np.ndarray]:
     """Columns by name, (n,) each. InputError for a name that comes twice.
 
     Args:
@@ -272,13 +272,13 @@ def number_with(decimal: str) -> Callable[[str], object]:
 
 def _hint(data: bytes, layout: TextLayout) -> str:
     """What a mapping lacks whose separator leaves all cells of the first lines in one."""
-    guess = guessed(data)
+    guess = guess_layout(data)
     marks = {"separator": guess.separator, "decimal": guess.decimal}
     other = [f"{key}: {json.dumps(mark)}" for key, mark in marks.items() if mark != getattr(layout, key)]
     return f"; the mapping file lacks {' and '.join(other)}" if layout.separator != guess.separator else ""
 
 
-def guessed(data: bytes) -> TextLayout:
+def guess_layout(data: bytes) -> TextLayout:
     """The layout of a text table, by its first lines.
 
     Separator and decimal mark are those by which most cells are numbers, in rows as long as the first; a first line of
