@@ -7,9 +7,8 @@ import re
 import numpy as np
 import pytest
 import yaml
-from bags import BAG, TIME, N, Q, sqlite_bag
+from bags import BAG, TIME, N, Q, json_mcap, sqlite_bag
 from command_line import run
-from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
@@ -145,23 +144,9 @@ def test_a_log_of_ours_in_mcap_is_listed_and_imported_by_its_headings(tmp_path):
     np.testing.assert_array_equal(mapped["force_x"], log["tension_AF"])
 
 
-def json_mcap(path, messages, encoding="json"):
-    """An MCAP file of messages (topic, time [s], content), as Foxglove's tools write it."""
-    stream = io.BytesIO()
-    writer, channels = Writer(stream), {}
-    writer.start(library="another program")
-    for topic, time, content in messages:
-        if topic not in channels:
-            schema = writer.register_schema(name=topic[1:], encoding="jsonschema", data=b"{}")
-            channels[topic] = writer.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
-        stamp = round(1e9 * time)
-        writer.add_message(channels[topic], log_time=stamp, publish_time=stamp, data=json.dumps(content).encode())
-    writer.finish()
-    path.write_bytes(stream.getvalue())
-
-
 def test_topics_that_cannot_be_decoded_are_listed_as_such(tmp_path):
-    json_mcap(tmp_path / "run.mcap", [("/pose", time, {"x": 1.0}) for time in TIME], encoding="protobuf")
+    poses = [("/pose", time, {"x": 1.0}) for time in TIME]
+    (tmp_path / "run.mcap").write_bytes(json_mcap(poses, encoding="protobuf"))
     words = run("import", tmp_path / "run.mcap").output.split()
     assert words[words.index("/pose") :][:6] == ["/pose", "pose", str(N), "cannot", "be", "decoded:"]
 
@@ -182,7 +167,7 @@ def test_topics_that_cannot_be_decoded_are_listed_as_such(tmp_path):
 def test_json_messages_of_mcap(tmp_path, content, fields):
     """Arms are recorded in MCAP as JSON by a list, by joint states, by records of joints, or by LeRobot's keys."""
     messages = [(topic, time, content(q.tolist())) for time, q in zip(TIME, Q) for topic in ("/state", "/command")]
-    json_mcap(tmp_path / "run.mcap", messages)
+    (tmp_path / "run.mcap").write_bytes(json_mcap(messages))
     listed = "".join(run("import", tmp_path / "run.mcap").output.split())
     assert all(field in listed for field in fields)
     columns = {f"/state:{field}": {"name": name, "unit": "rad"} for field, name in zip(fields, NAMES)}
@@ -195,14 +180,14 @@ def test_json_messages_of_mcap(tmp_path, content, fields):
 
 def test_json_messages_have_foxgloves_stamp_and_are_refused_by_topic(tmp_path):
     stamp = [{"timestamp": {"sec": 7, "nsec": round(1e9 * t)}, "q": q[0]} for t, q in zip(TIME[:40], Q)]
-    json_mcap(tmp_path / "run.mcap", [("/state", 5.0 + 0.1 * k, content) for k, content in enumerate(stamp)])
+    content = json_mcap([("/state", 5.0 + 0.1 * k, state) for k, state in enumerate(stamp)])
     mapping = {"columns": {"/state:q": {"name": "angle_wrist", "unit": "rad"}}, "stamp": "header", "period": 0.02}
-    log = imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", mapping)
+    log = imported(tmp_path, content, "run.mcap", mapping)
     np.testing.assert_allclose(log.time[[0, -1]], [7.0, 7.0 + TIME[-1]])
     for key, said in (("/state:speed", "topic '/state' has no field 'speed'"), ("/state:timestamp", "is not a number")):
         wrong = {**mapping, "columns": {key: {"name": "angle_wrist", "unit": "rad"}}}
         with pytest.raises(InputError, match=re.escape(said)):
-            imported(tmp_path, (tmp_path / "run.mcap").read_bytes(), "run.mcap", wrong)
+            imported(tmp_path, content, "run.mcap", wrong)
 
 
 def test_messages_in_a_list_of_a_message_are_listed_and_read(tmp_path):

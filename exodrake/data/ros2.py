@@ -8,19 +8,21 @@ come from the bag; older SQLite bags hold none, and only the common types of `DE
 from __future__ import annotations
 
 import io
+import math
 import re
 import sqlite3
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from exodrake.core.child import in_child
 from exodrake.core.errors import InputError
 from exodrake.core.files import is_folder, read_bytes
 from exodrake.core.json_file import parse_json
+from exodrake.data.formats import read_apart
 from exodrake.data.formats.mcap import is_log
 
 MCAP, SQLITE = ".mcap", ".db3"
@@ -69,7 +71,8 @@ def bag_files(path: str | Path) -> list[Path]:
 
 def read_bag(path: str | Path, columns: Sequence[str], stamp: str) -> dict[str, Track]:
     """Column -> samples with their times [s] of a bag; a bag of several files as one."""
-    parts = [_call(read_tracks, file, list(columns), stamp) for file in bag_files(path)]
+    read = partial(read_tracks, columns=list(columns), stamp=stamp)
+    parts = [read_apart(read, read_bytes(file), str(file), "MCAP or SQLite") for file in bag_files(path)]
     for column in columns:
         if not any(len(part[column].time) for part in parts):
             raise InputError(
@@ -88,16 +91,12 @@ def read_topics(path: str | Path) -> dict[str, Topic]:
     """
     found: dict[str, Topic] = {}
     for file in bag_files(path):
-        for topic, (kind, count, fields) in _call(list_topics, file).items():
+        for topic, (kind, count, fields) in read_apart(
+            list_topics, read_bytes(file), str(file), "MCAP or SQLite"
+        ).items():
             before = found.get(topic, (kind, 0, fields))
             found[topic] = kind, before[1] + count, before[2] or fields
     return found
-
-
-def _call(function: Callable[..., Any], file: Path, *arguments: Any) -> Any:
-    """A reader's answer from the child process."""
-    data = read_bytes(file)
-    return in_child(function, data, str(file), *arguments, source=str(file), size=len(data))
 
 
 def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) -> dict[str, Track]:
@@ -116,10 +115,12 @@ def read_tracks(data: bytes, source: str, columns: Sequence[str], stamp: str) ->
         where, time = f"{source}: topic {topic!r}", log_time * 1e-9
         if stamp == "header":
             own = _get(_get(message, "header"), "stamp") or _get(message, "timestamp")  # of ROS, of Foxglove's JSON
-            sec, nanosec = _get(own, "sec"), _get(own, "nanosec", _get(own, "nsec", 0))
-            if not isinstance(sec, int | float) or not isinstance(nanosec, int | float):
+            try:
+                time = float(_get(own, "sec", math.nan)) + 1e-9 * float(_get(own, "nanosec", _get(own, "nsec", 0)))
+            except (TypeError, ValueError, OverflowError):
+                time = math.nan
+            if not math.isfinite(time):
                 raise InputError(f"{where} has no header stamp; leave `stamp: header` out")
-            time = sec + nanosec * 1e-9
         for field in wanted[topic]:
             value = _field(message, field, where)
             if value is not None:
@@ -176,15 +177,9 @@ def messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tupl
     Of all topics the message is None where it cannot be decoded; InputError for one of those that are named.
     """
     try:
-        read = sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages
-        yield from read(data, source, topics)
-    except InputError:
-        raise
+        yield from (sqlite_messages if source.lower().endswith(SQLITE) else mcap_messages)(data, source, topics)
     except ImportError:
-        raise InputError(f"{source}: ROS 2 bags need mcap-ros2-support; install exodrake[mcap]") from None
-    except Exception as error:  # the parser raises whatever damaged bytes lead it to
-        reason = (str(error) or type(error).__name__).splitlines()[0][:120]
-        raise InputError(f"{source}: not a whole ROS 2 bag ({reason})") from None
+        raise InputError(f"{source}: bags need mcap and mcap-ros2-support; install exodrake[mcap]") from None
 
 
 def mcap_messages(data: bytes, source: str, topics: set[str] | None) -> Iterator[tuple[str, str, Any, int]]:
@@ -244,7 +239,7 @@ def sqlite_messages(data: bytes, source: str, topics: set[str] | None) -> Iterat
 def _field(message: Any, path: str, where: str) -> float | None:
     """`wrench.force.z`, `position[0]` or `position[MCP]` of a message, as a number; None if it lacks the element."""
     whole = isinstance(message, Mapping) and path in message  # keys of JSON may hold dots
-    value = message[path] if whole else message
+    value: Any = message[path] if whole else message
     for part in [] if whole else re.findall(r"[^.\[]+(?:\[[^\]]*\]?)*|\[[^\]]*\]?", path):
         name, *indices = part.replace("]", "").split("[")
         if name and _get(value, name, _get) is _get:
@@ -254,7 +249,7 @@ def _field(message: Any, path: str, where: str) -> float | None:
             value = _element(owner, value, index, where, path)
     try:
         return None if value is None else float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: field {path!r} is not a number") from None
 
 

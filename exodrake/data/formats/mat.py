@@ -131,17 +131,17 @@ def parse_hdf5(data: bytes, source: str) -> dict[str, Any]:
         if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external or item.shape is None:
             return None
         if item.dtype.names:
-            count(item.size * len(item.dtype.names))
+            count((item.size or 0) * len(item.dtype.names))
             table = item[()]
             return {name: table[name] for name in item.dtype.names if table[name].dtype.kind in "fiub"}
         if h5py.check_ref_dtype(item.dtype) is h5py.Reference:
-            count(item.size)
+            count(item.size or 0)
             cells = (value_of(file[one], depth + 1) for one in item[()].T.ravel() if one and depth < MAX_DEPTH)
             return [cell for cell in cells if cell is not None]
         matlab = item.attrs.get(MATLAB)
         if item.dtype.kind not in "fiub" or matlab in (b"char", "char") or item.attrs.get("MATLAB_empty"):
             return None
-        count(item.size)
+        count(item.size or 0)
         values = np.asarray(item[()])
         return values.T if matlab is not None else values
 
