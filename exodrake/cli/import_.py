@@ -50,6 +50,8 @@ def command(
       angle_speed_MCP: {of: angle_MCP, take: rate, filter: 8}
     period: 0.02       # optional: frames of this length [s]
     """  # noqa: D301 - click reads the character \b
+    from exodrake.data.import_log import import_all, read_mapping
+
     if out is None:
         for recording in recordings:
             list_contents(recording)
@@ -57,40 +59,28 @@ def command(
     if known is not None:
         if map_file or len(recordings) > 1:
             raise InputError("--from reads one set, without --map")
-        return import_known(next(iter(recordings)), known, out)
+        from exodrake.data.case import write_case
+        from exodrake.machines.library import reader
+
+        case = reader(known)(recordings[0])
+        write_case(case, out)
+        click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
+        return
     machine = context.meta.get(MACHINE)
-    mapped = mapping_of(map_file or own_mapping(machine))
-    write_logs(imported_logs(recordings, mapped, unit, episodes), out, mapped, machine or DEFAULT)
-
-
-def own_mapping(machine: str | None) -> Path | None:
-    """mapping.yaml of the machine that --machine names, if it has one."""
-    file = None if machine is None else machine_folders()[machine] / MAPPING
-    return file if file is not None and file.is_file() else None
-
-
-def mapping_of(file: Path | None) -> Mapped | None:
-    """The content of a mapping file, if there is one."""
-    from exodrake.data.import_log import read_mapping
-
-    return None if file is None else read_mapping(file)
-
-
-def imported_logs(recordings: tuple[Path, ...], mapped: Mapped | None, unit: str, episodes: str) -> dict[str, Imported]:
-    """All logs of the recordings by name. InputError for two of one name."""
-    from exodrake.data.import_log import import_all
-
+    own = None if machine is None else machine_folders()[machine] / MAPPING
+    file = map_file or (own if own is not None and own.is_file() else None)
+    mapped = None if file is None else read_mapping(file)
     try:
         chosen = frozenset(int(word) for word in episodes.split(",") if word.strip())
     except ValueError:
         raise InputError(f"--episodes: {episodes!r}, wanted numbers, like 0,2") from None
-    found: dict[str, Imported] = {}
+    logs: dict[str, Imported] = {}
     for recording in recordings:
         for name, item in import_all(recording, mapped, unit, chosen).items():
-            if name in found:
+            if name in logs:
                 raise InputError(f"{recording}: there is a log {name!r} already")
-            found[name] = item
-    return found
+            logs[name] = item
+    write_logs(logs, out, mapped, machine or DEFAULT)
 
 
 def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, machine: str) -> None:
@@ -127,16 +117,6 @@ def write_logs(logs: dict[str, Imported], out: Path, mapped: Mapped | None, mach
     for name, item in logs.items():
         for note in item.notes:
             click.echo(f"note: {name}: {note}" if several else f"note: {note}")
-
-
-def import_known(recording: Path, known: str, out: Path) -> None:
-    """Writes the case of a known set."""
-    from exodrake.data.case import write_case
-    from exodrake.machines.library import reader
-
-    case = reader(known)(recording)
-    write_case(case, out)
-    click.echo(f"{out}: {len(case.logs)} logs; exodrake diagnose {out} --robot {known}")
 
 
 def list_contents(recording: Path) -> None:

@@ -198,7 +198,6 @@ def read_case_file(path: Path) -> CaseFile:
     content = SCHEMA(read_yaml(path), str(path))
     date = content.get("date")
     logs = tuple({**log, "role": log.get("role") or "fit", "date": log.get("date") or date} for log in content["logs"])
-    _check_files(logs, f"{path}, 'logs'")
     name, serial = (None if content.get(key) is None else str(content[key]) for key in ("name", "serial"))
     return CaseFile(name, content.get("robot") or {}, content.get("period"), logs, serial or "")
 
@@ -247,18 +246,6 @@ def written_date(date: datetime) -> str:
     """A moment by ISO 8601: the day alone where it is midnight of Coordinated Universal Time, else to the second."""
     whole = date.tzinfo == UTC and date.time() == time()
     return date.date().isoformat() if whole else date.isoformat().replace("+00:00", "Z")
-
-
-def _check_files(logs: Sequence[dict[str, Any]], where: str) -> None:
-    """Refuses a file named twice, repeats of no other log, and a case with nothing to fit."""
-    files = [log["file"] for log in logs]
-    for n, log in enumerate(logs):
-        if files.index(log["file"]) != n:
-            raise refusal(f"{where} item {n + 1}, 'file'", f"{log['file']!r} comes twice")
-        if log.get("repeats") and (log["repeats"] == log["file"] or log["repeats"] not in files):
-            raise refusal(f"{where} item {n + 1}, 'repeats'", f"{log['repeats']!r} is no other log of the case")
-    if all(log["role"] != "fit" for log in logs):
-        raise refusal(where, "no log has the role 'fit'")
 
 
 def read_case(
@@ -312,7 +299,10 @@ def read_case(
         measured = next(item.file for item in logs if not item.log.simulated)
         raise InputError(f"{name}: log {marked[0]!r} is simulated by exodrake, {measured!r} is not: not one robot")
     notes += [f"{', '.join(marked)}: simulated by exodrake, not measured"] if marked else []
-    return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
+    try:
+        return Case(name, content.robot, tuple(logs), period, tuple(notes), hashes, content.serial)
+    except InputError as problem:
+        raise InputError(f"{place / FILE}: {problem}") from None
 
 
 def write_case(case: Case, folder: str | Path) -> None:
